@@ -72,9 +72,10 @@ class BodyPicture:
         """Return its pose [px] in a frame, near a rough one, both of shape (3, 3); None where it is not made out."""
         return None if rough is None else lay_onto(self, *seen_upright(frame, self.box, self.upright), rough)
 
-    def rough(self, points: Points) -> Array | None:
-        """Return the pose, shape (3, 3), by where what was followed is in a frame [px], shape (N, 2)."""
-        return pose_between(self.home, project(self.upright, points.astype(np.float64)))
+    def rough(self, points: Points, before: Array | None = None) -> Array | None:
+        """Return the pose, shape (3, 3), by where what was followed is in a frame [px], shape (N, 2); the one before if it is lost."""
+        pose = pose_between(self.home, project(self.upright, points.astype(np.float64)))
+        return before if pose is None else pose
 
     def filmed(self, pose: Array | None, points: Array) -> Points:
         """Return where a frame shows points of home [px], both of shape (N, 2), by its pose there; NaN without one."""

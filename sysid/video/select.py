@@ -130,13 +130,15 @@ def _to_the_end(reel: Reel, led: Followed) -> Followed:
             lay, rough = body.lay, body.rough
             poses = list(pool.map(lambda frame, seen: lay(frame, rough(seen)), reel.kept, points))
         whole = _whole_body(reel, led, body, poses)
+    last = next((pose for pose in reversed(poses) if pose is not None), None)
     rest = ((frame, follow(target.follower, frame)) for frame in reel.others())
     with closing(ahead(rest, 1)) as others:
         for frame, seen in others:
             stamps.append((frame.index, frame.time))
             points.append(seen)
             if body is not None and whole is not None:
-                poses.append(body.lay(frame, body.rough(seen)))
+                poses.append(body.lay(frame, body.rough(seen, last)))
+                last = last if poses[-1] is None else poses[-1]
     if len(points) > len(led.track.points):
         track = track_of(reel, stamps, np.array(points))
         all_of_it = _followed(reel, target, track)

@@ -67,7 +67,10 @@ def film_of(z):
 
 def test_a_rolling_shutter_is_taken_out_by_the_turn_about_the_pivot():
     readout, roll = 0.014, 0.4 * np.cos(25 * TIME)
-    view = film_of(turned_edges(roll, readout / HEIGHT, begin=0))
+    z = turned_edges(roll, readout / HEIGHT, begin=0)
+    view = film_of(
+        np.concatenate([z, z], axis=1)
+    )  # brightness steps once: that is both the lower and the upper side
     matrix = np.array([[900.0, 0, 320], [0, 900, 180], [0, 0, 1]])
     truth = np.interp(TIME + readout * view.share, TIME, roll)
     errors = []
@@ -94,6 +97,38 @@ def picture(roll):
         cv2.fillPoly(image, [corners], shade, cv2.LINE_AA, shift=4)
     noise = np.random.default_rng(int(1e4 * abs(roll))).normal(0, 1.5, image.shape)
     return np.clip(cv2.GaussianBlur(image.astype(float), (0, 0), 0.8) + noise, 0, 255).astype(np.uint8)
+
+
+def with_a_dark_top(roll):
+    """A bright wall and a deck's end under a dark upper side, level with the camera: a strip of it shows where it tilts one way."""
+    fine = np.full((4 * HEIGHT, 4 * WIDTH), 200, np.uint8)
+    cv2.rectangle(fine, (4 * 250, 4 * 280), (4 * 390, 4 * 310), 120, -1)
+    pivot, eye = 320 + 330j, 350 + 217j
+    end = np.array([-150 - 108j, 150 - 108j, 150 - 52j, -150 - 52j]) * np.exp(1j * roll) + pivot
+    top = np.array([-145 - 105j, 145 - 105j]) * np.exp(1j * roll) + pivot
+    far = (top - eye) * 0.43 + eye
+    for shape, shade in (([*top, *far[::-1]], 45), (end, 110)):
+        corners = np.round(16 * (4 * np.array([[p.real, p.imag] for p in shape]) + 1.5)).astype(np.int32)
+        cv2.fillPoly(fine, [corners], shade, cv2.LINE_AA, shift=4)
+    image = cv2.resize(fine.astype(np.float32), (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
+    noise = np.random.default_rng(int(1e4 * abs(roll))).normal(0, 1.5, image.shape)
+    return np.clip(cv2.GaussianBlur(image, (0, 0), 0.8) + noise, 0, 255).astype(np.uint8)
+
+
+def test_the_deck_end_is_followed_where_its_upper_side_shows_now_and_then():
+    roll = 0.5 * ROLL
+    frames = tuple(
+        frame_of(n, time, with_a_dark_top(at)) for n, (time, at) in enumerate(zip(TIME, roll, strict=True))
+    )
+    end = find_deck_end(Survey(frames[10:70:3], (140, 140, 500, 320), np.ones((HEIGHT, WIDTH), bool)))
+    assert end is not None
+    tracker = EdgeFollower(end, frames[0].box)
+    z = np.array([tracker.update(frame) for frame in frames]) @ [1, 1j]
+    known = CameraState(np.zeros(4), np.zeros((4, 4)))
+    matrix = np.array([[900.0, 0, 320], [0, 900, 180], [0, 0, 1]])
+    found = fit_direction(film_of(z), matrix, known, pivot=end.pivot)
+    assert np.isfinite(found.angle).all()
+    assert np.std(np.degrees(found.angle - roll)) < 0.03
 
 
 @pytest.fixture(scope="module")

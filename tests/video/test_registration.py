@@ -70,3 +70,15 @@ def test_points_that_are_not_seen_show_no_body(film):
     assert body is not None
     assert body.rough(np.full((4, 2), np.nan, np.float32)) is None
     assert np.isnan(body.filmed(None, body.corners)).all()
+
+
+def test_a_body_whose_points_are_lost_is_laid_from_where_it_was(film):
+    frames, track = film
+    body = picture_of_body(frames, (0, 0, 640, 480), track, upright(MATRIX, DIRECTION))
+    assert body is not None
+    before, lost = body.rough(track.points[10]), np.full((4, 2), np.nan, np.float32)
+    pose, known = (
+        body.lay(frames[11], rough) for rough in (body.rough(lost, before), body.rough(track.points[11]))
+    )
+    off = body.filmed(pose, body.corners) - body.filmed(known, body.corners)
+    assert np.abs(off).max() < 0.1  # px, after a turn of 2 degrees, which moves the points by 4 px

@@ -14,15 +14,15 @@ PROFILES = 4
 """Profiles that make one of them."""
 
 
-def find_pieces(frame: Frame, ends: Array, reach: float, faintest: float, *, up: bool = False) -> Array:
-    """Move points evenly along edges onto the brightness steps nearby, up or down, each as it finds it.
+def find_pieces(frame: Frame, ends: Array, reach: float, faintest: float) -> Array:
+    """Move points evenly along edges onto the brightness steps nearby that rise across them.
 
     Args:
         frame: A frame.
-        ends: Where the edges roughly are [px], shape (m, 2, 2).
+        ends: Where the edges roughly are [px], shape (m, 2, 2); brightness is to rise along the normal (dy, -dx) of
+            the way from first to second end.
         reach: How far they may be off, to either side [px].
         faintest: Step of brightness that a point takes [grey levels].
-        up: Only steps that rise along the normal (dy, -dx) of the way from first to second end.
 
     Returns:
         Shape (m, PIECES, 2) [px]; NaN where there is no such step.
@@ -38,11 +38,7 @@ def find_pieces(frame: Frame, ends: Array, reach: float, faintest: float, *, up:
     profile = seen.astype(np.float64).reshape(len(ends), PIECES, PROFILES, -1).mean(axis=2)
     step, offset = np.diff(profile, axis=2), offset[:-1] + 0.5
     place, rise = _centroid(step, offset)
-    if not up:
-        down, fall = _centroid(-step, offset)
-        place, rise = np.where(rise > fall, place, down), np.maximum(rise, fall)
-    place = np.where(rise < faintest, np.nan, place)
-    place = np.where(np.abs(place) <= reach, place, np.nan)
+    place = np.where((rise < faintest) | (np.abs(place) > reach), np.nan, place)
     return feet.reshape(len(ends), PIECES, PROFILES, 2).mean(axis=2) + place[..., None] * normal
 
 

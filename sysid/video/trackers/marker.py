@@ -144,7 +144,7 @@ class MarkerFollower:
         for _ in range(3):
             before = place
             edges = find_pieces(
-                frame, np.stack([place, np.roll(place, -1, axis=0)], axis=1), reach, MIN_CONTRAST, up=True
+                frame, np.stack([place, np.roll(place, -1, axis=0)], axis=1), reach, MIN_CONTRAST
             )
             if np.isnan(edges).any(axis=2).mean(axis=1).max() > 0.5:
                 return None

@@ -98,7 +98,7 @@ def moments(weight: Array, edge: Edge, *values: Array) -> list[Array]:
     return [weight @ belongs, *((weight * value) @ belongs for value in values)]
 
 
-def _attitudes(angle: Array) -> Array:
+def attitudes(angle: Array) -> Array:
     """One over how many frames show about the same attitude, shape (n,)."""
     number = np.round((angle - angle.min()) / max(float(np.ptp(angle)) / ATTITUDE_BINS, 1e-6)).astype(int)
     return 1 / np.bincount(number)[number]
@@ -115,7 +115,7 @@ def _medians(values: Array, seen: npt.NDArray[np.bool_]) -> Array:
 def _body(turned: Complex, angle: Array, weight: Array, edge: Edge) -> tuple[Complex, Array]:
     """What each point's edge turns about, and its distance from there, by how far it is from the origin at each turn."""
     design = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
-    weight = weight * _attitudes(angle)[:, None] + 1e-9
+    weight = weight * attitudes(angle)[:, None] + 1e-9
     total = weight.sum(axis=0)
     mean = (weight.T @ design) / total[:, None]
     y = (weight * turned.imag).sum(axis=0) / total

@@ -26,6 +26,8 @@ MAX_SHIFT = 6.0
 """How far a shaking camera and soft trucks may shift the edges [px]."""
 EDGE_REACH = 2.5
 """Distance from where the deck's turn puts an edge within which it is looked for at last [px]."""
+MIN_APART = 2.0
+"""Distance of two steps of brightness below which neither shows where it is [px]."""
 MIN_CONTRAST = 8.0
 """Least contrast of an edge [grey levels]."""
 MIN_FITTING_SHARE = 0.35
@@ -46,28 +48,33 @@ class EdgeFollower:
 
     @property
     def points(self) -> int:
-        """Points along all edges; they show where they are across the edge only."""
-        return PIECES * len(self.end.ends)
+        """Points along all edges, on the lower and then on the upper side of each; they show where they are across it only."""
+        return 2 * PIECES * len(self.end.ends)
 
     def update(self, frame: Frame) -> Array | None:
         """Return the points of the edges [px], shape (N, 2), NaN where one is not seen; None where few are."""
         frame = frame.cut(self.view)
         centre = self.end.pivot + frame.shift
         turn, shift = self._search(steps_of(frame), centre)
-        points = np.full((self.points, 2), np.nan)
+        points = np.full((2, len(self.end.ends), PIECES, 2), np.nan)
         fits = np.zeros(self.points, bool)
         for reach in (2 * EDGE_REACH, EDGE_REACH, EDGE_REACH):
             place = centre + turned(self.end.ends + np.array([0.0, shift]), turn)
-            points = find_pieces(frame, place, reach, MIN_CONTRAST).reshape(-1, 2)
-            back = turned(points - centre, -turn)
-            off = back[:, 1] - np.repeat(self.end.ends[:, 0, 1], PIECES) - shift
-            more, further, fits = _line(back[:, 0], off)
+            steps = np.stack([
+                find_pieces(frame, place[:, ::way], reach, MIN_CONTRAST)[:, ::way] for way in (1, -1)
+            ])  # fmt: skip
+            x, y = np.moveaxis(turned(steps - centre, -turn), -1, 0)
+            y = np.where(np.abs(y[0] - y[1]) < MIN_APART, np.nan, y)
+            x, y = np.stack(2 * [np.fmax(*x)]), np.stack([np.fmax(*y), np.fmin(*y)])
+            points = centre + turned(np.stack([x, y], axis=-1), turn)
+            off = y - self.end.ends[:, :1, 1] - shift
+            more, further, fits = _line(x.ravel(), off.ravel())
             turn, shift = turn + more, shift + further
         self._lost = fits.mean() < MIN_FITTING_SHARE
         if self._lost:
             return None
         self._turn = turn
-        return points
+        return points.reshape(-1, 2)
 
     def _search(self, steps: Steps, centre: Array) -> tuple[float, float]:
         """Turn and shift across the edges at which they show best."""

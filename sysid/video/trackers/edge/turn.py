@@ -10,7 +10,7 @@ from sysid.video.pose.camera_state import READOUT, CameraState, rate_of, spread_
 from sysid.video.pose.rectify import rectify, smear, unwrap
 from sysid.video.pose.view import View
 from sysid.video.trackers._edge_profile import PIECES
-from sysid.video.trackers.edge.body import Edge, EdgeBody, fit_edges, moments
+from sysid.video.trackers.edge.body import Edge, EdgeBody, attitudes, fit_edges, moments
 from sysid.video.types import Complex
 
 MIN_POINTS, MIN_USUAL_SHARE = 6, 0.45
@@ -41,11 +41,12 @@ def fit_direction(view: View, matrix: Array, before: CameraState, *, pivot: Arra
         before: What is known of camera and lens.
         pivot: What the deck turns about in the picture, roughly [px].
     """
-    edge = np.arange(view.track.points.shape[1]) // PIECES
     time = view.time(before.readout)
-    late, still = view.late, view.points
-    z = rectify(still, matrix, before.value)
+    z = rectify(view.points, matrix, before.value)
     about = complex(rectify(pivot[None], matrix, before.value)[0])
+    sides = _own_sides(z, about)
+    z, late, still = z[:, sides], view.late[:, sides], view.points[:, sides]
+    edge = np.arange(len(sides)) // PIECES
     body = fit_edges(z, edge, about)
     for _ in range(SHUTTER_ROUNDS if before.readout else 0):
         body = fit_edges(z - _moved(body, z, time, late * before.readout), edge, about)
@@ -74,6 +75,18 @@ def fit_direction(view: View, matrix: Array, before: CameraState, *, pivot: Arra
         np.array([1 + 0j]),
         np.where(wrong, np.nan, np.sqrt(own)),
     )
+
+
+def _own_sides(z: Complex, about: complex) -> Edge:
+    """Which points are on the side of each edge that turns as the others do, of its lower and upper ones (n, 2 M), shape (M,).
+
+    Where the deck's upper side, a truck or a wheel show beside its end, brightness steps twice. The step on the side of the
+    deck's end is its edge whatever is behind; the other one is elsewhere at each attitude.
+    """
+    points = np.arange(z.shape[1]).reshape(2, -1, PIECES)
+    body = fit_edges(z, points.ravel() // PIECES, about)
+    trust = (attitudes(body.angle) @ body.weight)[points].sum(axis=2)
+    return np.take_along_axis(points, np.argmax(trust, axis=0)[None, :, None], axis=0).ravel()
 
 
 def _moved(body: EdgeBody, z: Complex, time: Array, late: Array) -> Complex:
