@@ -99,7 +99,7 @@ def moments(weight: Array, edge: Edge, *values: Array) -> list[Array]:
 
 
 def attitudes(angle: Array) -> Array:
-    """One over how many frames show about the same attitude, shape (n,)."""
+    """Return the weight of each frame [1], shape (n,): one over how many show about the same attitude; `angle` (n,) in rad."""
     number = np.round((angle - angle.min()) / max(float(np.ptp(angle)) / ATTITUDE_BINS, 1e-6)).astype(int)
     return 1 / np.bincount(number)[number]
 
