@@ -35,7 +35,9 @@ def main() -> None:
         new = _read(stage)
         rows = [row for row in rows if row["iteration"] < new[0]["iteration"]]
         if rows:  # checkpoints have not always held the count
-            an_iteration = (new[1]["samples"] - new[0]["samples"]) / (new[1]["iteration"] - new[0]["iteration"])
+            an_iteration = (new[1]["samples"] - new[0]["samples"]) / (
+                new[1]["iteration"] - new[0]["iteration"]
+            )
             gap = new[0]["iteration"] - rows[-1]["iteration"]
             shift = rows[-1]["samples"] + an_iteration * gap - new[0]["samples"]
             new = [row | {"samples": row["samples"] + shift} for row in new]
