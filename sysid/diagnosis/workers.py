@@ -27,21 +27,21 @@ class WorkerPool:
     """
 
     def __init__(self, workers: int) -> None:
-        """Start the processes; they load while the first jobs are made.
+        """Start nothing yet.
 
         Args:
             workers: Processes; 1 for none.
         """
         self._workers = workers
         self._pool: ProcessPoolExecutor | None = None
-        if workers > 1:
-            context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(workers, mp_context=context)
-            for _ in range(workers):  # a process starts with the first job that none is free for
-                self._pool.submit(import_module, _LOADED)
 
     def __enter__(self) -> Self:
-        """Return itself."""
+        """Start the processes; they load while the first jobs are made."""
+        if self._workers > 1:
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(self._workers, mp_context=context)
+            for _ in range(self._workers):  # a process starts with the first job that none is free for
+                self._pool.submit(import_module, _LOADED)
         return self
 
     def __exit__(

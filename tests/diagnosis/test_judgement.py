@@ -89,9 +89,8 @@ def test_what_is_scored_on_the_same_motion_is_not_scored_again(friction):
     period = 2 * np.pi / search.scales.frequency
     assert Field(models, (), period, NOISE, known=field).best is field.best
     closer = replace(field.best.model, minimum=replace(field.best.model.minimum))
-    again = Field(
-        [closer, *models], (), period, NOISE, known=field
-    )  # another is the nearest: its motion counts
+    # Another is the nearest: its motion counts.
+    again = Field([closer, *models], (), period, NOISE, known=field)
     assert again.best is not field.best
     assert again.best.score == pytest.approx(field.best.score)
 

@@ -68,9 +68,8 @@ def film_of(z):
 def test_a_rolling_shutter_is_taken_out_by_the_turn_about_the_pivot():
     readout, roll = 0.014, 0.4 * np.cos(25 * TIME)
     z = turned_edges(roll, readout / HEIGHT, begin=0)
-    view = film_of(
-        np.concatenate([z, z], axis=1)
-    )  # brightness steps once: that is both the lower and the upper side
+    # Brightness steps once: that is both the lower and the upper side.
+    view = film_of(np.concatenate([z, z], axis=1))
     matrix = np.array([[900.0, 0, 320], [0, 900, 180], [0, 0, 1]])
     truth = np.interp(TIME + readout * view.share, TIME, roll)
     errors = []
