@@ -2,7 +2,7 @@
 
 Run `python benchmarks/robustness.py [--minutes 10] [--workers 16] [--policies data/policies/*.onnx]`. Every round rides a
 few episodes of every condition with a seed of its own; rides are added to `results/robustness.jsonl`, so that a run that is
-stopped goes on where it was. At the end it writes `results/robustness.md` and `../docs/pictures/robustness*.png`.
+stopped goes on where it was; those of a policy's earlier weights no longer count. At the end it writes `results/robustness.md` and `../docs/pictures/robustness*.png`.
 """
 
 import argparse
@@ -12,6 +12,7 @@ import os
 import time
 from collections import defaultdict
 from concurrent.futures import Executor, ThreadPoolExecutor
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -60,13 +61,13 @@ Cell = tuple[int, str, Protocol, Path]
 
 def ride(policies: list[Path], episodes: int, workers: int, deadline: float) -> None:
     """Ride round after round until the time is over; several cells at once, so that no process waits for a long ride."""
-    done = {(row["policy"], row["condition"], row["seed"]) for row in read()}
+    done = {(row["policy"], row["weights"], row["condition"], row["seed"]) for row in read()}
     cells: list[Cell] = [
         (seed, name, protocol, policy)
         for seed in range(1000)
         for name, protocol in conditions().items()
         for policy in policies
-        if (policy.stem, name, seed) not in done
+        if (policy.stem, weights(policy), name, seed) not in done
     ]
     with riders(workers) as pool, ThreadPoolExecutor(8) as threads:
 
@@ -88,6 +89,7 @@ def _add(cell: Cell, episodes: int, workers: int, pool: Executor | None) -> None
     rides = rides_of(result.success)
     row = {
         "policy": policy.stem,
+        "weights": weights(policy),
         "condition": name,
         "seed": seed,
         "rides": rides,
@@ -109,9 +111,16 @@ def finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
+def weights(policy: Path) -> str:
+    """Return what tells a policy from one of the same name with other weights."""
+    return sha256(policy.read_bytes()).hexdigest()[:12]
+
+
 def read() -> list[dict[str, Any]]:
-    """Return the rows ridden so far."""
-    return [json.loads(line) for line in ROWS.read_text().splitlines()] if ROWS.exists() else []
+    """Return the rows ridden so far, of each policy's newest weights."""
+    rows = [json.loads(line) for line in ROWS.read_text().splitlines()] if ROWS.exists() else []
+    newest = {row["policy"]: row["weights"] for row in rows}
+    return [row for row in rows if row["weights"] == newest[row["policy"]]]
 
 
 def report() -> None:

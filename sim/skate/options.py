@@ -42,9 +42,8 @@ class Variation:
     3° uphill on which slow ones fell."""
     descent: float = math.radians(10.0)
     """Steepest short way down, ahead within 45° [rad]."""
-    ledge: float = 0.10
-    """Highest ledge to roll down [m]. At the strength that `pink` came to, 0.6, 0.07 m were 0.042, and only ledges of 0.05 and 0.06
-    ended its rides (4 of 27 crossings, of 63 others none)."""
+    ledge: float = 0.14
+    """Highest ledge to roll down [m]. At the strength that policies come to, 0.4 to 0.5, it is the 60 mm of the suite's ground."""
     gyro_bias: float = 0.03
     """[rad/s]"""
     gravity_bias: float = 0.02

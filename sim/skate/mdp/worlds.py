@@ -31,8 +31,10 @@ LEVEL_SHARE, ASCENT_SHARE, DESCENT_SHARE = 0.3, 0.35, 0.2
 """Shares of the stretches of ground that are level, long ways up and short ways down; the others are long ways down, on which
 nobody fell. Of the way, a third is level: a rider who hardly sees the slope must not take every ground for one."""
 LONG, SHORT = (3.0, 20.0), (1.0, 4.0)
-"""How long stretches of ground are, evenly spread in the logarithm: level ones and long slopes, short ways down [m]. Where
-one ends, a ledge lies ahead."""
+"""How long stretches of ground are, evenly spread in the logarithm: level ones and long slopes, short ways down [m]."""
+LEDGE_EVERY = 5.0
+"""Mean way from one ledge to where the next comes up [m]: as on the suite's ground. At the ends of stretches alone they came
+half as often, and training on higher ones left what lasted on them as it was."""
 OBLIQUE = math.pi / 4
 """Largest angle between a slope and where the board points at its beginning [rad]."""
 EDGE = 0.1
@@ -157,7 +159,8 @@ class Worlds:
         self._coming.copy_(torch.where(over[:, None], gradient, self._coming))
         self._remaining.copy_(torch.where(over, length, self._remaining))
         if self.ledges is not None:
-            self.ledges.roll_on(*self._board(), over, self.strength * self.variation.ledge)
+            due = torch.rand_like(way) < way / LEDGE_EVERY
+            self.ledges.roll_on(*self._board(), due, self.strength * self.variation.ledge)
         self.slope += (way / EDGE).clamp(max=1.0)[:, None] * (self._coming - self.slope)
         self._gravity.copy_(-self._weight * self.up())
 

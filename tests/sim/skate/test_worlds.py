@@ -125,7 +125,7 @@ def test_ground_is_level_sloped_or_goes_down_ahead_for_a_while(env, worlds):
 
 
 @pytest.mark.slow
-def test_a_ledge_lies_ahead_where_a_stretch_ends_until_it_is_far_behind(env, worlds):
+def test_a_ledge_lies_ahead_of_who_wants_one_until_it_is_far_behind(env, worlds):
     env.reset()
     ledges, everyone = worlds.ledges, torch.ones(32, dtype=torch.bool)
     here, heading = torch.tensor([[3.0, -2.0]]).expand(32, 2), torch.full((32,), 0.5)
@@ -154,6 +154,21 @@ def test_a_ledge_lies_ahead_where_a_stretch_ends_until_it_is_far_behind(env, wor
     assert float(ledges.height.mean()) < 1.5 * float(height.mean())
     env.reset()
     assert not ledges.height.any()
+
+
+@pytest.mark.slow
+def test_a_ledge_comes_up_every_five_metres_of_the_way(env, worlds):
+    env.reset()
+    velocity, slab = env.sim.data.qvel, worlds.ledges.slab
+    came = 0
+    for speed, laid in ((0.0, 0), (1.0, 192)):  # 32 boards, 1,500 steps of 2 cm, 5 m
+        velocity[:, worlds._board_v : worlds._board_v + 2] = torch.tensor([0.0, speed])
+        for _ in range(1500):
+            worlds.roll_on()
+            came += int((slab[:, 2] > -100).sum())
+            worlds.ledges.clear(torch.arange(32))
+        assert came == pytest.approx(laid, abs=3 * math.sqrt(laid))
+    env.reset()
 
 
 @pytest.mark.slow

@@ -60,7 +60,7 @@ def _terms(task: Task) -> Iterator[Reward]:
     # The wide kernel leads there from rest, the narrow one pays for the last 0.2 m/s.
     yield Reward("push/exact_velocity", board_velocity, "push", 3.0, {"tolerance": 0.02})
     # Beginners whom a wrong speed costs, and who earn no swing above it, tap along with the foot at the ground.
-    yield Reward("push/speed_error", speed_error, "push", -16.0, beginner=0.0)
+    yield Reward("push/speed_error", speed_error, "push", -24.0, beginner=0.0)
     yield Reward("still/speed_error", speed_error, "still", -8.0, beginner=0.0)
     yield Reward("push/facing_forward", facing_forward, "push", 2.0)
     yield Reward("push/left_foot", left_foot_on_deck, "push", -12.0)
