@@ -4,13 +4,15 @@
 
 A stage is a run's folder or a table that this script wrote. Each takes over where its iterations begin, and its steps of
 the world are counted on from there. With --first, what was before iteration N is left out; with --every, all but each N-th
-iteration. Columns that a stage did not have are nan.
+iteration. Columns that a stage did not have are nan, and so is a row that stands for iterations of which nothing is kept.
 """
 
 import argparse
 import csv
 import math
+from itertools import pairwise
 from pathlib import Path
+from statistics import median
 
 from policy_runtime.learning.run_folder import RunFolder
 
@@ -45,18 +47,31 @@ def main() -> None:
     with target.open("w", newline="", encoding="utf-8") as file:
         table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         table.writeheader()
-        for row in rows:
-            if row["iteration"] < options.first or row["iteration"] % options.every:
-                continue
+        kept = [
+            row for row in rows if row["iteration"] >= options.first and not row["iteration"] % options.every
+        ]
+        for row in sorted(kept + _gaps(kept), key=lambda row: row["iteration"]):
             whole = {name: f"{row[name]:.0f}" for name in ("iteration", "samples")}
             table.writerow({name: f"{row.get(name, math.nan):.6g}" for name in COLUMNS} | whole)
+
+
+def _gaps(rows: list[dict[str, float]]) -> list[dict[str, float]]:
+    """Return a row for each gap that is far longer than the step between rows: no line is to be drawn over it."""
+    places = [{name: row[name] for name in ("iteration", "samples")} for row in rows]
+    usual = median(b["iteration"] - a["iteration"] for a, b in pairwise(places))
+    return [
+        {name: round((a[name] + b[name]) / 2) for name in a}
+        for a, b in pairwise(places)
+        if b["iteration"] - a["iteration"] > 10 * usual
+    ]
 
 
 def _read(path: Path) -> list[dict[str, float]]:
     if path.is_dir():
         return RunFolder(path).read_curves()
     with path.open(encoding="utf-8") as file:
-        return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+        rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+    return [row for row in rows if not math.isnan(row["survival"])]
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """The picture of a training run."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean
@@ -44,8 +45,9 @@ def draw_curves(rows: Sequence[dict[str, float]], path: Path, title: str) -> Pat
     for axis in axes[-1]:
         axis.set_xlabel("steps of the world [million]")
     iterations = rows[-1]["iteration"]
-    # The shipped curves hold one iteration in five: the mean of those stands for all.
-    minutes = iterations * fmean(row["collect_s"] + row["learn_s"] for row in rows) / 60
+    # The shipped curves hold one iteration in five, and nan for those of which nothing is kept: the mean of the others stands for all.
+    seconds = [row["collect_s"] + row["learn_s"] for row in rows]
+    minutes = iterations * fmean(s for s in seconds if not math.isnan(s)) / 60
     figure.suptitle(
         f"{title}: {iterations:.0f} iterations, {samples[-1]:.0f} million steps, {minutes:.0f} min",
         x=0.01,
