@@ -146,9 +146,9 @@ def _segment_score(group: list[Segment], signal: SmoothedSignal) -> float:
 def _same_board(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
     """Whether two segments are about the same angle and move at the same pace.
 
-    No hand makes many swings at one pace: the angle of such segments may have moved, with a sensor or with rubber.
+    No hand makes many swings at one pace: the angle of such segments may have moved, with a sensor or with rubber, however far.
     """
-    share = 1.0 if min(len(one.swings), len(other.swings)) >= MANY else 0.35
+    share = math.inf if min(len(one.swings), len(other.swings)) >= MANY else 0.35
     room = max(5.0 * signal.noise, share * min(one.sizes[0], other.sizes[0]))
     # Dry friction holds a deck beside its rest: what has swung once or twice shows that no better.
     room = max(

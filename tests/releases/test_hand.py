@@ -250,9 +250,11 @@ def test_a_decay_that_fades_and_swells_again_by_itself_is_one(share):
     assert release.time[-1] - release.start > 8 * PERIOD
 
 
-def test_a_sensor_that_drifts_loses_no_release():
+@pytest.mark.parametrize("drift", [-0.025, 0.1])
+def test_a_sensor_that_drifts_loses_no_release(drift):
+    """The larger drift moves the rest angle by more than the widest swing from one release to the next."""
     roll, free = handled(LAWS["linear"], push=0.0, swings=9.0)
-    found = find_releases(replace(roll, roll=roll.roll - 0.025 * roll.time))
+    found = find_releases(replace(roll, roll=roll.roll + drift * roll.time))
     assert [r.start for r in found] == pytest.approx([begin for begin, _ in free], abs=0.1 * PERIOD)
 
 
