@@ -41,6 +41,22 @@ def test_a_drift_goes_on_between_releases(tmp_path):
     assert model.rmse < 1.02 * model.problem.records[0].std
 
 
+def test_a_drift_from_release_to_release_may_be_wider_than_any_swing(tmp_path):
+    """The rest angle of the log's first sample lies far from where the releases come to rest."""
+    truth, drift = BY_NAME["none"], 0.06
+    releases = [
+        replace(r, roll=r.roll + drift * r.time, rest=r.rest + drift * float(r.time[-1]))
+        for r in truths.make(truth, SEED, tmp_path)
+    ]
+    records = make_records(releases, noise_floor(releases).std, rate=False)
+    scales = scales_of(records, truths.board_of(truth))
+    assert sorted(r.rest for r in releases)[1] > 2 * scales.amplitude
+    searcher = Search(records=records, scales=scales, bias="shared")
+    model = searcher.fine(searcher.single(("sensor-drift",)), average=1)
+    assert model.parameters["sensor-drift.rate"] == pytest.approx(drift, rel=0.01)
+    assert model.rmse < 1.05 * records[0].std
+
+
 def test_the_last_of_a_swing_is_no_noise(tmp_path):
     """The stretch at rest still swings a little; it must not raise the noise floor."""
     releases = [replace(r, end="rest") for r in truths.make(replace(BY_NAME["none"], noises=(0.2,), rates=(1000.0,)), 31, tmp_path)]  # fmt: skip
