@@ -36,5 +36,4 @@ class Shooting:
         parameters[:], unknowns[:], hold[:] = vector, own, self.hold
         self._begin.run()
         grid = self._path(self._begin.outputs[0], np.concatenate((vector, (step,))))
-        with np.errstate(all="ignore"):
-            return np.asarray(self.at @ grid)
+        return np.asarray(self.at @ grid)
