@@ -14,6 +14,7 @@ import numpy as np
 from sysid.diagnosis.judgement import TIE
 from sysid.diagnosis.search import Candidate
 from sysid.fitting.records import Record, make_records
+from sysid.fitting.search import first_swings
 from sysid.noise.whiteness import correlation_length
 from sysid.roll import Release
 
@@ -34,6 +35,8 @@ QUICK = 0.07
 """For which a push lasts at least, whatever the joint's period [s]: no arm is quicker."""
 STILL = 0.1
 """Share of the largest swing below which a deck may be held still."""
+FIRST = 1.25
+"""Periods of each release to which a model is fitted first: in those no start is out of step yet."""
 LEFT = 0.2
 """Share of the squared error beyond the noise that may be left without ends that held hands: of fourteen random logs, those with
 hands kept at most 0.14, those whose law the catalogue lacks, and which were not at the noise, 0.4 or more."""
@@ -57,7 +60,7 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
     asked = [*simple, min(models, key=_error)]
     beyond = _error(asked[-1]) ** 2 - 1
     if beyond > REACHED**2 - 1:
-        found: list[tuple[bool, float, int, list[Release]]] = []
+        found: list[tuple[bool, float, int, int, list[Release]]] = []
         for index, cut in enumerate(CUTS):
             kept = [part for record in models[0].problem.records for part in _middle(record, asked[-1], *cut)]
             if kept:
@@ -65,13 +68,17 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
                 holds = error < REACHED
                 # A release too short to be cut goes for a law only.
                 if (holds or len(kept) == len(releases)) and error**2 - 1 < LEFT * beyond:
-                    found.append((not holds, laws if holds else error, index, kept))
+                    found.append(
+                        (not holds, laws if holds else error, len(releases) - len(kept), index, kept)
+                    )
         if found:
-            # Fewest laws first: where a push is left in, one more may follow it. Where none holds, the first that is nearly the best.
-            fails, least, *_ = min(found, key=lambda one: one[:3])
+            # Fewest laws first: where a push is left in, one more may follow it; then what leaves no release out. Where none holds, the
+            # first that is nearly the best.
+            fails, least, short, *_ = min(found, key=lambda one: one[:4])
             index, kept = next(
-                one[2:] for one in found if one[0] == fails and one[1] <= (NEARLY if fails else 1) * least
-            )
+                one[3:] for one in found
+                if one[0] == fails and one[1] <= (NEARLY if fails else 1) * least and one[2] == short
+            )  # fmt: skip
             where = " and ".join(
                 name for name, length in zip(("beginnings", "ends"), CUTS[index], strict=True) if length
             )
@@ -141,7 +148,12 @@ def _refitted_to(model: Candidate, releases: Sequence[Release]) -> Candidate:
         records=make_records(releases, record.std, rate=record.is_rate),
         free_states=problem.free_states or free,
     )
-    return replace(model, problem=part, minimum=part.fitted(part.start(model.parameters), 25))
+    # What was fitted to a hand too is off, and soon out of step: the first swings bring it nearer.
+    early = part.with_(records=[first_swings(record, part.scales, FIRST) for record in part.records])
+    start = part.start(model.parameters)
+    near = early.fitted(start, 12, 1e-4).point
+    minimum = min((part.fitted(one, 25) for one in (start, near)), key=lambda m: m.normal.cost)
+    return replace(model, problem=part, minimum=minimum)
 
 
 def touched_release(simple: Sequence[Candidate], whole: float) -> int | None:

@@ -155,8 +155,27 @@ def _same_board(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
         [room, *(0.5 * min(swing.size for swing in s.swings) for s in (one, other) if len(s.swings) < 3)]
     )
     paces = [float(np.median([swing.duration for swing in s.wide[:4]])) for s in (one, other)]
-    same = abs(one.rest - other.rest) < room and 0.6 < paces[0] / paces[1] < 1.6
+    near = abs(one.rest - other.rest) < room or _stuck_about_one_middle(one, other, signal)
+    same = near and 0.6 < paces[0] / paces[1] < 1.6
     return same and _swings_on_alike(one, other, signal) and _swings_on_alike(other, one, signal)
+
+
+def _stuck_about_one_middle(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
+    """Whether dry friction can have stopped two decks, after a swing or two, aside of one middle, however far from one another.
+
+    Friction of F/k puts the middle of a swing, between its turns, beside the joint's by F/k on the side that it comes from, and
+    holds the deck within F/k of the joint's. A hand that lifts a deck takes it from there to where nothing would hold it.
+    """
+    if max(len(one.wide), len(other.wide)) > 2 or not (one.settles and other.settles):
+        return False
+    a, b = one.wide[-1], other.wide[-1]
+    (low, high), slack = sorted((a.origin + a.target, b.origin + b.target)), 5.0 * signal.noise
+    if a.way * b.way > 0:
+        return high - low < 2 * max(slack, 0.35 * min(one.sizes[0], other.sizes[0]))
+    upward = a if a.way > 0 else b
+    middle, reach = (low + high) / 4, (high - low) / 4
+    apart = upward.origin + upward.target == low
+    return apart and max(abs(one.rest - middle), abs(other.rest - middle)) < reach + slack
 
 
 def _swings_on_alike(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:

@@ -130,6 +130,21 @@ def test_what_only_the_beginnings_ask_for_is_a_hands_where_no_hold_is_seen(hold,
     assert bool(found and found[1].startswith("the beginnings")) is left
 
 
+@pytest.mark.parametrize(
+    ("stiffness", "gap", "angles", "push"),
+    [(14.684, 0.05, (0.17, -0.14), 0.045), (26.0, 0.06, (0.125, -0.097), 0.03)],
+)
+def test_a_law_that_was_fitted_to_a_push_too_comes_back_into_step_without_it(stiffness, gap, angles, push):
+    """A gap makes the pace follow the amplitude: what is off by a little at first is half a swing off soon."""
+    law = replace(LAW, stiffness=stiffness).with_effect("freeplay", gap)
+    rolls = [np.interp(TIME - push, TIME, decay(angle, law)) for angle in angles]
+    found = touched(*rolls, effect="freeplay")
+    assert found is not None
+    releases, text = found
+    assert text.startswith("the beginnings of")
+    assert len(releases) == len(rolls)
+
+
 def test_a_law_that_changes_where_swings_are_small_is_no_hands_work():
     """An eddy brake's drag falls beyond a rate: its small swings fade as no law of the wide ones has it, in releases that nobody caught."""
     recipe = Recipe(

@@ -130,6 +130,18 @@ def test_a_deck_that_dry_friction_stops_at_once_is_a_release_like_the_others():
     assert all(release.time[-1] - release.start > PERIOD for release in found)
 
 
+@pytest.mark.parametrize(("gap", "friction"), [(0.0, 0.05), (0.05, 0.06), (0.06, 0.05), (0.08, 0.03)])
+def test_decks_that_stick_far_from_one_another_are_of_one_joint(gap, friction):
+    """Gap and friction hold a deck anywhere between the two sides; a hand's lift leads to where nothing would hold it."""
+    roll, free = handled(
+        lambda x, v: -(OMEGA**2) * (x - np.clip(x, -gap, gap) + friction * np.tanh(v / 0.05)) - 1.6 * v,
+        push=0.0,
+        swings=9.0,
+    )
+    found = find_releases(roll)
+    assert [r.start for r in found] == pytest.approx([begin for begin, _ in free], abs=0.1 * PERIOD)
+
+
 @pytest.mark.parametrize("push", [0.0, 0.06])
 def test_between_two_hands_a_linear_decay_is_linear_to_the_noise(push):
     roll, _ = handled(LAWS["linear"], push=push, swings=6.3)
