@@ -106,14 +106,13 @@ def fit_errors(blocks: Blocks, errors: Sequence[Array]) -> Fitted:
     power = np.maximum(blocks.coefficients(errors) ** 2, 1e-300)
     size = float(np.mean(power))
     swing, rate = (max(float(np.sqrt(np.mean(x**2))), 1e-300) for x in (blocks.amplitude, blocks.rate))
-    cosine = np.cos(2 * np.pi * blocks.frequency)
-    follows = (blocks.amplitude / swing) ** 2 * _memory(cosine, MEMORY * blocks.period)
+    follows = (blocks.amplitude / swing) ** 2 * _memory(blocks.frequency, MEMORY * blocks.period)
     jitters = (blocks.rate / rate) ** 2
 
     def variance(point: Array) -> tuple[Array, Array]:
         """Return the variance and its slopes, shape (n,) and (5, n)."""
         w, c, t, j, m = np.exp(point)
-        remembered, longer = (_memory(cosine, f * t * blocks.period) for f in (1.0, 1.01))
+        remembered, longer = (_memory(blocks.frequency, f * t * blocks.period) for f in (1.0, 1.01))
         slope = c * (longer - remembered) / np.log(1.01)
         parts = size * np.stack([np.full_like(power, w), c * remembered, slope, j * jitters, m * follows])
         return parts[[0, 1, 3, 4]].sum(0), parts
@@ -142,7 +141,7 @@ def fit_errors(blocks: Blocks, errors: Sequence[Array]) -> Fitted:
     )  # fmt: skip
 
 
-def _memory(cosine: Array, samples: float) -> Array:
-    """Return the spectrum of noise of variance one that forgets exponentially, from the cosine of 2π times the frequency, shape (n,)."""
+def _memory(frequency: Array, samples: float) -> Array:
+    """Return the spectrum of noise of variance one that forgets exponentially, shape (n,)."""
     a = np.exp(-1.0 / max(samples, 1e-3))
-    return (1 - a * a) / (1 - 2 * a * cosine + a * a)
+    return (1 - a * a) / (1 - 2 * a * np.cos(2 * np.pi * frequency) + a * a)

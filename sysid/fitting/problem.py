@@ -17,7 +17,7 @@ from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record, measur
 from sysid.fitting.shooting import Shooting
 from sysid.joint.hermite import hermite_matrix
 from sysid.joint.integrator import Buffered, build_initial, build_stepper, steps_for
-from sysid.joint.sensor import at_samples, clock_ratio, readings
+from sysid.joint.sensor import at_samples, clock_ratio, reader
 from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, Normal, minimise
 from sysid.roll import Array, Release
@@ -135,7 +135,9 @@ class Problem:
                     signal=signal,
                     clock=mean @ (record.time + float(release.time[0])),
                     std=record.std / float(np.sqrt(self.average)),
-                    reader=Buffered(readings(self.structure, len(signal))) if sensed else None,
+                    reader=Buffered(reader(self.structure).map("readings", "serial", len(signal), [3], []))
+                    if sensed
+                    else None,
                 )
             )
         return paths
@@ -242,11 +244,6 @@ class Problem:
 
     def bounds(self) -> tuple[Array, Array]:
         """Return lower and upper bounds in units of the sizes, shape (p,) each."""
-        low, high = self._bounds
-        return low.copy(), high.copy()
-
-    @cached_property
-    def _bounds(self) -> Array:
         # A spring may push (gravity outweighs it, or a bend of another law is taken for one); nothing passive drives.
         rests = [measured_rest([record]) / self.scales.amplitude for record in self.records]
         # A sensor that drifts from release to release has drifted from the log's first sample on.
@@ -267,7 +264,7 @@ class Problem:
         for index, name in enumerate(self.names):
             if name in self.bounded:
                 pairs[index] = np.array(self.bounded[name]) / self.sizes()[index]
-        return pairs.T
+        return pairs[:, 0], pairs[:, 1]
 
     @cached_property
     def _first_motions(self) -> list[tuple[float, float]]:
@@ -280,25 +277,20 @@ class Problem:
         states = [(part, state.detection_delay) for part in self.structure.parts for state in part.states]
         return [(part, delay) for part, delay in states if delay is not None]
 
-    @cached_property
-    def _held(self) -> Buffered:
-        """The state at a release as the hold before it leaves it."""
-        return Buffered(build_initial(self.structure, free_states=False, sensitivities=False))
-
     def start(self, parameters: Mapping[str, float]) -> Array:
         """Return unknowns for given parameters, in units of their sizes, shape (p,); the rest from the records themselves."""
         values = [parameters[name] for name in self.names]
         for record, motion in zip(self.records, self._first_motions, strict=True):
             own = [*motion]
             if self.free_states and self.structure.internal_states:
-                given = self.vector_of(parameters, record), own, max(record.release.hold, 0.0)
-                for buffer, numbers in zip(self._held.inputs, given, strict=True):
-                    buffer[:] = numbers
-                self._held.run()
+                held = build_initial(self.structure, free_states=False, sensitivities=False)
+                start = np.asarray(
+                    held(self.vector_of(parameters, record), own, max(record.release.hold, 0.0))
+                ).ravel()[2:]
                 kept = [
                     not isinstance(part, SensorEffect) for part in self.structure.parts for _ in part.states
                 ]
-                own += list(self._held.outputs[0][2:][kept])
+                own += list(start[kept])
             values += own + ([0.0] if self.bias == "per-release" else [])
         return np.array(values) / self.sizes()
 
@@ -331,8 +323,7 @@ class Problem:
 
         The Jacobian's columns are the free parameters and then the record's own unknowns. The point is in units of their sizes.
         """
-        with np.errstate(all="ignore"):  # a joint that runs away; `normal` refuses it
-            return [(rows[:, 0], rows[:, 1:]) for rows in self._rows(unknowns)]
+        return [(rows[:, 0], rows[:, 1:]) for rows in self._rows(unknowns)]
 
     def _rows(self, unknowns: Array) -> Iterator[Array]:
         """Yield each record's residual beside its Jacobian, as `linearise` has them, shape (n, 1 + free + own)."""
@@ -360,7 +351,8 @@ class Problem:
         reader.run()
         reading, slopes = reader.outputs
         by = slopes.reshape(n, -1, 2)[:, :, is_rate]
-        result = by[:, :1] * angle + by[:, 1:2] * rate
+        with np.errstate(all="ignore"):  # a joint that runs away; `normal` refuses it
+            result = by[:, :1] * angle + by[:, 1:2] * rate
         result[:, 0] = reading.reshape(n, 2)[:, is_rate]
         result[:, 1 : 1 + len(self.names)] += by[:, [1 + self._parameters.index(n) for n in self.names]]
         return result
@@ -420,24 +412,24 @@ class Problem:
         cost = 0.5 * float((unknowns[:shared] - self.centre) @ known)
         gradient[:shared] += known
         hessian[:shared, :shared] += self.prior
-        with np.errstate(all="ignore"):
-            for index, rows in enumerate(self._rows(unknowns)):
+        for index, rows in enumerate(self._rows(unknowns)):
+            with np.errstate(all="ignore"):
                 if self.weights is not None:
                     rows *= np.sqrt(self.weights[index])[:, None]
                 products = rows.T @ rows
-                if not products.diagonal().max() <= _RUNAWAY**2:  # NaN is not either
-                    return Normal(np.inf, gradient, hessian)
-                products *= self._products[index]
-                where, block = self.places[index]
-                inward, slope = self._inward(index, unknowns)
-                rate = where[shared + 1]
-                cost += 0.5 * float(products[0, 0]) + 0.5 * inward**2
-                if cost > most:
-                    return Normal(np.inf, gradient, hessian)
-                gradient[where] += products[0, 1:]
-                gradient[rate] += slope * inward
-                hessian[block] += products[1:, 1:]
-                hessian[rate, rate] += slope**2
+            if not products.diagonal().max() <= _RUNAWAY**2:  # NaN is not either
+                return Normal(np.inf, gradient, hessian)
+            products *= self._products[index]
+            where, block = self.places[index]
+            inward, slope = self._inward(index, unknowns)
+            rate = where[shared + 1]
+            cost += 0.5 * float(products[0, 0]) + 0.5 * inward**2
+            if cost > most:
+                return Normal(np.inf, gradient, hessian)
+            gradient[where] += products[0, 1:]
+            gradient[rate] += slope * inward
+            hessian[block] += products[1:, 1:]
+            hessian[rate, rate] += slope**2
         return Normal(cost, gradient, hessian)
 
     def _inward(self, index: int, unknowns: Array) -> tuple[float, float]:
@@ -520,7 +512,6 @@ def _means_on_grid(time: bytes, step: float, steps: int, slopes: tuple[bool, ...
     return vstack([mean @ hermite_matrix(at, step, steps, slope=slope) for slope in slopes], "csr")
 
 
-@lru_cache(maxsize=64)
 def _averaging(count: int, width: int) -> Any:
     """Return the sparse matrix of means of `width` neighbours, shape (count // width, count)."""
     from scipy.sparse import csr_matrix, identity

@@ -36,4 +36,5 @@ class Shooting:
         parameters[:], unknowns[:], hold[:] = vector, own, self.hold
         self._begin.run()
         grid = self._path(self._begin.outputs[0], np.concatenate((vector, (step,))))
-        return np.asarray(self.at @ grid)
+        with np.errstate(all="ignore"):
+            return np.asarray(self.at @ grid)

@@ -6,6 +6,7 @@ between sticking and going back, and the rest of the step follows. Friction ther
 and dissipates exactly.
 """
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -108,22 +109,21 @@ class EquationsOfMotion:
                     items[index] = state.return_map(self.m, items[index], moved, values)
         return self._ca.vertcat(*items)
 
-    def rk4(self, y: Any, h: Any, slide: Any) -> Any:
-        """Return the state after one step of RK4."""
+    def rk4(self, y: Any, h: Any, slide: Any) -> tuple[Any, Any]:
+        """Return the state after one RK4 step and the derivative at its start."""
         before = self.motion(y).tilt
-        k1 = self._rate(y, before, slide)
-        k2 = self._rate(y + h / 2 * k1, before, slide)
-        k3 = self._rate(y + h / 2 * k2, before, slide)
-        k4 = self._rate(y + h * k3, before, slide)
-        return self.slipped(y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), before)
 
-    def _rate(self, stage: Any, before: Any, slide: Any) -> Any:
-        """Return the derivative at a stage of a step that began at tilt `before`."""
-        return self._slipped_derivative(stage, before, slide, self._parameters)
+        def rate(stage: Any) -> Any:
+            if slide is None:
+                return self.derivative(self.slipped(stage, before), slide)
+            return self._slipped_derivative(stage, before, slide, self._parameters)
+
+        whole, k1 = runge_kutta(rate, y, h)
+        return self.slipped(whole, before), k1
 
     @cached_property
     def _slipped_derivative(self) -> Any:
-        """(State, tilt before, direction of sliding, parameters) → derivative: built once for the nine stages of a cut step."""
+        """(State, tilt before, direction of sliding, parameters) → derivative: built once for the twelve stages of a cut step."""
         ca = self._ca
         parameters = ca.SX.sym("parameters", *self._parameters.shape)
         own = EquationsOfMotion(self._structure, parameters)
@@ -151,13 +151,12 @@ class EquationsOfMotion:
         moved = self._ca.fabs(self.motion(y).rate) > _STILL
         return self._ca.logic_and(slide * self.motion(whole).rate < 0, moved)
 
-    def event_step(self, y: Any, whole: Any, h: Any) -> Any:
-        """Return the state after a step that is cut where the rate passes through zero, from that after the same step uncut."""
+    def event_step(self, y: Any, h: Any) -> Any:
+        """Return the state after a step that is cut where the rate passes through zero."""
         ca = self._ca
-        motion = self.motion(y)
-        start = self._rate(y, motion.tilt, self.sliding(y))
+        whole, start = self.rk4(y, h, self.sliding(y))
         slope = start[1] if self.support is None else start[1] - start[self.support.start + 1]
-        rate, after = motion.rate, self.motion(whole).rate
+        rate, after = self.motion(y).rate, self.motion(whole).rate
         slide = ca.sign(rate)
         # Root of the parabola through the rates at both ends with the starting acceleration, as a share of h.
         slope = h * slope
@@ -165,10 +164,20 @@ class EquationsOfMotion:
         root = ca.sqrt(ca.fmax(slope**2 - 4 * bend * rate, 1e-300))
         below = -slope * slide + root
         share = ca.fmin(ca.fmax(2 * rate * slide / ca.if_else(below > 1e-30, below, 1.0), 0.0), 1.0)
-        top = self.rk4(y, share * h, slide)
+        top, _ = self.rk4(y, share * h, slide)
         stopped = top[1] - self.motion(top).rate
         top = ca.vertcat(top[0], stopped, *items_of(top, slice(2, top.shape[0])))
-        return self.rk4(top, (1 - share) * h, self.direction(top))
+        rest, _ = self.rk4(top, (1 - share) * h, self.direction(top))
+        return rest
+
+
+def runge_kutta(rate: Callable[[Any], Any], y: Any, h: Any) -> tuple[Any, Any]:
+    """Return the state after one step of RK4 and its rate at the start."""
+    k1 = rate(y)
+    k2 = rate(y + h / 2 * k1)
+    k3 = rate(y + h / 2 * k2)
+    k4 = rate(y + h * k3)
+    return y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), k1
 
 
 def items_of(vector: Any, where: slice) -> list[Any]:

@@ -108,17 +108,13 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
         step = ca.Function("step", [accumulated, given], ca.cse([moved, output]))
         return Stepper(structure, free_states, sensitivities, initial, step)
 
-    # A cut costs two steps more and is rare, so it is computed only where the joint does turn, and as it was written.
+    # A cut costs three steps and is rare, so it is computed only where the joint does turn, and as it was written.
     turns = equations.turned(y, whole, direction)
     moved, output, turns = ca.cse([moved, output, turns])
-    uncut, follows = ca.SX.sym("uncut", *y.shape), ca.SX.sym("follows", *carried.shape)
-    value = equations.event_step(y, uncut, h)
-    by_uncut = ca.horzcat(ca.SX(*y.shape), ca.jacobian(value, uncut) @ follows)
-    after = ca.vec(with_slopes(value) + by_uncut) if sensitivities else value
-    cut = ca.Function("cut", [accumulated, given, ca.vertcat(uncut, ca.vec(follows))], [after])
+    cut = ca.Function("cut", [accumulated, given], [ca.vec(with_slopes(equations.event_step(y, h)))])
     state, numbers, slid = (ca.MX.sym("given", *value.shape) for value in (accumulated, given, moved))
     turned = ca.MX.sym("turned")
-    met = ca.if_else(turned, cut(state, numbers, slid), slid, True)
+    met = ca.if_else(turned, cut(state, numbers), slid, True)
     turn = ca.Function("turn", [turned, state, numbers, slid], [met], {"never_inline": True})
     step = ca.Function("step", [accumulated, given], [turn(turns, accumulated, given, moved), output])
     return Stepper(structure, free_states, sensitivities, initial, step)
@@ -257,14 +253,9 @@ class Rollout:
         """
         run, (here, numbers), (there, read) = self._block.run, self._block.inputs, self._block.outputs
         here[:], numbers[:] = start, given
-        for index, seen in enumerate(self._seen):
+        for seen in self._seen:
             run()
-            seen[:] = read
-            # Friction holds the joint, and nothing else moves: so it stays.
-            if here[1] == 0.0 and np.array_equal(here, there):
-                self._seen[index + 1 :] = read
-                break
-            here[:] = there
+            here[:], seen[:] = there, read
         return self._seen.reshape(-1, self._rows // 2)
 
 

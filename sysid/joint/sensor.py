@@ -5,7 +5,7 @@ filters. The log's clock counts from the log's first sample; drift grows with it
 """
 
 from collections.abc import Mapping
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -72,12 +72,6 @@ def reader(structure: Structure) -> Any:
     out = ca.vertcat(reading.angle, reading.rate)
     slopes = ca.jacobian(out, ca.vertcat(angle, rate, parameters[1:]))
     return ca.Function("reading", [angle, rate, time, parameters], [out, ca.densify(slopes)])
-
-
-@lru_cache(maxsize=256)
-def readings(structure: Structure, count: int) -> Any:
-    """Return `reader` for many samples with the same parameters."""
-    return reader(structure).map("readings", "serial", count, [3], [])
 
 
 def sense(law: JointLaw, time: Array, roll: Array) -> Array:
