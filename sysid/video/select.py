@@ -46,6 +46,8 @@ marker on a bare deck, which is sure of its corners, reads damping with less bia
 BODY_FLOOR = 0.04
 """Least standard deviation of the body's points [px]: what compression does to a picture lasts as long as the board is
 held there, and shifts all of it. With this, 95 % intervals of k and d hold the truth in 68 rendered films."""
+MAX_ASIDE = 4.0
+"""What runs on circles only for a camera that stands so many standard deviations from where people stand turns about no axis of a board."""
 MAX_ASKEW = np.radians(20.0)
 """A board does not come to rest further from level: what says so are prints on it, not stickers put on level [rad]."""
 MAX_DISAGREEMENT = 0.1
@@ -61,6 +63,8 @@ class Followed:
     before: CameraState
     """What was known of the camera before its points were looked at."""
     found: AngleTrack
+    laid: tuple[BodyPicture, list[Array | None]] | None = None
+    """What turns with it, and the pose of that in each frame that is in memory; None where that was not looked for."""
 
     @property
     def std(self) -> float:
@@ -101,6 +105,8 @@ def follow_board(reel: Reel) -> Followed:
         for target, points in zip(targets, places, strict=True):
             track = track_of(reel, stamps, np.array(points))
             one = _followed(reel, target, track)
+            if isinstance(one, Followed) and target.shows_body and not target.shows_level and one.turns:
+                one = _borne_out(reel, one)
             if isinstance(one, Followed):
                 usable.append(one)
             else:
@@ -121,15 +127,8 @@ def _to_the_end(reel: Reel, led: Followed) -> Followed:
     """Follow a target through the rest of the film, and everything that turns as it does."""
     target, points = led.target, list(led.track.points)
     stamps = [(frame.index, frame.time) for frame in reel.kept]
-    camera = led.found.camera_state.value
-    flat = upright(reel.lens.matrix, camera)
-    body = picture_of_body(reel.kept, reel.look.box, led.track, flat) if target.shows_body else None
-    whole, poses = None, list[Array | None]()
-    if body is not None:
-        with ThreadPoolExecutor() as pool:
-            lay, rough = body.lay, body.rough
-            poses = list(pool.map(lambda frame, seen: lay(frame, rough(seen)), reel.kept, points))
-        whole = _whole_body(reel, led, body, poses)
+    body, poses = led.laid or (_lay_body(reel, led) if target.shows_body else None) or (None, [])
+    whole = None if body is None else _whole_body(reel, led, body, poses)
     last = next((pose for pose in reversed(poses) if pose is not None), None)
     rest = ((frame, follow(target.follower, frame)) for frame in reel.others())
     with closing(ahead(rest, 1)) as others:
@@ -148,6 +147,25 @@ def _to_the_end(reel: Reel, led: Followed) -> Followed:
         if body is not None and whole is not None:
             whole = _whole_body(reel, led, body, poses)
     return whole or led
+
+
+def _lay_body(reel: Reel, led: Followed) -> tuple[BodyPicture, list[Array | None]] | None:
+    """Return everything that turns with a target, and its pose in each frame in memory; None where nothing does."""
+    flat = upright(reel.lens.matrix, led.found.camera_state.value)
+    body = picture_of_body(reel.kept, reel.look.box, led.track, flat)
+    if body is None:
+        return None
+    lay, rough = body.lay, body.rough
+    with ThreadPoolExecutor() as pool:
+        return body, list(pool.map(lambda frame, seen: lay(frame, rough(seen)), reel.kept, led.track.points))
+
+
+def _borne_out(reel: Reel, one: Followed) -> Followed | str:
+    """Return texture with what turns as it does; or why it is none of the board: patches of anything agree on some motion."""
+    laid = _lay_body(reel, one)
+    if laid is None or sum(pose is not None for pose in laid[1]) < MIN_SEEN_SHARE * len(laid[1]):
+        return f"{one.target.what} is none of the board: pictures turned back by it do not agree"
+    return replace(one, laid=laid)
 
 
 def _best(usable: list[Followed]) -> Followed:
@@ -218,6 +236,9 @@ def _fault(one: Followed) -> str | None:
             f"{what} is seen in {frames - one.track.lost} of {frames} frames, but turns as one body in only {kept}: something "
             "else was followed in the others"
         )
+    state = one.found.camera_state
+    if np.any(np.abs(state.value - one.before.value)[:2] > MAX_ASIDE * one.before.std[:2]):
+        return f"{what} turns about an axis that no camera behind a board looks along"
     if one.target.shows_body and _strays(one.track, one.found.angle):
         return f"{what} moves along rather than turns about a point: a foot, a hand, or a camera that moves"
     return f"{what} tells the angle to ±{2 * np.degrees(one.std):.2g}° only" if one.std > MAX_STD else None

@@ -19,10 +19,12 @@ from sysid.video.pose.outliers import outlier_frames
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import rectify
 from sysid.video.pose.view import View
-from sysid.video.select import Followed, _fault
+from sysid.video.select import Followed, _borne_out, _fault
 from sysid.video.trackers.dots import Dot, DotFollower
 
 TIME = np.arange(90) / 60
+CAMERA = CameraState(np.zeros(4), np.diag(np.append(np.radians([15.0, 15.0]), [0.25, 0.0]) ** 2))
+"""What is known of one before anybody looks."""
 ROLL = np.where(TIME < 0.3, 0.4, 0.4 * np.exp(-4 * (TIME - 0.3)) * np.cos(25 * (TIME - 0.3)))
 
 
@@ -86,7 +88,8 @@ def test_an_angle_that_contradicts_itself_or_is_vague_is_none():
             SimpleNamespace(
                 target=SimpleNamespace(what="the edge", shows_body=False),
                 track=SimpleNamespace(lost=5),
-                found=SimpleNamespace(angle=angle),
+                found=SimpleNamespace(angle=angle, camera_state=CameraState(np.zeros(4), np.zeros((4, 4)))),
+                before=CameraState(np.zeros(4), np.zeros((4, 4))),
                 std=std,
             )
         )
@@ -111,10 +114,47 @@ def test_what_is_carried_past_is_no_board():
         one = Followed(
             SimpleNamespace(what="texture", shows_body=True),
             track,
-            None,
-            SimpleNamespace(angle=ROLL, std=np.full(90, 0.01)),
+            CAMERA,
+            SimpleNamespace(angle=ROLL, std=np.full(90, 0.01), camera_state=CAMERA),
         )
         assert (_fault(one) is None) if fault is None else fault in _fault(one)
+
+
+def test_an_axis_that_no_camera_looks_along_is_none_of_a_board():
+    def fault(yaw):
+        state = replace(CAMERA, value=np.array([np.radians(yaw), 0.0, 0.0, 0.0]))
+        target, found = (
+            SimpleNamespace(what="texture", shows_body=False),
+            SimpleNamespace(angle=ROLL, camera_state=state),
+        )
+        return _fault(SimpleNamespace(target=target, track=None, before=CAMERA, found=found, std=0.01))
+
+    assert fault(35.0) is None
+    assert "no camera behind a board" in fault(-99.0)
+
+
+@pytest.mark.parametrize("board", [True, False])
+def test_patches_that_agree_are_texture_of_the_board_only_if_the_pictures_agree(board):
+    rng = np.random.default_rng(6)
+    picture = cv2.GaussianBlur(rng.uniform(0, 255, (240, 320)).astype(np.float32), (0, 0), 2)
+    picture = np.clip(128 + 5 * (picture - 128), 0, 255)
+    turns = [cv2.getRotationMatrix2D((160, 120), -np.degrees(one), 1.0) for one in ROLL]
+    home = np.array([[120.0, 100], [200, 100], [200, 140], [120, 140]])
+    points = np.array([home @ turn[:, :2].T + turn[:, 2] for turn in turns], np.float32)
+    shown = [cv2.warpAffine(picture, turn, (320, 240)) if board else picture for turn in turns]
+    frames = [
+        frame_of(row, TIME[row], np.repeat(one[..., None], 3, 2).astype(np.uint8))
+        for row, one in enumerate(shown)
+    ]
+    reel = SimpleNamespace(
+        lens=SimpleNamespace(matrix=np.array([[900.0, 0, 160], [0, 900, 120], [0, 0, 1]])),
+        kept=frames,
+        look=SimpleNamespace(box=(40, 40, 280, 200)),
+    )
+    track = Track(TIME, points, still(90, 900.0, 160 + 120j), np.arange(90), 0)
+    found = SimpleNamespace(angle=ROLL, camera_state=replace(CAMERA, value=np.zeros(4)))
+    seen = _borne_out(reel, Followed(SimpleNamespace(what="texture"), track, CAMERA, found))
+    assert isinstance(seen, Followed) if board else "do not agree" in seen
 
 
 def test_points_that_are_not_seen_are_no_warning():

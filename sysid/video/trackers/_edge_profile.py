@@ -10,11 +10,13 @@ from sysid.video.film.frames import Frame
 
 PIECES = 16
 """Points along an edge that are told apart."""
-PROFILES = 4
-"""Profiles that make one of them."""
+MIN_WIDTH = 0.5
+"""Least standard deviation of a step of brightness: no lens is sharper than its pixels [px]."""
+ROUNDS = 4
+"""Times that a step is looked for about where it was found."""
 
 
-def find_pieces(frame: Frame, ends: Array, reach: float, faintest: float) -> Array:
+def find_pieces(frame: Frame, ends: Array, reach: float, faintest: float, window: float) -> Array:
     """Move points evenly along edges onto the brightness steps nearby that rise across them.
 
     Args:
@@ -23,41 +25,47 @@ def find_pieces(frame: Frame, ends: Array, reach: float, faintest: float) -> Arr
             the way from first to second end.
         reach: How far they may be off, to either side [px].
         faintest: Step of brightness that a point takes [grey levels].
+        window: Width of what tells where a step is, in widths of the step: 1 is best against noise, more where contrast leaves that
+            small beside what the pixels' grid does to an edge along it.
 
     Returns:
         Shape (m, PIECES, 2) [px]; NaN where there is no such step.
     """
-    share = (np.arange(PIECES * PROFILES)[:, None] + 0.5) / (PIECES * PROFILES)
     along = ends[:, None, 1] - ends[:, None, 0]
+    length = np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-9)
+    profiles = int(np.ceil(length.max() / PIECES))  # one each px: every pixel tells
+    share = (np.arange(PIECES * profiles)[:, None] + 0.5) / (PIECES * profiles)
     feet = ends[:, None, 0] + share * along
-    normal = along[..., ::-1] * [1, -1] / np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-9)
+    normal = along[..., ::-1] * [1, -1] / length
     offset = np.arange(-np.ceil(reach) - 1, np.ceil(reach) + 2)
     samples = feet[:, :, None] - frame.corner + offset[:, None] * normal[:, :, None]
     x, y = np.moveaxis(samples.astype(np.float32).reshape(-1, len(offset), 2), 2, 0)
     seen = cv2.remap(frame.picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    profile = seen.astype(np.float64).reshape(len(ends), PIECES, PROFILES, -1).mean(axis=2)
+    profile = seen.astype(np.float64).reshape(len(ends), PIECES, profiles, -1).mean(axis=2)
     step, offset = np.diff(profile, axis=2), offset[:-1] + 0.5
-    place, rise = _centroid(step, offset)
+    place, rise = _steepest(step, offset, window)
     place = np.where((rise < faintest) | (np.abs(place) > reach), np.nan, place)
-    return feet.reshape(len(ends), PIECES, PROFILES, 2).mean(axis=2) + place[..., None] * normal
+    return feet.reshape(len(ends), PIECES, profiles, 2).mean(axis=2) + place[..., None] * normal
 
 
-def _centroid(step: Array, offset: Array) -> tuple[Array, Array]:
-    """Centroid of the positive steps around the strongest one [px], and their sum, each (m, count).
+def _steepest(step: Array, offset: Array, window: float) -> tuple[Array, Array]:
+    """Where brightness rises most [px], and by how much, each (m, count).
 
-    For any symmetric blur, motion blur included, that is the true edge.
+    That is the centroid of the steps under a window about it: for any symmetric blur the true edge, and, if it is as wide as they
+    are, what a step of that width fits best in white noise. One that takes in all of the step takes in much more of it.
     """
     smooth = step.copy()
     smooth[..., 1:-1] = (step[..., :-2] + 2 * step[..., 1:-1] + step[..., 2:]) / 4
-    peak = offset[np.argmax(smooth, axis=2)]
-    top = smooth.max(axis=2)
-    weight = np.maximum(step - 0.1 * top[..., None], 0)
-    centre = peak
-    for half_width in (4.0, 4.0):
-        near = weight * (np.abs(offset - centre[..., None]) <= half_width)
-        total = near.sum(axis=2)
-        centre = np.where(total > 0, (near * offset).sum(axis=2) / np.maximum(total, 1e-9), np.nan)
-    return centre, total
+    place, top = offset[np.argmax(smooth, axis=2)], smooth.max(axis=2)
+    near = np.abs(offset - place[..., None]) <= 4
+    rise = (np.maximum(step - 0.1 * top[..., None], 0) * near).sum(axis=2)
+    # One width for all of an edge: that of a normal distribution as high.
+    width = window * np.median(rise / np.maximum(top, 1e-9), axis=1, keepdims=True) / np.sqrt(2 * np.pi)
+    for _ in range(ROUNDS):
+        away = (offset - place[..., None]) / np.maximum(width, MIN_WIDTH)[..., None]
+        weight = np.maximum(step, 0) * np.exp(-(away**2) / 2)
+        place = (weight * offset).sum(axis=2) / np.maximum(weight.sum(axis=2), 1e-9)
+    return place, rise
 
 
 def corners(pieces: Sequence[Array]) -> Array:

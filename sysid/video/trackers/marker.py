@@ -39,6 +39,8 @@ CONVERGED = 0.15
 """Edges are measured once more where that moves the corners by more than this [px]."""
 MIN_CONTRAST = 12.0
 """Step of brightness at a marker's edge [grey levels]."""
+STEP_WINDOW = 1.4
+"""Width of what tells where an edge is, in widths of its step: black on white stands far above noise."""
 CORNER_DEAD_ZONE = 0.03
 """Motion that compression leaves out of black on white, to either side [px]: what corners in long films err by beyond what they
 scatter within a frame (0.015 px), as a width."""
@@ -144,7 +146,7 @@ class MarkerFollower:
         for _ in range(3):
             before = place
             edges = find_pieces(
-                frame, np.stack([place, np.roll(place, -1, axis=0)], axis=1), reach, MIN_CONTRAST
+                frame, np.stack([place, np.roll(place, -1, axis=0)], axis=1), reach, MIN_CONTRAST, STEP_WINDOW
             )
             if np.isnan(edges).any(axis=2).mean(axis=1).max() > 0.5:
                 return None

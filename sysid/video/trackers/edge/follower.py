@@ -61,7 +61,7 @@ class EdgeFollower:
         for reach in (2 * EDGE_REACH, EDGE_REACH, EDGE_REACH):
             place = centre + turned(self.end.ends + np.array([0.0, shift]), turn)
             steps = np.stack([
-                find_pieces(frame, place[:, ::way], reach, MIN_CONTRAST)[:, ::way] for way in (1, -1)
+                find_pieces(frame, place[:, ::way], reach, MIN_CONTRAST, 1.0)[:, ::way] for way in (1, -1)
             ])  # fmt: skip
             x, y = np.moveaxis(turned(steps - centre, -turn), -1, 0)
             y = np.where(np.abs(y[0] - y[1]) < MIN_APART, np.nan, y)

@@ -1,0 +1,25 @@
+"""Places of edges come near what the noise of a picture allows."""
+
+import cv2
+import numpy as np
+import pytest
+from frames import frame_of
+
+from sysid.video.trackers._edge_profile import PIECES, find_pieces
+
+
+def test_an_edge_is_found_about_as_well_as_white_noise_allows():
+    """Where a step of contrast c, smoothed by s, lies, n rows of noise σ tell to σ √(2 √π s / n) / c at best."""
+    rng = np.random.default_rng(2)
+    contrast, noise, rows, blur = 60.0, 6.0, 320, 0.8
+    step = np.where(np.arange(120) < 60, 150.0, 150.0 - contrast)
+    clean = cv2.GaussianBlur(np.tile(step, (rows + 40, 1)), (0, 0), blur)
+    ends = np.array([[[60.3, 20.0], [60.3, 20.0 + rows]]])
+    found = []
+    for _ in range(20):
+        grey = np.clip(clean + rng.normal(0, noise, clean.shape), 0, 255).astype(np.uint8)
+        frame = frame_of(0, 0.0, np.repeat(grey[..., None], 3, axis=2))
+        found.append(find_pieces(frame, ends[:, ::-1], 4.0, 8.0, 1.0)[0, :, 0])
+    bound = noise * np.sqrt(2 * np.sqrt(np.pi) * blur / (rows / PIECES)) / contrast
+    assert np.std(found) < 1.3 * bound
+    assert np.mean(found) == pytest.approx(59.5, abs=0.05)
