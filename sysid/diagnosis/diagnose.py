@@ -305,7 +305,7 @@ def diagnose(
         first = Field(final, search.base, period, noise.std)
         if first.surely_missing and first.winner().model.rmse > REACHED * noise.std:
             alone = alone or pool.begin(learning, ())
-        winner, final, idle = _material(search, first, final)
+        winner, final, idle = _material(search, first, final, board)
         outside = surrogates(search, winner, min(final, key=lambda m: m.cost))
         everything = Field([*final, *outside], search.base, period, noise.std, known=first)
         verdict, best = _judged(search, everything, winner, board, idle)
@@ -473,9 +473,15 @@ def _finalists(search: Search, models: Sequence[Model]) -> list[Model]:
     return [m for m in search.finalists(picked) if m.heldout is not None]
 
 
-def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, list[Model], frozenset[str]]:
+def _material(
+    search: Search, tried: Field, final: list[Model], board: Board
+) -> tuple[Model, list[Model], frozenset[str]]:
     """Return the winner without those of its effects that do not matter, all finalists, and the families left out."""
-    winner, left_out = tried.winner().model, frozenset[str]()
+
+    def moved(model: Model) -> int:
+        return len(record_deviation(model, board, look_at_linear=False).effects)
+
+    winner, left_out = tried.winner(moved).model, frozenset[str]()
 
     def less(name: str) -> Model:
         rest = tuple(n for n in winner.effects if n != name)
@@ -575,11 +581,11 @@ def _missing(
         and (s.extra <= chosen.extra or (s is likeliest and s.score > chosen.score + TIE))
         and not tried.adds_to(s, chosen)
     ][:RIVALS]  # fmt: skip
-    alike = [search.added(s.model) for s in rivals]
     effects = (*named, *deviation.effects)
-    sets = [(*others, *deviation.effects) for others in alike] + [
-        (*named, *other) for other in deviation.alike
-    ]
+    sets = [
+        (*search.added(s.model), *record_deviation(s.model, board, look_at_linear=False).effects)
+        for s in rivals
+    ] + [(*named, *other) for other in deviation.alike]
     explained = tried.explained(chosen)
     text = (
         f"{listed(effects)} {is_or_are(effects)} missing: {percent(explained)} of the squared error of predicting held-out "

@@ -4,7 +4,7 @@ Every candidate is scored by how likely its errors on held-out motion are, under
 and that no model is exact. Nothing else is asked: whiteness is no criterion, because no model of a real joint is exact.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,6 +40,8 @@ FEWEST_BLOCKS = 8
 PRICE = 1.5
 """Of one effect more, and of each parameter of its law, in the log of the prior odds: of a law with one, one in twenty is
 there."""
+MOVED = 2
+"""Choices that a number of the record which a model contradicts counts as: an effect and its parameter."""
 RULED_OUT = 19.0
 """Odds against a candidate from which it is none any more: 95 %."""
 CALIBRATION = {"none-missing": (0.75, 2.14), "missing": (0.66, 2.10), "unexplained": (0.96, -1.75)}
@@ -231,14 +233,21 @@ class Field:
         """
         return sum(p for key, p in self.likely().items() if families <= key <= families | idle)
 
-    def winner(self) -> Scored:
+    def winner(self, moved: Callable[[Candidate], int] = lambda _: 0) -> Scored:
         """Return the simplest of the candidates that may be true and that none beats: by effects and parameters, then by score.
 
         What is less likely than the joint as it is cannot win against it.
+
+        Args:
+            moved: How many effects more a model asks for because the board's record is another: they count with its own.
         """
         likely = [s for s in self.possible if odds(s) >= odds(self.base)] or self.possible
         near = [s for s in likely if self.behind(s) <= TIE] or likely
-        return min(near, key=lambda s: (s.choices, -s.score))
+        found: list[tuple[tuple[float, ...], Scored]] = []
+        for s in sorted(near, key=lambda s: s.choices):
+            if not found or s.choices <= min(rank for rank, _ in found)[0]:
+                found.append(((s.choices + MOVED * moved(s.model), s.choices, -s.score), s))
+        return min(found, key=lambda one: one[0])[1]
 
     def left(self, scored: Scored) -> float:
         """Return the held-out error beyond the noise over the motion, both RMS."""

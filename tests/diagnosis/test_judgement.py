@@ -10,7 +10,8 @@ import pytest
 from scipy.signal import lfilter
 
 from sysid.board import load_board
-from sysid.diagnosis.diagnose import Diagnosis, _hints, _nothing, _outside
+from sysid.diagnosis.against_record import Deviation
+from sysid.diagnosis.diagnose import Diagnosis, _hints, _missing, _nothing, _outside
 from sysid.diagnosis.error_model import Fitted
 from sysid.diagnosis.experiment import DECIDED, deciding, widest
 from sysid.diagnosis.importance import _amplitude_share, _energy_share, importance, reading_share
@@ -140,6 +141,37 @@ def test_of_those_not_told_apart_a_law_of_three_parameters_is_no_simpler_than_tw
         pair = replace(pair, **changes)
         monkeypatch.setattr(field, "possible", [rich, pair])
         assert field.winner() is (rich, pair)[winner]
+
+
+@pytest.mark.parametrize(
+    ("choices", "moved", "winner"), [(5, 0, 0), (5, 1, 1), (6, 1, 0), (7, 1, 0)], ids=str
+)
+def test_what_the_record_must_be_wrong_for_is_one_effect_more(friction, monkeypatch, choices, moved, winner):
+    """Two effects beside a rest angle that moved are no simpler than two with one parameter more."""
+    _, field = friction
+    one = replace(field.best, extra=2, choices=4)
+    other = replace(field.base, extra=2, choices=choices, score=one.score + 1.0)
+    monkeypatch.setattr(Field, "behind", lambda self, scored: 0.0)
+    monkeypatch.setattr("sysid.diagnosis.judgement.odds", lambda scored: 0.0)
+    monkeypatch.setattr(field, "possible", [one, other])
+    assert field.winner(lambda model: moved * (model is one.model)) is (one, other)[winner]
+
+
+def test_what_looks_the_same_is_held_against_the_record_itself(friction, monkeypatch):
+    """A rest angle that moved is named beside the effects that ask for it, and beside no others."""
+    search, field = friction
+    chosen = next(s for s in field.scored if s.model.effects == ("stribeck",))
+    rival = next(s for s in field.scored if s.model.effects == ("coulomb",))
+    monkeypatch.setattr(Field, "near", lambda self, scored: [chosen, rival])
+    monkeypatch.setattr(
+        "sysid.diagnosis.diagnose.record_deviation",
+        lambda model, board, look_at_linear: Deviation(("offset",) if model.effects == ("stribeck",) else ()),
+    )
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    size = importance(chosen.model, ("stribeck",), field.base.model)
+    verdict, _ = _missing(search, field, chosen, size, (), board, frozenset())
+    assert verdict.effects == ("stribeck", "offset")
+    assert verdict.indistinguishable_from == (("coulomb",),)
 
 
 @pytest.mark.parametrize(
