@@ -65,15 +65,18 @@ def missed(case: Case, motion: Motion, releases: Sequence[Release], said: Sequen
     roll = columns.get("roll_rad", motion.states[:, 0])
     rate = columns.get("gyro_x_rad_s")
     signal, quiet = signal_of(releases), list[Release]()
+    stamps, half = case.truth.clock * motion.time, 0.5 / recording.rate
     for release in releases:
-        stamps = case.truth.clock * motion.time
-        inside = (stamps >= release.time[0]) & (stamps <= release.time[-1])
-        inside &= np.any([(motion.time >= a) & (motion.time <= b) for a, b in kept], axis=0)
+        # A stamp that jitters is beside its sample: a release that began one later would be taken for a push.
+        inside = (stamps >= release.time[0] - half) & (stamps <= release.time[-1] + half)
+        touched = ~np.any([(motion.time >= a) & (motion.time <= b) for a, b in kept], axis=0)
+        pushed = bool(touched[inside][:1].any()) and recording.pushed
+        inside &= ~touched
         if np.count_nonzero(inside) > 30:
             quiet.append(
                 replace(
                     release, time=stamps[inside], roll=roll[inside], std=np.full(np.count_nonzero(inside), recording.noise),
-                    rate=None if rate is None else rate[inside], rate_std=None, own_std=None,
+                    hold=0.0 if pushed else release.hold, rate=None if rate is None else rate[inside], rate_std=None, own_std=None,
                 )
             )  # fmt: skip
     if not quiet:
@@ -88,7 +91,11 @@ def missed(case: Case, motion: Motion, releases: Sequence[Release], said: Sequen
         # Another number of the record moves as the linear joint does.
         parts = [search.single((name,), linear) for name in effects] or [linear]
         model = parts[0] if len(parts) == 1 else search.union(*parts[:2])
-        nearest = min(nearest, search.fine(model).cost)
+        fine = search.fine(model)
+        # How fast a deck starts counts as far as the instant of its release can be seen.
+        point = fine.minimum.point
+        seen = fine.problem.too_fast(point, 1.0) - fine.problem.start_penalty(point)
+        nearest = min(nearest, fine.cost + seen)
     return nearest
 
 
