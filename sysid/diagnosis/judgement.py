@@ -246,8 +246,7 @@ class Field:
         found: list[tuple[tuple[float, ...], Scored]] = []
         for s in sorted(near, key=lambda s: s.choices):
             if not found or s.choices <= min(rank for rank, _ in found)[0]:
-                more = moved(s.model)
-                found.append(((s.choices + MOVED * more, s.extra + more, s.choices, -s.score), s))
+                found.append(((s.choices + MOVED * moved(s.model), s.choices, -s.score), s))
         return min(found, key=lambda one: one[0])[1]
 
     def left(self, scored: Scored) -> float:

@@ -173,6 +173,37 @@ def test_what_looks_the_same_is_held_against_the_record_itself(friction, monkeyp
 
 
 @pytest.mark.parametrize(
+    ("choices", "moved", "winner"), [(5, 0, 0), (5, 1, 1), (6, 1, 0), (7, 1, 0)], ids=str
+)
+def test_what_the_record_must_be_wrong_for_is_one_effect_more(friction, monkeypatch, choices, moved, winner):
+    """Two effects beside a rest angle that moved are no simpler than two with one parameter more."""
+    _, field = friction
+    one = replace(field.best, extra=2, choices=4)
+    other = replace(field.base, extra=2, choices=choices, score=one.score + 1.0)
+    monkeypatch.setattr(Field, "behind", lambda self, scored: 0.0)
+    monkeypatch.setattr("sysid.diagnosis.judgement.odds", lambda scored: 0.0)
+    monkeypatch.setattr(field, "possible", [one, other])
+    assert field.winner(lambda model: moved * (model is one.model)) is (one, other)[winner]
+
+
+def test_what_looks_the_same_is_held_against_the_record_itself(friction, monkeypatch):
+    """A rest angle that moved is named beside the effects that ask for it, and beside no others."""
+    search, field = friction
+    chosen = next(s for s in field.scored if s.model.effects == ("stribeck",))
+    rival = next(s for s in field.scored if s.model.effects == ("coulomb",))
+    monkeypatch.setattr(Field, "near", lambda self, scored: [chosen, rival])
+    monkeypatch.setattr(
+        "sysid.diagnosis.diagnose.record_deviation",
+        lambda model, board, look_at_linear: Deviation(("offset",) if model.effects == ("stribeck",) else ()),
+    )
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    size = importance(chosen.model, ("stribeck",), field.base.model)
+    verdict, _ = _missing(search, field, chosen, size, (), board, frozenset())
+    assert verdict.effects == ("stribeck", "offset")
+    assert verdict.indistinguishable_from == (("coulomb",),)
+
+
+@pytest.mark.parametrize(
     ("gap", "limit", "head", "hint"),
     [
         (TIE - 1, 0.0, "Nothing is missing beyond doubt.", "may be there, and would matter (score better by"),

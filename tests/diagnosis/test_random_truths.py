@@ -1,15 +1,32 @@
 """The logs of the random suite hold what they say."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import random_truths
 import reliability
-from random_suite import board_of, run
-from random_truths import INERTIA, OUTSIDE, STIFFNESS, VARIANTS, Case, Truth, draw, move, read, sizes, visible
+from hidden_truths import VISIBLE
+from random_suite import board_of, missed, run
+from random_truths import (
+    INERTIA,
+    OUTSIDE,
+    STIFFNESS,
+    VARIANTS,
+    Case,
+    Truth,
+    draw,
+    move,
+    read,
+    sizes,
+    visible,
+    write,
+)
 
 from sysid.diagnosis.judgement import calibrated
+from sysid.logs import read_roll
+from sysid.releases import find_releases
 
 
 def held_and_let_go(truth: Truth, seed: int = 0) -> Case:
@@ -129,3 +146,17 @@ def test_calibration_finds_what_confidence_is_deserved() -> None:
     )
     mean, hits, count = reliability.bins(np.array([0.92, 0.94, 1.0]), np.array([True, False, True]))[0]
     assert (mean, hits, count) == (pytest.approx(0.93), 1, 2)
+
+
+@pytest.mark.parametrize(
+    "seed", [87042, 86854], ids=["stamps that jitter", "a stop within the first milliseconds"]
+)
+def test_what_a_start_alone_would_show_is_missed_no_further_than_its_instant_is_seen(
+    seed: int, tmp_path: Path
+) -> None:
+    """A sample that begins late, or a stop that is left before the release is found, starts faster than from rest."""
+    case = draw(seed)
+    motion = move(case)
+    write(case, motion, tmp_path / "log.csv")
+    releases = find_releases(read_roll(tmp_path / "log.csv"))
+    assert missed(case, motion, releases, [("coulomb",)]) < VISIBLE / 2
