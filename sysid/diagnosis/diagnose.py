@@ -490,8 +490,7 @@ def _material(
 
     def idles(name: str, beside: Model) -> bool:
         unnoticed = tried.left(tried.score(beside)) < UNNOTICED
-        small = unnoticed or not importance(winner, [name], beside).matters
-        return small and moved(beside) <= moved(winner)  # else another would be named in its place
+        return unnoticed or not importance(winner, [name], beside).matters
 
     while len(named := search.added(winner)) > 1:
         beside = {name: less(name) for name in named}

@@ -143,35 +143,6 @@ def test_of_those_not_told_apart_a_law_of_three_parameters_is_no_simpler_than_tw
         assert field.winner() is (rich, pair)[winner]
 
 
-@pytest.mark.parametrize(("more", "moved", "winner"), [(0, 0, 0), (0, 1, 1), (1, 1, 0), (2, 1, 0)], ids=str)
-def test_what_the_record_must_be_wrong_for_is_one_effect_more(friction, monkeypatch, more, moved, winner):
-    """Of two effects beside a rest angle that moved, and two with as many parameters more, the latter are simpler."""
-    _, field = friction
-    one = replace(field.best, extra=2, choices=4)
-    other = replace(field.base, extra=2, choices=6 + more, score=one.score + 1.0)
-    monkeypatch.setattr(Field, "behind", lambda self, scored: 0.0)
-    monkeypatch.setattr("sysid.diagnosis.judgement.odds", lambda scored: 0.0)
-    monkeypatch.setattr(field, "possible", [one, other])
-    assert field.winner(lambda model: moved * (model is one.model)) is (one, other)[winner]
-
-
-def test_what_looks_the_same_is_held_against_the_record_itself(friction, monkeypatch):
-    """A rest angle that moved is named beside the effects that ask for it, and beside no others."""
-    search, field = friction
-    chosen = next(s for s in field.scored if s.model.effects == ("stribeck",))
-    rival = next(s for s in field.scored if s.model.effects == ("coulomb",))
-    monkeypatch.setattr(Field, "near", lambda self, scored: [chosen, rival])
-    monkeypatch.setattr(
-        "sysid.diagnosis.diagnose.record_deviation",
-        lambda model, board, look_at_linear: Deviation(("offset",) if model.effects == ("stribeck",) else ()),
-    )
-    board = load_board(shipped_data() / "boards" / "pink.toml")
-    size = importance(chosen.model, ("stribeck",), field.base.model)
-    verdict, _ = _missing(search, field, chosen, size, (), board, frozenset())
-    assert verdict.effects == ("stribeck", "offset")
-    assert verdict.indistinguishable_from == (("coulomb",),)
-
-
 @pytest.mark.parametrize(
     ("choices", "moved", "winner"), [(5, 0, 0), (5, 1, 1), (6, 1, 0), (7, 1, 0)], ids=str
 )
