@@ -40,7 +40,7 @@ CONVERGED = 0.15
 MIN_CONTRAST = 12.0
 """Step of brightness at a marker's edge [grey levels]."""
 STEP_WINDOW = 1.4
-"""Width of what tells where an edge is, in widths of its step: black on white stands far above noise."""
+"""Width of the window that tells where an edge is, as a factor of the width of its step: black on white stands far above noise."""
 CORNER_DEAD_ZONE = 0.03
 """Motion that compression leaves out of black on white, to either side [px]: what corners in long films err by beyond what they
 scatter within a frame (0.015 px), as a width."""
