@@ -402,7 +402,7 @@ def test_rehearsal_drives_the_simulated_robot_over_the_network(capsys, tmp_path)
     world_or_skip()
     pytest.importorskip("cyclonedds", reason="the robot's interface needs cyclonedds (extra 'robot')")
     code, said = call(
-        capsys, "run", "stand", "-b", "pink", "--start", "steer", "--gantry", "--robot", "rehearsal",
+        capsys, "run", "stand", "-b", "pink", "--start", "stand", "--robot", "rehearsal",
         "--domain", 79, "--duration", 0.5, "--ramp", 0.2, "--link-timeout", 10, "-o", tmp_path, "--json", "-",
     )  # fmt: skip
     result = json.loads(said.out)
