@@ -43,19 +43,19 @@ def backbone_of(
 
 def _half_swings(time: Array, tilt: Array, window: int | None, noise: float) -> tuple[Array, Array, Array]:
     """Return amplitude, period and damping ratio of each half swing between turning points."""
-    from scipy.signal import find_peaks
-
     if window is None:
         return np.empty(0), np.empty(0), np.empty(0)
     y = derivatives(time, tilt, window)[0]
     least = max(6 * noise, 0.01 * float(np.abs(tilt).max()))
-    gap = 2 * window  # a third of a period
-    peaks = np.sort(np.concatenate([find_peaks(sign * y, height=least, distance=gap)[0] for sign in (1, -1)]))
+    clear = np.flatnonzero(np.abs(y) >= least)
+    swings = np.split(clear, np.flatnonzero(np.diff(np.signbit(y[clear]))) + 1)
+    peaks = np.array([swing[np.abs(y[swing]).argmax()] for swing in swings if len(swing)], dtype=int)
+    peaks = peaks[(peaks > 0) & (peaks < len(y) - 1)]  # at an end it may have gone on
     if len(peaks) < 2:
         return np.empty(0), np.empty(0), np.empty(0)
     size = np.abs(y[peaks])
     shrink = np.log(size[:-1] / size[1:])
-    usable = (np.diff(np.sign(y[peaks])) != 0) & (shrink > 0)
+    usable = shrink > 0
     amplitude = np.sqrt(size[:-1] * size[1:])[usable]
     period = 2 * np.diff(time[peaks])[usable]
     damping = (shrink / np.hypot(np.pi, shrink))[usable]

@@ -144,15 +144,19 @@ def filter_length(time: Array, roll: Array, law: JointLaw) -> int | None:
 def derivatives(time: Array, roll: Array, window: int) -> tuple[Array, Array, Array]:
     """Return roll [rad], rate [rad/s] and acceleration [rad/s^2], shape (n,) each, smoothed over an odd number of samples.
 
-    By Savitzky and Golay's filter.
+    By Savitzky and Golay's filter (1964): a polynomial through the samples about each, at both ends the one of the outermost
+    window. SciPy's takes longer to load than a comparison takes.
     """
-    from scipy.signal import savgol_filter
-
-    step, order = float(np.median(np.diff(time))), 4 if window >= QUARTIC_WINDOW else 2
-    smooth, rate, acceleration = (
-        np.asarray(savgol_filter(roll, window, order, deriv=deriv, delta=step)) for deriv in range(3)
-    )
-    return smooth, rate, acceleration
+    half, order = window // 2, 4 if window >= QUARTIC_WINDOW else 2
+    fit = np.linalg.pinv(np.vander(np.arange(-half, half + 1) / half, order + 1))
+    centre = np.clip(np.arange(len(roll)), half, len(roll) - 1 - half)
+    curve = np.stack([np.convolve(roll, row[::-1], "valid") for row in fit])[:, centre - half]
+    powers = ((np.arange(len(roll)) - centre) / half) ** np.arange(order, -1, -1)[:, None]
+    slope = curve[:-1] * np.arange(order, 0, -1)[:, None]
+    bend = slope[:-1] * np.arange(order - 1, 0, -1)[:, None]
+    step = half * float(np.median(np.diff(time)))
+    smooth, rate, acceleration = ((part * powers[-len(part) :]).sum(axis=0) for part in (curve, slope, bend))
+    return smooth, rate / step, acceleration / step**2
 
 
 def _torque_left(law: JointLaw, motion: tuple[Array, Array, Array]) -> Array:

@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import savgol_filter
 
 from sysid.board import load_board
 from sysid.cli.subject import Subject
 from sysid.comparison.compare import compare
+from sysid.comparison.force_surface import derivatives
 from sysid.fitting.joint import fit_joint
 from sysid.joint import JointLaw, simulate
 from sysid.logs import read_roll
@@ -73,6 +75,15 @@ def test_backbone_shows_hardening_in_the_measurement_only(pink):
         for b in (result.measured_backbone, result.simulated_backbone)
     ]
     assert slope[0] < 5 * -abs(slope[1])
+
+
+@pytest.mark.parametrize("window", [5, 7, 41])
+def test_the_filter_is_the_one_of_savitzky_and_golay(window):
+    roll = np.random.default_rng(1).standard_normal(300)
+    order = 4 if window >= 7 else 2
+    for found, deriv in zip(derivatives(np.arange(300) / 200.0, roll, window), range(3), strict=True):
+        expected = savgol_filter(roll, window, order, deriv=deriv, delta=1 / 200.0)
+        assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
 
 
 def test_a_sensor_on_one_side_puts_the_error_there(pink):

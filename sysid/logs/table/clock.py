@@ -274,8 +274,6 @@ def _even_times(time: Array) -> Array | None:
     Where the stamps come in bursts, they are never early by much, so the lowest of (stamp − index · period) within a window longer than a
     burst is the true offset; where that steps up and stays up, samples are missing.
     """
-    from scipy.ndimage import minimum_filter1d
-
     count = time.size
     steps = np.diff(time)
     lengths = steps / float(np.median(steps) or np.inf)
@@ -294,6 +292,8 @@ def _even_times(time: Array) -> Array | None:
     period = float(np.median((time[window:] - time[:-window]) / window))
     if period <= 0:
         return None
+    from scipy.ndimage import minimum_filter1d  # slow to load, and seldom needed
+
     start = 0.0
     index = np.arange(count, dtype=np.float64)
     for _ in range(2):
