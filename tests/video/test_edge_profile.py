@@ -19,7 +19,7 @@ def test_an_edge_is_found_about_as_well_as_white_noise_allows():
     for _ in range(20):
         grey = np.clip(clean + rng.normal(0, noise, clean.shape), 0, 255).astype(np.uint8)
         frame = frame_of(0, 0.0, np.repeat(grey[..., None], 3, axis=2))
-        found.append(find_pieces(frame, ends[:, ::-1], 4.0, 8.0, 1.0)[0, :, 0])
+        found.append(find_pieces(frame, ends[:, ::-1], 4.0, 8.0, 1.0)[0, 0, :, 0])
     bound = noise * np.sqrt(2 * np.sqrt(np.pi) * blur / (rows / PIECES)) / contrast
     assert np.std(found) < 1.3 * bound
     assert np.mean(found) == pytest.approx(59.5, abs=0.05)
