@@ -39,8 +39,9 @@ MAX_RATE, MAX_READOUT = 1e5, 0.1
 PLANES, BLACK, WHITE = "yuv420p", 16, 235
 """How nearly all films hold pictures: 8 bits of brightness within this range, and chroma at half the resolution."""
 TO_COLOUR = np.array([[1.164, 2.018, 0.0], [1.164, -0.391, -0.813], [1.164, 0.0, 1.596]])
-TO_COLOUR = np.column_stack([TO_COLOUR, -TO_COLOUR @ [BLACK, 128, 128]])
-"""From brightness and chroma to blue, green and red (ITU-R BT.601), as OpenCV does it."""
+"""Blue, green and red of brightness beyond `BLACK` and chroma beyond `NEUTRAL` (ITU-R BT.601), as OpenCV has it."""
+NEUTRAL = 128
+"""Chroma of grey."""
 TURNS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
 """What turns a picture clockwise [deg]."""
 
@@ -114,7 +115,9 @@ class Frame:
         if times == 1:
             return self.coloured()[0], times
         chroma = [cv2.resize(halved(one, side)[0], bright.shape[::-1]) for one in self.chroma]
-        return np.asarray(cv2.transform(cv2.merge([bright, *chroma]), TO_COLOUR), np.uint8), times
+        grey = np.array([[BLACK], [NEUTRAL], [NEUTRAL]])
+        turn = np.hstack([TO_COLOUR, -TO_COLOUR @ grey])
+        return np.asarray(cv2.transform(cv2.merge([bright, *chroma]), turn), np.uint8), times
 
     def within(self, box: Box) -> Box:
         """Return what was kept of a box [px]."""

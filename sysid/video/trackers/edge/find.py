@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from sysid.roll import Array
 from sysid.video.film.survey import Survey
@@ -103,9 +102,10 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
         sides = (np.linspace(-far, far, count) for far, count in zip(reach, steps, strict=True))
         tried = np.stack(np.meshgrid(*sides), -1).reshape(-1, 2)
         coarse = step * [COARSER, 1]
-        aside = np.round(_turned_back(tried, turns) / coarse).astype(int)
-        wide = _grid(half + coarse * np.abs(aside).max(axis=(0, 1)), coarse)
-        pivot = pivot + tried[_sharpest(shown_on(wide), weight, aside)]
+        aside = _turned_back(tried, turns) / coarse
+        wide = _grid(half + coarse * (1 + np.ceil(np.abs(aside).max(axis=(0, 1)))), coarse)
+        some = slice(None, None, 1 if round_ == 3 else 2)  # all of them at last
+        pivot = pivot + tried[_sharpest(shown_on(wide)[some], weight[some], aside[:, some])]
         reach, steps = np.maximum(2 * reach / (steps - 1), unit), np.array([5, 5])
         turns = turns + _level(_mean(shown_on(grid), weight), np.radians(15.0 if round_ < 3 else 2.0))
         shown = shown_on(grid)
@@ -196,7 +196,7 @@ def _shown(one: Steps, centre: Array, turn: float, grid: Grid) -> Image:
 
 def _turned_back(place: Array, turns: Array) -> Array:
     """Turn m places (m, 2) [px] back by n angles [rad], shape (m, n, 2)."""
-    z = (place @ [1, 1j])[:, None] * np.exp(-1j * turns)
+    z = (place[:, :1] + 1j * place[:, 1:]) * np.exp(-1j * turns)
     return np.stack([z.real, z.imag], axis=-1)
 
 
@@ -204,36 +204,41 @@ def _mean(pictures: Sequence[Image] | Image, weight: Array) -> Image:
     return np.asarray(np.tensordot(weight.astype(np.float32), pictures, 1), np.float32)
 
 
-def _sharpest(shown: Image, weight: Array, aside: npt.NDArray[np.intp]) -> int:
+def _sharpest(shown: Image, weight: Array, aside: Array) -> int:
     """Return about which of m places n pictures, turned back, have the sharpest edges.
 
     Turned back about another place, a picture is the same one, shifted: by so many steps of the grid, shape (m, n, 2).
     """
-    margin = np.abs(aside).max(axis=(0, 1))
+    margin = np.ceil(np.abs(aside).max(axis=(0, 1))).astype(int) + 1
     columns, rows = np.array(shown.shape[:0:-1]) - 2 * margin
     score: list[float] = []
-    for begins in (aside + margin).tolist():
-        parts = [one[y : y + rows, x : x + columns] for one, (x, y) in zip(shown, begins, strict=True)]
-        score.append(_sharpness(_mean(parts, weight)))
+    for begins in aside + margin:
+        mean: Image = np.zeros((rows, columns), np.float32)
+        for one, w, (x, y) in zip(shown, weight.tolist(), begins.tolist(), strict=True):
+            left, top = round(x), int(y)
+            part = one[top : top + rows + 1, left : left + columns]
+            mean += np.float32(w * (top + 1 - y)) * part[:-1]
+            mean += np.float32(w * (y - top)) * part[1:]
+        score.append(_sharpness(mean))
     return int(np.argmax(score))
 
 
-def _in_most_attitudes(shown: Image, turns: Array) -> Array:
+def _in_most_attitudes(shown: Image, turns: Array) -> Image:
     """What shows of an edge in all attitudes but a few: the horizon does where the deck rests."""
     attitude = np.round(turns / (2 * ATTITUDE_STEP)).astype(int)
     each = [shown[attitude == one].mean(axis=0) for one in np.unique(attitude)]
-    return np.asarray(np.quantile(each, MISSING_ATTITUDES, axis=0), np.float64)
+    return np.quantile(each, MISSING_ATTITUDES, axis=0).astype(np.float32)
 
 
-def _sharpness(mean: Array) -> float:
+def _sharpness(mean: Image) -> float:
     """How straight and thin the edges are."""
     return float(np.sum(_ridges(mean).mean(axis=1) ** 2))
 
 
-def _ridges(mean: Array) -> Array:
+def _ridges(mean: Image) -> Image:
     """How much more of an edge there is than above and below."""
     beside = np.maximum(np.roll(mean, HALF_RIDGE, axis=0), np.roll(mean, -HALF_RIDGE, axis=0))
-    ridge = np.maximum(mean - beside, 0.0)
+    ridge = np.maximum(mean - beside, np.float32(0))
     ridge[:HALF_RIDGE] = ridge[-HALF_RIDGE:] = 0.0
     return ridge
 
@@ -243,7 +248,7 @@ def _level(mean: Image, reach: float) -> float:
     rows, columns = np.indices(mean.shape)[:, :, ::COARSER]
 
     def best(tried: Array) -> float:
-        score = [_sharpness(_seen_at(mean, *_places(mean, rows, columns, turn))) for turn in tried]
+        score = [_sharpness(_turned_on([mean], rows, columns, turn)[0]) for turn in tried]
         return float(tried[int(np.argmax(score))])
 
     rough = best(np.linspace(-reach, reach, 21))
@@ -252,35 +257,34 @@ def _level(mean: Image, reach: float) -> float:
 
 def _own_turns(shown: Image, mean: Image) -> Array:
     """How much more each of n pictures is to be turned to show most of the edges that all have [rad], shape (n,)."""
-    clear = np.nonzero(mean >= CLEAR * mean.max())
-    there = _places(mean, *clear, NEAR_TURNS[:, None])
-    score = [_seen_at(one, *there) @ mean[clear] for one in shown]
+    rows, columns = np.nonzero(mean >= CLEAR * mean.max())
+    score = _turned_on(shown, rows, columns, NEAR_TURNS[:, None]) @ mean[rows, columns]
     return NEAR_TURNS[np.argmax(score, axis=1)]
 
 
 def _any_turn(one: Steps, centre: Array, grid: Grid, mean: Image) -> float:
     """The turn, of all, at which a picture shows most of the edges that all have [rad]."""
-    rows, columns = np.nonzero(mean[:, ::COARSER] >= CLEAR * mean.max())
-    turns = np.arange(-MAX_TURN, MAX_TURN, np.radians(1.5))[:, None]
-    z = (grid[0][::COARSER][columns] + 1j * grid[1][rows]) * np.exp(1j * turns)
-    step = one.across(centre + np.stack([z.real, z.imag], axis=-1), turns)
-    score = np.minimum(np.abs(step), MAX_SLOPE) @ mean[:, ::COARSER][rows, columns]
-    return float(turns[int(np.argmax(score)), 0])
+    (x, y), mean = grid, mean[:, ::COARSER]
+    rows, columns = np.nonzero(mean >= CLEAR * mean.max())
+    turns = np.arange(-MAX_TURN, MAX_TURN, np.radians(1.5))
+    place = np.stack([x[::COARSER][columns], y[rows]], axis=1)
+    step = one.across(centre + np.swapaxes(_turned_back(place, -turns), 0, 1), turns[:, None])
+    return float(turns[np.argmax(np.minimum(np.abs(step), MAX_SLOPE) @ mean[rows, columns])])
 
 
-def _places(picture: Image, rows: Rows, columns: Rows, turn: Array | float) -> tuple[Image, Image]:
-    """Columns and rows of a picture on the grid where some of its places are when turned about its middle [rad]."""
-    down, across = (np.array(picture.shape) - 1) / 2
+def _turned_on(shown: Sequence[Image] | Image, rows: Rows, columns: Rows, turn: Array | float) -> Image:
+    """Return what n pictures on the grid show at some of its places, turned about its middle [rad], shape (n, ...).
+
+    By cubics: straight lines would blur what they read between pixels, and so prefer no turn.
+    """
+    down, across = (np.array(shown[0].shape) - 1) / 2
     z = (GRID_ACROSS * (columns - across) + 1j * GRID_DOWN * (rows - down)) * np.exp(1j * turn)
-    return np.asarray(z.real / GRID_ACROSS + across, np.float32), np.asarray(z.imag / GRID_DOWN + down, np.float32)
+    x, y = (z.real / GRID_ACROSS + across).astype(np.float32), (z.imag / GRID_DOWN + down).astype(np.float32)
+    seen = [cv2.remap(one, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE) for one in shown]
+    return np.array(seen, np.float32)
 
 
-def _seen_at(picture: Image, columns: Image, rows: Image) -> Image:
-    seen = cv2.remap(picture, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(seen, np.float32)
-
-
-def _lines(mean: Array, x: Array, y: Array, shortest: float) -> Array:
+def _lines(mean: Image, x: Array, y: Array, shortest: float) -> Array:
     """Ridges of the mean picture: left and right end of each."""
     ridge = _ridges(mean)
     strength = ridge.mean(axis=1)
@@ -299,5 +303,7 @@ def _lines(mean: Array, x: Array, y: Array, shortest: float) -> Array:
             continue
         a, b = np.quantile(there, [0.02, 0.98]).astype(int)
         if x[b] - x[a] >= shortest:
-            found.append(np.array([[x[a], y[row]], [x[b], y[row]]]))
+            before, most, after = strength[row - 1 : row + 2]
+            top = y[row] + 0.5 * (y[1] - y[0]) * (before - after) / (before - 2 * most + after)
+            found.append(np.array([[x[a], top], [x[b], top]]))
     return np.array(found).reshape(-1, 2, 2)
