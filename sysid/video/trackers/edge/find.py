@@ -102,7 +102,7 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
         sides = (np.linspace(-far, far, count) for far, count in zip(reach, steps, strict=True))
         tried = np.stack(np.meshgrid(*sides), -1).reshape(-1, 2)
         coarse = step * [COARSER, 1]
-        aside = _turned_back(tried, turns) / coarse
+        aside = turned(tried[:, None], -turns) / coarse
         wide = _grid(half + coarse * (1 + np.ceil(np.abs(aside).max(axis=(0, 1)))), coarse)
         some = slice(None, None, 1 if round_ == 3 else 2)  # all of them at last
         pivot = pivot + tried[_sharpest(shown_on(wide)[some], weight[some], aside[:, some])]
@@ -175,9 +175,10 @@ def _attitudes(turns: Array) -> Array:
     return weight / weight.sum()
 
 
-def turned(place: Array, turn: float) -> Array:
-    """Turn places [px], shape (m, 2) or with more axes before, about the origin, clockwise in the picture [rad]."""
-    return place @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+def turned(place: Array, turn: Array | float) -> Array:
+    """Turn places [px], shape (..., 2), about the origin, clockwise in the picture [rad]; turns broadcast with the axes but the last."""
+    z = (place[..., 0] + 1j * place[..., 1]) * np.exp(1j * np.asarray(turn))
+    return np.stack([z.real, z.imag], axis=-1)
 
 
 def _grid(half: Array, step: Array) -> Grid:
@@ -192,12 +193,6 @@ def _shown(one: Steps, centre: Array, turn: float, grid: Grid) -> Image:
     step = one.on_grid(centre, x, y, turn)
     width = max(1, round(STRAIGHT_LENGTH / (one.scale * float(x[1] - x[0]))))
     return np.asarray(np.minimum(np.abs(cv2.blur(step, (width, 1))), MAX_SLOPE), np.float32)
-
-
-def _turned_back(place: Array, turns: Array) -> Array:
-    """Turn m places (m, 2) [px] back by n angles [rad], shape (m, n, 2)."""
-    z = (place[:, :1] + 1j * place[:, 1:]) * np.exp(-1j * turns)
-    return np.stack([z.real, z.imag], axis=-1)
 
 
 def _mean(pictures: Sequence[Image] | Image, weight: Array) -> Image:
@@ -268,7 +263,7 @@ def _any_turn(one: Steps, centre: Array, grid: Grid, mean: Image) -> float:
     rows, columns = np.nonzero(mean >= CLEAR * mean.max())
     turns = np.arange(-MAX_TURN, MAX_TURN, np.radians(1.5))
     place = np.stack([x[::COARSER][columns], y[rows]], axis=1)
-    step = one.across(centre + np.swapaxes(_turned_back(place, -turns), 0, 1), turns[:, None])
+    step = one.across(centre + turned(place, turns[:, None]), turns[:, None])
     return float(turns[np.argmax(np.minimum(np.abs(step), MAX_SLOPE) @ mean[rows, columns])])
 
 

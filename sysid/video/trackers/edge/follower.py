@@ -88,9 +88,9 @@ class EdgeFollower:
         reach = MAX_TURN if self._lost else MAX_FRAME_TURN
         middle = 0.0 if self._lost else self._turn
         turn, shift = middle, 0.0
-        ends = [turned(self.end.ends, middle + part * reach) for part in (-1, -0.5, 0, 0.5, 1)]
-        low, high = (centre + far for far in (np.min(ends, axis=(0, 1, 2)), np.max(ends, axis=(0, 1, 2))))
-        (left, top), (right, bottom) = (low - MARGIN * unit).astype(int), (high + MARGIN * unit).astype(int)
+        place = centre + turned(self.end.ends.reshape(-1, 1, 2), middle + np.linspace(-reach, reach, 5))
+        left, top = (place.min(axis=(0, 1)) - MARGIN * unit).astype(int).tolist()
+        right, bottom = (place.max(axis=(0, 1)) + MARGIN * unit).astype(int).tolist()
         steps = steps_of(frame.cut((left, top, right, bottom)), scale)
         for width, count, astray in (
             (reach, 1 + round(2 * reach / TURN_STEP), MAX_SHIFT),
@@ -109,11 +109,8 @@ class EdgeFollower:
         share = np.linspace(0.0, 1.0, EDGE_SAMPLES)[:, None]
         line = self.end.ends[:, None, 0] + share * (self.end.ends[:, 1] - self.end.ends[:, 0])[:, None]
         moved = line + shifts[:, None, None, None] * [0.0, 1.0]  # (S, E, P, 2)
-        cosine, sine = np.cos(turns)[:, None, None, None], np.sin(turns)[:, None, None, None]
-        place = np.stack(
-            [cosine * moved[..., 0] - sine * moved[..., 1], sine * moved[..., 0] + cosine * moved[..., 1]], -1
-        )
-        step = steps.across(centre + place, turns[:, None, None, None])
+        every = turns[:, None, None, None]
+        step = steps.across(centre + turned(moved, every), every)
         step = step.reshape(*step.shape[:3], EDGE_SAMPLES // AVERAGED_SAMPLES, AVERAGED_SAMPLES).mean(axis=4)
         length = self.end.ends[:, 1, 0] - self.end.ends[:, 0, 0]
         return np.minimum(np.abs(step), MAX_SLOPE).mean(axis=3) @ length
