@@ -150,7 +150,7 @@ def test_the_deck_end_is_what_coincides_when_pictures_are_turned_back(swing):
     assert all(min(abs(at - 190), abs(at - 210), abs(at - 174)) < 3 for at in across)  # not the horizon
     assert np.ptp(end.ends[..., 0], axis=1).max() > 140
     off = np.degrees(end.turns - rolls)
-    assert np.abs(off - np.median(off)).max() < 2.0
+    assert np.abs(off - np.median(off)).max() < 0.6
 
 
 def test_its_edges_are_followed_into_attitudes_that_were_not_looked_at(swing):

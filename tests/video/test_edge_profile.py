@@ -19,7 +19,16 @@ def test_an_edge_is_found_about_as_well_as_white_noise_allows():
     for _ in range(20):
         grey = np.clip(clean + rng.normal(0, noise, clean.shape), 0, 255).astype(np.uint8)
         frame = frame_of(0, 0.0, np.repeat(grey[..., None], 3, axis=2))
-        found.append(find_pieces(frame, ends[:, ::-1], 4.0, 8.0, 1.0)[0, :, 0])
+        found.append(find_pieces(frame, ends[:, ::-1], 4.0, 8.0, 1.0)[0, 0, :, 0])
     bound = noise * np.sqrt(2 * np.sqrt(np.pi) * blur / (rows / PIECES)) / contrast
     assert np.std(found) < 1.3 * bound
     assert np.mean(found) == pytest.approx(59.5, abs=0.05)
+
+
+def test_both_sides_of_a_stripe_are_found_by_how_brightness_steps():
+    shade = np.where(np.abs(np.arange(60) - 29.5) < 5, 60.0, 160.0)  # from 24.5 to 34.5
+    picture = cv2.GaussianBlur(np.tile(shade[:, None], (1, 200)), (0, 0), 0.8).astype(np.uint8)
+    along = np.array([[[20.0, 29.5], [180.0, 29.5]]])
+    rises, falls = find_pieces(frame_of(0, 0.0, picture), along, 8.0, 8.0, 1.0, (1, -1))[:, 0, :, 1]
+    assert rises == pytest.approx(24.5, abs=0.05)  # the normal of the way to the right is up
+    assert falls == pytest.approx(34.5, abs=0.05)

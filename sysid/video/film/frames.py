@@ -38,6 +38,10 @@ MAX_RATE, MAX_READOUT = 1e5, 0.1
 """What no camera reaches: frames a second [Hz], and time for reading a frame [s]."""
 PLANES, BLACK, WHITE = "yuv420p", 16, 235
 """How nearly all films hold pictures: 8 bits of brightness within this range, and chroma at half the resolution."""
+TO_COLOUR = np.array([[1.164, 2.018, 0.0], [1.164, -0.391, -0.813], [1.164, 0.0, 1.596]])
+"""Blue, green and red of brightness beyond `BLACK` and chroma beyond `NEUTRAL` (ITU-R BT.601), as OpenCV has it."""
+NEUTRAL = 128
+"""Chroma of grey."""
 TURNS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
 """What turns a picture clockwise [deg]."""
 
@@ -104,6 +108,16 @@ class Frame:
         down, across = top - some.corner[1], left - some.corner[0]
         seen = seen[down : down + bottom - top, across : across + right - left]
         return np.asarray(seen, np.uint8), (left, top)
+
+    def small(self, side: int) -> tuple[Picture, int]:
+        """Return all of it in colour, halved until its longer side is at most `side` [px], and the film's px in one of it."""
+        bright, times = halved(self.picture, side)
+        if times == 1:
+            return self.coloured()[0], times
+        chroma = [cv2.resize(halved(one, side)[0], bright.shape[::-1]) for one in self.chroma]
+        grey = np.array([[BLACK], [NEUTRAL], [NEUTRAL]])
+        turn = np.hstack([TO_COLOUR, -TO_COLOUR @ grey])
+        return np.asarray(cv2.transform(cv2.merge([bright, *chroma]), turn), np.uint8), times
 
     def within(self, box: Box) -> Box:
         """Return what was kept of a box [px]."""

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.errors import SysidError
-from sysid.video.film.frames import Clip, Frame, halved
+from sysid.video.film.frames import Clip, Frame
 from sysid.video.types import Box, Mask, Picture
 
 SMALL_SIDE = 640
@@ -55,7 +55,7 @@ class Motion:
     def add(self, frame: Frame) -> None:
         """Take in one more whole frame."""
         self._shape = frame.picture.shape[:2]
-        small, times = halved(frame.coloured()[0], SMALL_SIDE)
+        small, times = frame.small(SMALL_SIDE)
         scale = 1 / times
         if self._start is None:
             self._start = _grey(small)

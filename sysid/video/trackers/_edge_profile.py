@@ -16,7 +16,9 @@ ROUNDS = 4
 """Times that a step is looked for about where it was found."""
 
 
-def find_pieces(frame: Frame, ends: Array, reach: float, faintest: float, window: float) -> Array:
+def find_pieces(
+    frame: Frame, ends: Array, reach: float, faintest: float, window: float, ways: tuple[int, ...] = (1,)
+) -> Array:
     """Move points evenly along edges onto the brightness steps nearby that rise across them.
 
     Args:
@@ -27,9 +29,10 @@ def find_pieces(frame: Frame, ends: Array, reach: float, faintest: float, window
         faintest: Step of brightness that a point takes [grey levels].
         window: Width of what tells where a step is, in widths of the step: 1 is best against noise, more where contrast leaves that
             small beside what the pixels' grid does to an edge along it.
+        ways: 1 for steps that rise, -1 for those that fall.
 
     Returns:
-        Shape (m, PIECES, 2) [px]; NaN where there is no such step.
+        Shape (ways, m, PIECES, 2) [px]; NaN where there is no such step.
     """
     along = ends[:, None, 1] - ends[:, None, 0]
     length = np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-9)
@@ -42,29 +45,29 @@ def find_pieces(frame: Frame, ends: Array, reach: float, faintest: float, window
     x, y = np.moveaxis(samples.astype(np.float32).reshape(-1, len(offset), 2), 2, 0)
     seen = cv2.remap(frame.picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     profile = seen.astype(np.float64).reshape(len(ends), PIECES, profiles, -1).mean(axis=2)
-    step, offset = np.diff(profile, axis=2), offset[:-1] + 0.5
+    step, offset = np.array(ways)[:, None, None, None] * np.diff(profile, axis=2), offset[:-1] + 0.5
     place, rise = _steepest(step, offset, window)
     place = np.where((rise < faintest) | (np.abs(place) > reach), np.nan, place)
     return feet.reshape(len(ends), PIECES, profiles, 2).mean(axis=2) + place[..., None] * normal
 
 
 def _steepest(step: Array, offset: Array, window: float) -> tuple[Array, Array]:
-    """Where brightness rises most [px], and by how much, each (m, count).
+    """Where brightness rises most [px], and by how much, each of the shape of steps (..., m, count, S) without its last axis.
 
     That is the centroid of the steps under a window about it: for any symmetric blur the true edge, and, if it is as wide as they
     are, what a step of that width fits best in white noise. One that takes in all of the step takes in much more of it.
     """
     smooth = step.copy()
     smooth[..., 1:-1] = (step[..., :-2] + 2 * step[..., 1:-1] + step[..., 2:]) / 4
-    place, top = offset[np.argmax(smooth, axis=2)], smooth.max(axis=2)
+    place, top = offset[np.argmax(smooth, axis=-1)], smooth.max(axis=-1)
     near = np.abs(offset - place[..., None]) <= 4
-    rise = (np.maximum(step - 0.1 * top[..., None], 0) * near).sum(axis=2)
+    rise = (np.maximum(step - 0.1 * top[..., None], 0) * near).sum(axis=-1)
     # One width for all of an edge: that of a normal distribution as high.
-    width = window * np.median(rise / np.maximum(top, 1e-9), axis=1, keepdims=True) / np.sqrt(2 * np.pi)
+    width = window * np.median(rise / np.maximum(top, 1e-9), axis=-1, keepdims=True) / np.sqrt(2 * np.pi)
     for _ in range(ROUNDS):
         away = (offset - place[..., None]) / np.maximum(width, MIN_WIDTH)[..., None]
         weight = np.maximum(step, 0) * np.exp(-(away**2) / 2)
-        place = (weight * offset).sum(axis=2) / np.maximum(weight.sum(axis=2), 1e-9)
+        place = (weight * offset).sum(axis=-1) / np.maximum(weight.sum(axis=-1), 1e-9)
     return place, rise
 
 

@@ -146,9 +146,8 @@ class MarkerFollower:
         place, reach = rough, min(0.75 * cell, 3.0 + 3.0 * self._miss, 12.0)
         for _ in range(3):
             before = place
-            edges = find_pieces(
-                frame, np.stack([place, np.roll(place, -1, axis=0)], axis=1), reach, MIN_CONTRAST, STEP_WINDOW
-            )
+            ends = np.stack([place, np.roll(place, -1, axis=0)], axis=1)
+            (edges,) = find_pieces(frame, ends, reach, MIN_CONTRAST, STEP_WINDOW)
             if np.isnan(edges).any(axis=2).mean(axis=1).max() > 0.5:
                 return None
             place = corners([edge[np.isfinite(edge).all(axis=1)] for edge in edges])

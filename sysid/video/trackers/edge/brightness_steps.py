@@ -7,7 +7,7 @@ import numpy as np
 
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, halved
-from sysid.video.types import Image
+from sysid.video.types import Box, Image
 
 STEPS_SIDE = 640
 """Longer side of the pictures in which edges are looked for [px]."""
@@ -25,6 +25,11 @@ class Steps:
     """Its pixels in one of the film."""
     corner: tuple[int, int] = (0, 0)
     """Left and top of the picture in the film's [px]."""
+
+    @property
+    def amount(self) -> Image:
+        """How steep they are [grey levels/px], shape (h, w)."""
+        return np.asarray(np.abs(self.slopes.view(np.complex64)[..., 0]), np.float32)
 
     def here(self, place: Array) -> Array:
         """Return where the small picture shows places of the film, both [px], shape (m, 2) or with more axes before."""
@@ -62,18 +67,23 @@ class Steps:
         return np.asarray(cv2.transform(seen, np.array([[-sine, cosine]])), np.float32)
 
 
-def steps_of(frame: Frame) -> Steps:
+def scale_of(box: Box) -> float:
+    """Return how small pictures of a box [px] are made for edges to be looked for in them, their pixels in one of the film."""
+    return min(1.0, STEPS_SIDE / max(box[2] - box[0], box[3] - box[1]))
+
+
+def steps_of(frame: Frame, scale: float) -> Steps:
     """Return the slopes of brightness [grey levels/px] in a frame, made small."""
-    dark, times = halved(frame.picture, 2 * STEPS_SIDE)
-    scale = min(1.0, STEPS_SIDE / max(dark.shape))
-    small = cv2.resize(dark, None, fx=scale, fy=scale) if scale < 1 else dark
+    dark, times = halved(frame.picture, round(2 * scale * max(frame.picture.shape)))
+    ratio = scale * times
+    small = cv2.resize(dark, None, fx=ratio, fy=ratio) if scale < 1 else dark
     smooth = cv2.GaussianBlur(small.astype(np.float32), (0, 0), 1.0)
     slopes = cv2.merge([cv2.Scharr(smooth, cv2.CV_32F, *axis, scale=1 / 32) for axis in ((1, 0), (0, 1))])
-    return Steps(np.asarray(slopes, np.float32), scale / times, frame.corner)
+    return Steps(np.asarray(slopes, np.float32), scale, frame.corner)
 
 
-def without_still(every: list[Steps], shifts: Array) -> list[Steps]:
-    """Return steps of brightness without those that are in all pictures: they would coincide if nothing turned.
+def leave_out_still(every: list[Steps], shifts: Array) -> None:
+    """Take those steps of brightness out that are in all pictures: they would coincide if nothing turned.
 
     Args:
         every: Of each picture.
@@ -86,15 +96,12 @@ def without_still(every: list[Steps], shifts: Array) -> list[Steps]:
     shape = every[0].slopes.shape[:2]
     size, least = shape[::-1], np.full(shape, np.inf, np.float32)
     for one, move in zip(every, moves, strict=True):
-        amount = cv2.dilate(cv2.magnitude(*cv2.split(one.slopes)), np.ones((3, 3), np.uint8))
+        amount = cv2.dilate(one.amount, np.ones((3, 3), np.uint8))
         still = cv2.warpAffine(
             amount, move, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE
         )
         least = np.minimum(least, still)
-    cleared: list[Steps] = []
+    least = np.maximum(MOVING_RATIO * least, np.float32(1e-3))
     for one, move in zip(every, moves, strict=True):
         there = cv2.warpAffine(least, move, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        amount = cv2.magnitude(*cv2.split(one.slopes))
-        moving = np.clip(amount / np.maximum(MOVING_RATIO * there, 1e-3) - 1, 0, 1)
-        cleared.append(Steps(one.slopes * np.asarray(moving, np.float32)[..., None], one.scale, one.corner))
-    return cleared
+        one.slopes.view(np.complex64)[..., 0] *= np.clip(one.amount / there - 1, 0, 1)

@@ -5,6 +5,7 @@ deck's end coincide in all pictures; nothing else does, neither its long sides, 
 the horizon.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -12,8 +13,8 @@ import numpy as np
 
 from sysid.roll import Array
 from sysid.video.film.survey import Survey
-from sysid.video.trackers.edge.brightness_steps import Steps, steps_of, without_still
-from sysid.video.types import Box, Image
+from sysid.video.trackers.edge.brightness_steps import Steps, leave_out_still, scale_of, steps_of
+from sysid.video.types import Box, Image, Rows
 
 Grid = tuple[Array, Array]
 """Places across and down of a grid that turns with the deck, from its pivot [px]."""
@@ -33,6 +34,12 @@ ATTITUDE_STEP = np.radians(3.0)
 """Turns within this are one attitude [rad]."""
 GRID_ACROSS, GRID_DOWN = 3.0, 1.0
 """Steps of the grid that turns with the deck [px]."""
+COARSER = 3
+"""So many times coarser across is where only sharpness is judged [1]."""
+CLEAR = 0.5
+"""Share of the strongest from which on an edge tells the turn [1]."""
+NEAR_TURNS = np.radians(np.linspace(-1.9, 1.9, 39))
+"""Turns of a picture that are tried about the one that is known [rad]."""
 MIN_STRENGTH = 0.2
 """Share of the best one's steps of brightness that an edge must show."""
 TRIMMED_SHARE, BOX_MARGIN = 0.2, 0.4
@@ -66,7 +73,9 @@ class DeckEnd:
 def find_deck_end(look: Survey) -> DeckEnd | None:
     """Return the edges of the deck's end in pictures of a film; None where there are none."""
     shifts = np.array([frame.shift - look.frames[0].shift for frame in look.frames])
-    every = without_still([steps_of(frame) for frame in look.frames], shifts)
+    scale = scale_of(look.frames[0].box)
+    every = [steps_of(frame, scale) for frame in look.frames]
+    leave_out_still(every, shifts)
     width, turns = look.moving.shape[1], _rough_slopes(every, look.kept)
     box = _usual_box(every, turns, look.kept)
     if box is None:
@@ -75,34 +84,39 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
     size = right - left
     if size < MIN_LENGTH * width:
         return None
-    unit = 1 / every[0].scale
-    x = np.arange(-0.55 * size, 0.55 * size, GRID_ACROSS * unit)
-    y = np.arange(-0.2 * size, 0.2 * size, GRID_DOWN * unit)
-    grid = x, y
+    unit = 1 / scale
+    step = unit * np.array([GRID_ACROSS, GRID_DOWN])
+    half = np.array([0.55, 0.2]) * size
+    grid = _grid(half, step)
     pivot = np.array([left + right, top + bottom]) / 2
     reach = np.array([0.25 * size, 0.5 * (bottom - top)])
     steps = 2 * np.ceil(reach / (unit * np.array(PIVOT_GRID))).astype(int) + 1
-    coarse = x[::3], y
+
+    def shown_on(grid: Grid) -> Image:
+        """How much of an edge each picture shows, turned back about the pivot."""
+        each = zip(every, pivot + shifts, turns.tolist(), strict=True)
+        return np.array([_shown(one, centre, turn, grid) for one, centre, turn in each])
+
     for round_ in range(4):
         weight = _attitudes(turns)
-        tried = pivot + np.stack(
-            np.meshgrid(*(np.linspace(-r, r, n) for r, n in zip(reach, steps, strict=True))), -1
-        ).reshape(-1, 2)
+        sides = (np.linspace(-far, far, count) for far, count in zip(reach, steps, strict=True))
+        tried = np.stack(np.meshgrid(*sides), -1).reshape(-1, 2)
+        coarse = step * [COARSER, 1]
+        aside = turned(tried[:, None], -turns) / coarse
+        wide = _grid(half + coarse * (1 + np.ceil(np.abs(aside).max(axis=(0, 1)))), coarse)
         some = slice(None, None, 1 if round_ == 3 else 2)  # all of them at last
-        few, aside, share = every[some], shifts[some], weight[some]
-        score = [_sharpness(_mean(few, aside, turns[some], share, at, coarse)) for at in tried]
-        pivot = tried[int(np.argmax(score))]
-        turns = turns + _level(
-            few, aside, turns[some], share, pivot, coarse, np.radians(15.0 if round_ < 3 else 2.0)
-        )
+        pivot = pivot + tried[_sharpest(shown_on(wide)[some], weight[some], aside[:, some])]
         reach, steps = np.maximum(2 * reach / (steps - 1), unit), np.array([5, 5])
-        mean = _mean(every, shifts, turns, weight, pivot, grid)
-        turns = np.array([
-            _best_turn(one, shift, pivot, grid, mean, turn, wide=round_ == 1)
-            for one, shift, turn in zip(every, shifts, turns, strict=True)
-        ])  # fmt: skip
-    always = _in_most_attitudes(every, shifts, turns, pivot, grid)
-    ends = _lines(always, x, y, MIN_LENGTH * width)
+        turns = turns + _level(_mean(shown_on(grid), weight), np.radians(15.0 if round_ < 3 else 2.0))
+        shown = shown_on(grid)
+        mean = _mean(shown, weight)
+        if round_ == 1:
+            turns = np.array([
+                _any_turn(one, centre, grid, mean) for one, centre in zip(every, pivot + shifts, strict=True)
+            ])  # fmt: skip
+            shown = shown_on(grid)
+        turns = turns + _own_turns(shown, mean)
+    ends = _lines(_in_most_attitudes(shown_on(grid), turns), *grid, MIN_LENGTH * width)
     return DeckEnd(pivot, ends, turns) if len(ends) else None
 
 
@@ -113,9 +127,10 @@ def _rough_slopes(every: list[Steps], box: Box) -> Array:
     for one in every:
         left, top, right, bottom = np.round((np.array(box) - one.corner * 2) * one.scale).astype(int)
         part = slice(max(top, 0), bottom), slice(max(left, 0), right)
-        across, down = np.moveaxis(one.slopes[part], -1, 0)
+        amount = one.amount[part]
+        across, down = one.slopes[part][amount > 0].T
         slope = np.arctan2(-across * np.sign(down), np.abs(down))
-        count, _ = np.histogram(slope, edges, weights=np.minimum(np.hypot(across, down), MAX_SLOPE))
+        count, _ = np.histogram(slope, edges, weights=np.minimum(amount[amount > 0], MAX_SLOPE))
         counts.append(np.convolve(count, np.hanning(9), mode="same"))
     always = np.quantile(counts, ALWAYS_THERE, axis=0)  # the horizon, in a camera that shakes
     return edges[np.argmax(counts - always, axis=1)] + np.radians(0.25)
@@ -160,90 +175,111 @@ def _attitudes(turns: Array) -> Array:
     return weight / weight.sum()
 
 
-def turned(place: Array, turn: float) -> Array:
-    """Turn places [px], shape (m, 2) or with more axes before, about the origin, clockwise in the picture [rad]."""
-    return place @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+def turned(place: Array, turn: Array | float) -> Array:
+    """Turn places [px], shape (..., 2), about the origin, clockwise in the picture [rad]; turns broadcast with the axes but the last."""
+    z = (place[..., 0] + 1j * place[..., 1]) * np.exp(1j * np.asarray(turn))
+    return np.stack([z.real, z.imag], axis=-1)
 
 
-def _shown(one: Steps, shift: Array, turn: float, pivot: Array, grid: Grid) -> Image:
+def _grid(half: Array, step: Array) -> Grid:
+    """Return a grid about the pivot, as wide and high to either side and in such steps [px], both of shape (2,)."""
+    across, down = (step[axis] * np.arange(-(n := round(half[axis] / step[axis])), n + 1) for axis in (0, 1))
+    return across, down
+
+
+def _shown(one: Steps, centre: Array, turn: float, grid: Grid) -> Image:
     """How much of an edge one picture shows at each place of the grid that turns with the deck."""
     x, y = grid
-    step = one.on_grid(pivot + shift, x, y, turn)
+    step = one.on_grid(centre, x, y, turn)
     width = max(1, round(STRAIGHT_LENGTH / (one.scale * float(x[1] - x[0]))))
     return np.asarray(np.minimum(np.abs(cv2.blur(step, (width, 1))), MAX_SLOPE), np.float32)
 
 
-def _mean(every: list[Steps], shifts: Array, turns: Array, weight: Array, pivot: Array, grid: Grid) -> Array:
-    shown = (
-        w * _shown(one, shift, float(turn), pivot, grid)
-        for one, shift, turn, w in zip(every, shifts, turns, weight, strict=True)
-    )
-    return sum(shown, np.zeros((len(grid[1]), len(grid[0]))))
+def _mean(pictures: Sequence[Image] | Image, weight: Array) -> Image:
+    return np.asarray(np.tensordot(weight.astype(np.float32), pictures, 1), np.float32)
 
 
-def _in_most_attitudes(every: list[Steps], shifts: Array, turns: Array, pivot: Array, grid: Grid) -> Array:
+def _sharpest(shown: Image, weight: Array, aside: Array) -> int:
+    """Return about which of m places n pictures, turned back, have the sharpest edges.
+
+    Turned back about another place, a picture is the same one, shifted: by so many steps of the grid, shape (m, n, 2).
+    """
+    margin = np.ceil(np.abs(aside).max(axis=(0, 1))).astype(int) + 1
+    columns, rows = np.array(shown.shape[:0:-1]) - 2 * margin
+    score: list[float] = []
+    for begins in aside + margin:
+        mean: Image = np.zeros((rows, columns), np.float32)
+        for one, w, (x, y) in zip(shown, weight.tolist(), begins.tolist(), strict=True):
+            left, top = round(x), int(y)
+            part = one[top : top + rows + 1, left : left + columns]
+            mean += np.float32(w * (top + 1 - y)) * part[:-1]
+            mean += np.float32(w * (y - top)) * part[1:]
+        score.append(_sharpness(mean))
+    return int(np.argmax(score))
+
+
+def _in_most_attitudes(shown: Image, turns: Array) -> Image:
     """What shows of an edge in all attitudes but a few: the horizon does where the deck rests."""
     attitude = np.round(turns / (2 * ATTITUDE_STEP)).astype(int)
-    each = [
-        _mean(
-            [every[k] for k in some],
-            shifts[some],
-            turns[some],
-            np.full(len(some), 1 / len(some)),
-            pivot,
-            grid,
-        )
-        for some in (np.flatnonzero(attitude == one) for one in np.unique(attitude))
-    ]
-    return np.asarray(np.quantile(each, MISSING_ATTITUDES, axis=0), np.float64)
+    each = [shown[attitude == one].mean(axis=0) for one in np.unique(attitude)]
+    return np.quantile(each, MISSING_ATTITUDES, axis=0).astype(np.float32)
 
 
-def _sharpness(mean: Array) -> float:
+def _sharpness(mean: Image) -> float:
     """How straight and thin the edges are."""
     return float(np.sum(_ridges(mean).mean(axis=1) ** 2))
 
 
-def _ridges(mean: Array) -> Array:
+def _ridges(mean: Image) -> Image:
     """How much more of an edge there is than above and below."""
     beside = np.maximum(np.roll(mean, HALF_RIDGE, axis=0), np.roll(mean, -HALF_RIDGE, axis=0))
-    ridge = np.maximum(mean - beside, 0.0)
+    ridge = np.maximum(mean - beside, np.float32(0))
     ridge[:HALF_RIDGE] = ridge[-HALF_RIDGE:] = 0.0
     return ridge
 
 
-def _level(
-    every: list[Steps], shifts: Array, turns: Array, weight: Array, pivot: Array, grid: Grid, reach: float
-) -> float:
-    """How much more all pictures are to be turned, so that the edges run along the grid."""
+def _level(mean: Image, reach: float) -> float:
+    """How much more all pictures are to be turned, so that the edges of their mean run along the grid [rad]."""
+    rows, columns = np.indices(mean.shape)[:, :, ::COARSER]
 
     def best(tried: Array) -> float:
-        score = [_sharpness(_mean(every, shifts, turns + more, weight, pivot, grid)) for more in tried]
+        score = [_sharpness(_turned_on([mean], rows, columns, turn)[0]) for turn in tried]
         return float(tried[int(np.argmax(score))])
 
     rough = best(np.linspace(-reach, reach, 21))
     return best(rough + np.linspace(-reach, reach, 21) / 10)
 
 
-def _best_turn(
-    one: Steps, shift: Array, pivot: Array, grid: Grid, mean: Array, turn: float, *, wide: bool
-) -> float:
-    """The turn at which a picture shows most of the edges that all have."""
-    clear = mean[:, ::2] >= 0.5 * mean.max()
-    some = np.flatnonzero(clear.any(axis=1))
-    rows = slice(max(some[0] - 1, 0), some[-1] + 2)
-    part, weight = (grid[0][::2], grid[1][rows]), (mean[:, ::2] * clear)[rows]
-
-    def best(turns: Array) -> float:
-        score = [float(np.sum(weight * _shown(one, shift, float(at), pivot, part))) for at in turns]
-        return float(turns[int(np.argmax(score))])
-
-    if wide:
-        turn = best(np.arange(-MAX_TURN, MAX_TURN, np.radians(1.5)))
-    turn = best(turn + np.radians(np.arange(-1.5, 1.6, 0.5)))
-    return best(turn + np.radians(np.arange(-0.4, 0.5, 0.2)))
+def _own_turns(shown: Image, mean: Image) -> Array:
+    """How much more each of n pictures is to be turned to show most of the edges that all have [rad], shape (n,)."""
+    rows, columns = np.nonzero(mean >= CLEAR * mean.max())
+    score = _turned_on(shown, rows, columns, NEAR_TURNS[:, None]) @ mean[rows, columns]
+    return NEAR_TURNS[np.argmax(score, axis=1)]
 
 
-def _lines(mean: Array, x: Array, y: Array, shortest: float) -> Array:
+def _any_turn(one: Steps, centre: Array, grid: Grid, mean: Image) -> float:
+    """The turn, of all, at which a picture shows most of the edges that all have [rad]."""
+    (x, y), mean = grid, mean[:, ::COARSER]
+    rows, columns = np.nonzero(mean >= CLEAR * mean.max())
+    turns = np.arange(-MAX_TURN, MAX_TURN, np.radians(1.5))
+    place = np.stack([x[::COARSER][columns], y[rows]], axis=1)
+    step = one.across(centre + turned(place, turns[:, None]), turns[:, None])
+    return float(turns[np.argmax(np.minimum(np.abs(step), MAX_SLOPE) @ mean[rows, columns])])
+
+
+def _turned_on(shown: Sequence[Image] | Image, rows: Rows, columns: Rows, turn: Array | float) -> Image:
+    """Return what n pictures on the grid show at some of its places, turned about its middle [rad], shape (n, ...).
+
+    By cubics: straight lines would blur what they read between pixels, and so prefer no turn.
+    """
+    down, across = (np.array(shown[0].shape) - 1) / 2
+    z = (GRID_ACROSS * (columns - across) + 1j * GRID_DOWN * (rows - down)) * np.exp(1j * turn)
+    x, y = (z.real / GRID_ACROSS + across).astype(np.float32), (z.imag / GRID_DOWN + down).astype(np.float32)
+    seen = [cv2.remap(one, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE) for one in shown]
+    return np.array(seen, np.float32)
+
+
+def _lines(mean: Image, x: Array, y: Array, shortest: float) -> Array:
     """Ridges of the mean picture: left and right end of each."""
     ridge = _ridges(mean)
     strength = ridge.mean(axis=1)
@@ -262,5 +298,7 @@ def _lines(mean: Array, x: Array, y: Array, shortest: float) -> Array:
             continue
         a, b = np.quantile(there, [0.02, 0.98]).astype(int)
         if x[b] - x[a] >= shortest:
-            found.append(np.array([[x[a], y[row]], [x[b], y[row]]]))
+            before, most, after = strength[row - 1 : row + 2]
+            top = y[row] + 0.5 * (y[1] - y[0]) * (before - after) / (before - 2 * most + after)
+            found.append(np.array([[x[a], top], [x[b], top]]))
     return np.array(found).reshape(-1, 2, 2)

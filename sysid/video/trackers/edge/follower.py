@@ -8,7 +8,7 @@ import numpy.typing as npt
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
 from sysid.video.trackers._edge_profile import PIECES, find_pieces
-from sysid.video.trackers.edge.brightness_steps import Steps, steps_of
+from sysid.video.trackers.edge.brightness_steps import Steps, scale_of, steps_of
 from sysid.video.trackers.edge.find import MAX_SLOPE, DeckEnd, turned
 from sysid.video.types import Box
 
@@ -24,6 +24,10 @@ MAX_TURN = np.radians(45.0)
 """Where the deck may be if it was not found there [rad]."""
 MAX_SHIFT = 6.0
 """How far a shaking camera and soft trucks may shift the edges [px]."""
+MARGIN = 16.0
+"""What is looked at beside where the edges may be, in small pictures [px]."""
+CONVERGED = 0.1
+"""Edges are measured once more where that moves their ends by more than this [px]."""
 EDGE_REACH = 2.5
 """Distance from where the deck's turn puts an edge within which it is looked for at last [px]."""
 MIN_APART = 2.0
@@ -55,14 +59,13 @@ class EdgeFollower:
         """Return the points of the edges [px], shape (N, 2), NaN where one is not seen; None where few are."""
         frame = frame.cut(self.view)
         centre = self.end.pivot + frame.shift
-        turn, shift = self._search(steps_of(frame), centre)
+        turn, shift = self._search(frame, centre)
         points = np.full((2, len(self.end.ends), PIECES, 2), np.nan)
+        radius = float(np.abs(self.end.ends).max())
         fits = np.zeros(self.points, bool)
         for reach in (2 * EDGE_REACH, EDGE_REACH, EDGE_REACH):
             place = centre + turned(self.end.ends + np.array([0.0, shift]), turn)
-            steps = np.stack([
-                find_pieces(frame, place[:, ::way], reach, MIN_CONTRAST, 1.0)[:, ::way] for way in (1, -1)
-            ])  # fmt: skip
+            steps = find_pieces(frame, place, reach, MIN_CONTRAST, 1.0, (1, -1))
             x, y = np.moveaxis(turned(steps - centre, -turn), -1, 0)
             y = np.where(np.abs(y[0] - y[1]) < MIN_APART, np.nan, y)
             x, y = np.stack(2 * [np.fmax(*x)]), np.stack([np.fmax(*y), np.fmin(*y)])
@@ -70,18 +73,25 @@ class EdgeFollower:
             off = y - self.end.ends[:, :1, 1] - shift
             more, further, fits = _line(x.ravel(), off.ravel())
             turn, shift = turn + more, shift + further
+            if reach == EDGE_REACH and abs(further) + abs(more) * radius < CONVERGED:
+                break
         self._lost = fits.mean() < MIN_FITTING_SHARE
         if self._lost:
             return None
         self._turn = turn
         return points.reshape(-1, 2)
 
-    def _search(self, steps: Steps, centre: Array) -> tuple[float, float]:
+    def _search(self, frame: Frame, centre: Array) -> tuple[float, float]:
         """Turn and shift across the edges at which they show best."""
-        unit = 1 / steps.scale
+        scale = scale_of(self.view)
+        unit = 1 / scale
         reach = MAX_TURN if self._lost else MAX_FRAME_TURN
         middle = 0.0 if self._lost else self._turn
         turn, shift = middle, 0.0
+        place = centre + turned(self.end.ends.reshape(-1, 1, 2), middle + np.linspace(-reach, reach, 5))
+        left, top = (place.min(axis=(0, 1)) - MARGIN * unit).astype(int).tolist()
+        right, bottom = (place.max(axis=(0, 1)) + MARGIN * unit).astype(int).tolist()
+        steps = steps_of(frame.cut((left, top, right, bottom)), scale)
         for width, count, astray in (
             (reach, 1 + round(2 * reach / TURN_STEP), MAX_SHIFT),
             (np.radians(1.5), 9, 1.5),
@@ -99,11 +109,8 @@ class EdgeFollower:
         share = np.linspace(0.0, 1.0, EDGE_SAMPLES)[:, None]
         line = self.end.ends[:, None, 0] + share * (self.end.ends[:, 1] - self.end.ends[:, 0])[:, None]
         moved = line + shifts[:, None, None, None] * [0.0, 1.0]  # (S, E, P, 2)
-        cosine, sine = np.cos(turns)[:, None, None, None], np.sin(turns)[:, None, None, None]
-        place = np.stack(
-            [cosine * moved[..., 0] - sine * moved[..., 1], sine * moved[..., 0] + cosine * moved[..., 1]], -1
-        )
-        step = steps.across(centre + place, turns[:, None, None, None])
+        every = turns[:, None, None, None]
+        step = steps.across(centre + turned(moved, every), every)
         step = step.reshape(*step.shape[:3], EDGE_SAMPLES // AVERAGED_SAMPLES, AVERAGED_SAMPLES).mean(axis=4)
         length = self.end.ends[:, 1, 0] - self.end.ends[:, 0, 0]
         return np.minimum(np.abs(step), MAX_SLOPE).mean(axis=3) @ length
