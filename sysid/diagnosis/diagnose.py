@@ -489,7 +489,8 @@ def _material(
         return min([*known, search.finalist(search.without(winner, rest, [{}]))], key=lambda m: m.cost)
 
     def idles(name: str, beside: Model) -> bool:
-        unnoticed = tried.left(tried.score(beside)) < UNNOTICED
+        sure = beside.rmse > tried.exact and not tried.inexact
+        unnoticed = not sure and tried.left(tried.score(beside)) < UNNOTICED
         return unnoticed or not importance(winner, [name], beside).matters
 
     while len(named := search.added(winner)) > 1:
@@ -517,8 +518,9 @@ def _judged(
     if size is not None and all(
         families_of(chosen.model, search.base) <= families_of(s.model, search.base)
         for s in tried.near(chosen)
+        if s.choices <= chosen.choices
     ):
-        # A lag that the joint seems to have none of is one of the reading, if nothing else does as well.
+        # A lag that the joint seems to have none of is one of the reading, if nothing as simple does as well.
         size = replace(size, signal_share=max(size.signal_share, reading_share(chosen.model, named)))
     explained = tried.explained(chosen)
     hints = _hints(search, tried, chosen, size)

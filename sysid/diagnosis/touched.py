@@ -11,11 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid.diagnosis.judgement import TIE
 from sysid.diagnosis.search import Candidate
 from sysid.fitting.records import Record, make_records
 from sysid.fitting.search import first_swings
-from sysid.noise.whiteness import correlation_length
 from sysid.roll import Release
 
 FEWEST = 3
@@ -86,18 +84,6 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
                 kept,
                 f"the {where} of the releases are left out: no law holds there, as if a hand was on the deck",
             )
-    elif all(release.hold <= 0 for release in releases):
-        # Nothing is seen of a hold: what is asked for by the beginnings alone may be the hand's that pushed.
-        cut = [
-            part for record in models[0].problem.records for part in _middle(record, asked[-1], PUSHED, 0.0)
-        ]
-        near = min(_laws(m) for m in asked if _error(m) < NEARLY * _error(asked[-1]))
-        if len(cut) == len(releases) and near > len(base):
-            enough = _needed([_refitted_to(model, cut) for model in asked])
-            if _laws(enough) < near and _error(enough) < REACHED:
-                return cut, (
-                    "the beginnings of the releases are left out: the rest is by a simpler law, as if a hand was on the deck"
-                )
     odd = touched_release(simple, _error(asked[-1]))
     if odd is None:
         return None
@@ -112,18 +98,6 @@ def _simplest(models: Sequence[Candidate], releases: Sequence[Release]) -> tuple
     errors = [_error(_refitted_to(model, releases)) for model in models]
     near = [(_laws(m), e) for m, e in zip(models, errors, strict=True) if e < NEARLY * min(errors)]
     return min(near)
-
-
-def _needed(models: Sequence[Candidate]) -> Candidate:
-    """Return the simplest of some fitted models that no other one beats beyond doubt, by the prices of the judgement."""
-    best = min(models, key=lambda m: m.cost)
-    lasts = sum(float(record.time[-1]) for record in best.problem.records)
-    periods = lasts * best.problem.scales.frequency / (2 * np.pi)
-    # What is left may last: then it holds fewer values.
-    unit = max(1.0, best.cost / best.problem.samples * correlation_length(best.residuals))
-    prices = [m.cost / unit + float(np.log(max(periods, np.e**2))) * m.size for m in models]
-    near = [m for m, price in zip(models, prices, strict=True) if price <= min(prices) + 2 * TIE]
-    return min(near, key=lambda m: (_laws(m), m.cost))
 
 
 def _middle(record: Record, model: Candidate, begin: float, end: float) -> Iterator[Release]:

@@ -369,8 +369,8 @@ class TorqueEffect(Effect):
     changing: Callable[[Algebra, Value, Values], tuple[Value, Value]] | None = None
     """`changing(m, roll, parameters)`: what it adds to the inertia there [kg*m^2], and the derivative of that by roll."""
     restarts: Callable[[Numbers], Sequence[dict[str, float]]] | None = None
-    """Where to search again from if a search ended at an edge beyond which the law does not change, so that no descent
-    comes back: takes and returns the effect's parameters in units of their sizes; none elsewhere."""
+    """Where to search again from if a search ended where no descent comes back from: at an edge beyond which the law does not change, or
+    on one side of the joint. Takes and returns the effect's parameters in units of their sizes; none elsewhere."""
     grounded: bool = False
     """Whether it acts between deck and ground, past what the joint stands on."""
     adds_stiffness: str = ""

@@ -34,6 +34,11 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     return tuple(lines)
 
 
+def other_side(parameters: Numbers) -> list[dict[str, float]]:
+    """Return the stop as it would be on the other side: no descent takes it there, past where it is never left."""
+    return [{**parameters, "angle": -parameters["angle"]}]
+
+
 _ANGLE, _STIFFNESS, _DAMPING = end_stop.EFFECT.parameters
 
 EFFECT = TorqueEffect(
@@ -64,6 +69,7 @@ EFFECT = TorqueEffect(
     acts_during_hold=True,
     excludes=("end-stop",),
     nonsmooth=True,
+    restarts=other_side,
     sharpness=4.0,
     decay_signs=(("stops aside", 3), ("shorter period", 4)),
 )

@@ -82,7 +82,7 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
     led = [_led_home(signal, one, other) for one, other in pairwise(segments)]
     segments = [one for one, home in zip(segments, [False, *led], strict=True) if not home]
     groups = [[other for other in segments if _same_board(segment, other, signal)] for segment in segments]
-    return _swelling(signal, max(groups, key=lambda group: _segment_score(group, signal)))
+    return _swelling(signal, swings, max(groups, key=lambda group: _segment_score(group, signal)))
 
 
 def _led_home(signal: SmoothedSignal, one: Segment, other: Segment) -> bool:
@@ -94,16 +94,22 @@ def _led_home(signal: SmoothedSignal, one: Segment, other: Segment) -> bool:
     return bool(lifted < FADED * max(one.sizes[-2:]))
 
 
-def _swelling(signal: SmoothedSignal, group: Sequence[Segment]) -> list[Segment]:
+def _swelling(signal: SmoothedSignal, swings: Sequence[HalfCycle], group: Sequence[Segment]) -> list[Segment]:
     """Join segments of one decay that fades and swells again: what hangs on the deck, or carries it, gives back what it took.
 
-    A hand would take longer, or hold the deck off its rest. It might add to a swing too: so the first time it must have faded.
+    A hand would take longer for a swing or between two, or hold the deck off its rest. It might add to a swing too: so the first time
+    it must have faded.
     """
     joined, swells = [group[0]], False
     for segment in group[1:]:
-        one, again, widest = joined[-1], segment.swings[0], max(segment.sizes)
-        held = again.from_plateau and abs(again.origin - one.rest) > 0.5 * widest
-        soon = signal.time[again.left] - signal.time[one.swings[-1].reached] < 3 * one.half_period
+        one, widest = joined[-1], max(segment.sizes)
+        last, again = one.swings[-1], segment.swings[0]
+        path = [last, *(s for s in swings if last.finish <= s.begin and s.finish <= again.begin), again]
+        held = any(s.from_plateau and abs(s.origin - one.rest) > 0.5 * widest for s in path[1:])
+        soon = all(
+            signal.time[b.left] - signal.time[a.reached] < 3 * one.half_period for a, b in pairwise(path)
+        )
+        soon &= all(_same_pace(signal, one.pace, swing) for swing in path[1:])
         faded = swells or FADED * min(one.sizes[-2:]) < widest
         swells = bool(soon and faded and not held and widest < SWELLS * one.sizes[0])
         if swells:
@@ -249,7 +255,7 @@ def _room(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle) -> float:
 
 def _same_pace(signal: SmoothedSignal, pace: float, swing: HalfCycle) -> bool:
     """Whether a swing takes about as long as others; the time of a small one is not known."""
-    return 0.5 * pace < swing.duration < 2.5 * pace or swing.size < 3.0 * signal.min_movement
+    return pace / 2.5 < swing.duration < 2.5 * pace or swing.size < 3.0 * signal.min_movement
 
 
 def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish: int) -> Segment | None:

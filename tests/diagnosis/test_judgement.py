@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from sysid.board import load_board
 from sysid.diagnosis.against_record import Deviation
-from sysid.diagnosis.diagnose import Diagnosis, _hints, _missing, _nothing, _outside
+from sysid.diagnosis.diagnose import Diagnosis, _hints, _judged, _material, _missing, _nothing, _outside
 from sysid.diagnosis.error_model import Fitted
 from sysid.diagnosis.experiment import DECIDED, deciding, widest
 from sysid.diagnosis.importance import _amplitude_share, _energy_share, importance, reading_share
@@ -337,6 +337,41 @@ def test_a_filter_takes_the_reading_from_the_roll_by_its_lag():
     (lagging,) = (s.model for s in field.scored if s.model.effects)
     assert reading_share(lagging, ["lowpass"]) == pytest.approx(41.1 * 3e-3, rel=0.15)
     assert reading_share(field.base.model, []) == 0.0
+
+
+@pytest.mark.parametrize(("choices", "status"), [(5, "missing"), (2, "none-missing")])
+def test_a_lag_is_the_readings_if_nothing_as_simple_does_as_well(monkeypatch, choices, status):
+    """What is richer may always be made to do as well."""
+    search, field = tried(LAW.with_effect("lowpass", 3e-3), ("lowpass", "cubic-damping"))
+    by_name = {s.model.effects: s for s in field.scored}
+    chosen, other = by_name["lowpass",], replace(by_name["cubic-damping",], choices=choices)
+    monkeypatch.setattr(Field, "near", lambda self, one: [chosen, other])
+    for size in ("TORQUE", "ENERGY", "AMPLITUDE"):
+        monkeypatch.setattr(f"sysid.diagnosis.importance.{size}", 1.0)
+    monkeypatch.setattr("sysid.diagnosis.importance.SIGNAL", 0.03)
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    verdict, _ = _judged(search, field, chosen.model, board, frozenset())
+    assert verdict.status == status
+
+
+@pytest.mark.parametrize(("beyond", "named"), [(False, {"end-stop"}), (True, {"coulomb", "end-stop"})])
+def test_what_lifts_the_error_out_of_the_noise_is_noticed(monkeypatch, beyond, named):
+    """However little of the motion it is, where one model is at the noise and one without it is not."""
+    law = LAW.with_effect("coulomb", 0.05).with_effect("end-stop", 0.12, 30.0, 0.0)
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    records = make_records(releases_of(law, white), NOISE, rate=False)
+    search = Search(records=records, scales=scales_of(records, board), bias="shared")
+    linear = search.single(())
+    one, other = (search.single((name,), linear) for name in ("coulomb", "end-stop"))
+    final = search.finalists([linear, one, other, search.union(one, other)])
+    field = Field(final, (), 2 * np.pi / search.scales.frequency, NOISE)
+    monkeypatch.setattr("sysid.diagnosis.diagnose.UNNOTICED", 1.0)
+    monkeypatch.setattr("sysid.diagnosis.diagnose.MATERIAL", 1.0)
+    if not beyond:
+        monkeypatch.setattr(field, "exact", 1.0)
+    winner, _, idle = _material(search, field, final, board)
+    assert set(winner.effects) == named
+    assert idle == (set() if beyond else {"friction"})
 
 
 def test_what_a_decay_of_many_swings_is_missed_by_matters_however_small_its_torque():

@@ -76,6 +76,23 @@ def test_a_fit_recovers_the_truth(
         assert found.std < 0.15 * abs(value), (parameter.name, found)
 
 
+def test_a_soft_stop_that_shows_after_many_swings_is_found_on_its_own_side():
+    """No descent leads from one side to the other, and the first swings do not tell them apart."""
+    law = JointLaw(inertia=INERTIA, stiffness=K, damping=0.0089).with_effect(
+        "one-sided-stop", -0.0885, 0.84, 0.0
+    )
+    rng, time = np.random.default_rng(1), np.arange(0.0, 3.5, 2e-3)
+    made = [
+        Release(
+            log="made", number=number, time=time, roll=simulate(law, time, angle).roll + 7e-4 * rng.standard_normal(len(time)),
+            std=np.full(len(time), 7e-4), origin="angle", rest=0.0, hold=1.0, end="log",
+        )
+        for number, angle in enumerate((0.132, -0.106), start=1)
+    ]  # fmt: skip
+    fit = fit_joint(made, Workspace(Path()).load_board("pink"), ["one-sided-stop"])
+    assert fit.quantities["one-sided-stop.angle"].value == pytest.approx(-0.0885, abs=0.004)
+
+
 @pytest.mark.parametrize("name", ["dahl", "one-sided-stop", "hanging-body"])
 def test_a_variant_gives_no_energy_away(name: str):
     """Moved there and back for a while, by any path, from rest to rest, it takes work in."""

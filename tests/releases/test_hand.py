@@ -246,13 +246,13 @@ def test_what_swings_after_a_hand_is_a_decay_of_its_own():
     assert -0.6 < (found[0].time[-1] - caught) / PERIOD < 0.05
 
 
-@pytest.mark.parametrize("share", [0.05, 0.08])
-def test_a_decay_that_fades_and_swells_again_by_itself_is_one(share):
-    """A body of the deck's own frequency hangs on it: it takes the swing, and gives it back."""
+@pytest.mark.parametrize(("share", "loss"), [(0.05, 0.03), (0.08, 0.03), (0.05, 0.01)])
+def test_a_decay_that_fades_and_swells_again_by_itself_is_one(share, loss):
+    """A body of the deck's own frequency hangs on it: it takes the swing, and gives it back, the slower the less is lost meanwhile."""
 
     def law(_, y):
-        pull = share * (OMEGA**2 * (y[0] - y[2]) + 0.06 * OMEGA * (y[1] - y[3]))
-        return y[1], -(OMEGA**2) * y[0] - 0.03 * OMEGA * y[1] - pull, y[3], pull / share
+        pull = share * (OMEGA**2 * (y[0] - y[2]) + 2 * loss * OMEGA * (y[1] - y[3]))
+        return y[1], -(OMEGA**2) * y[0] - loss * OMEGA * y[1] - pull, y[3], pull / share
 
     time = np.arange(0, 4, 1 / 500)
     free = solve_ivp(law, (0, 3), (0.18, 0.0, 0.18, 0.0), "DOP853", time[time < 3.0], rtol=1e-9).y[0]
@@ -268,6 +268,27 @@ def test_a_sensor_that_drifts_loses_no_release(drift):
     roll, free = handled(LAWS["linear"], push=0.0, swings=9.0)
     found = find_releases(replace(roll, roll=roll.roll + drift * roll.time))
     assert [r.start for r in found] == pytest.approx([begin for begin, _ in free], abs=0.1 * PERIOD)
+
+
+def test_a_slider_that_yields_once_and_then_holds_more_than_doubles_the_pace():
+    """It gives way in the first swing, which is slow, and is a spring in all that follow, which are a sixth as wide."""
+    k, slider, most = 8.0 / 8.7e-3, 44.0 / 8.7e-3, 0.009
+
+    def law(_, y):
+        return y[1], -k * y[0] - slider * y[2] - 5.4 * y[1], y[1] * (abs(y[2]) < most or y[1] * y[2] < 0)
+
+    angle, begins, pieces = 0.0, [], [np.zeros(160)]
+    rng, free, lifted = np.random.default_rng(4), np.arange(0, 2, 5e-3), np.arange(0, 1.2, 5e-3)
+    for start in (0.112, -0.089, 0.065):
+        pieces.append(angle + (start - angle) * lift(lifted, 0.4))
+        begins.append(5e-3 * sum(map(len, pieces)))
+        held = (start, 0.0, np.copysign(most, start))
+        pieces.append(solve_ivp(law, (0, 2), held, t_eval=free, rtol=1e-8, max_step=1e-3).y[0])
+        angle = pieces[-1][-1]
+    roll = np.concatenate(pieces) + 2.5e-4 * rng.standard_normal(sum(map(len, pieces)))
+    time, std = 5e-3 * np.arange(len(roll)), np.full(len(roll), 2.5e-4)
+    found = find_releases(Roll(log="x", time=time, roll=roll, std=std, origin="angle"))
+    assert [r.start for r in found] == pytest.approx(begins, abs=0.02)
 
 
 def test_what_a_hand_takes_home_from_where_it_stopped_the_deck_is_no_release():
