@@ -110,7 +110,7 @@ class Frame:
         return np.asarray(seen, np.uint8), (left, top)
 
     def small(self, side: int) -> tuple[Picture, int]:
-        """Return all of it in colour, halved until its longer side is at most `side` [px], and the film's px in one of it."""
+        """Return all of it in colour, shape (h, w, 3), halved until its longer side is at most `side` [px], and the film's px in one of it."""
         bright, times = halved(self.picture, side)
         if times == 1:
             return self.coloured()[0], times

@@ -176,7 +176,12 @@ def _attitudes(turns: Array) -> Array:
 
 
 def turned(place: Array, turn: Array | float) -> Array:
-    """Turn places [px], shape (..., 2), about the origin, clockwise in the picture [rad]; turns broadcast with the axes but the last."""
+    """Turn places [px], shape (..., 2), about the origin, clockwise in the picture.
+
+    Args:
+        place: [px], shape (..., 2).
+        turn: [rad], of a shape that broadcasts with places' axes but the last, as shape (m,) with (m, 2).
+    """
     z = (place[..., 0] + 1j * place[..., 1]) * np.exp(1j * np.asarray(turn))
     return np.stack([z.real, z.imag], axis=-1)
 
