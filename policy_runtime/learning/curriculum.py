@@ -21,7 +21,7 @@ there is no band in which nothing moves.
 
 The longest patience is shorter than any stretch in which the stance counts, else one leg never ends an episode: runs
 stood just below that for 400 iterations. Who rides on one leg is ended 15 to 19 times a minute of riding, whatever else he
-can: the balance must be well above that (docs/training.md has the runs that waited below it).
+can: the balance must be well above that (docs/training_history.md has the runs that waited below it).
 """
 
 import math
