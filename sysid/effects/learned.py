@@ -272,7 +272,7 @@ EFFECT = TorqueEffect(
     parameters=(*map(_edge, SUPPORT), *map(table_value, (*TILT, *RATE, *BOTH))),
     law="τ = f(x) + g(v) + h(x, v): smooth tables, zero at rest, constant beyond what was measured",
     source="smoothing splines, Wahba (1990); knots joined by Keys' cubic, IEEE Trans. ASSP 29 (1981)",
-    does="Whatever the data show that no formula of the catalogue does.",
+    does="Whatever the data show beyond the formulas of the catalogue.",
     look_alikes=(),
     experiment="Release from more angles, to both sides: a table knows only where the deck has been.",
     mujoco=AS_TABLE,
