@@ -94,7 +94,7 @@ class Board:
     decay: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
     """The free decay that stiffness and damping were derived from, where no log was fitted yet."""
     rolling: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
-    """How the board rolls, where that was measured."""
+    """Rolling resistance, where it was measured."""
     published: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
     """Stiffness and damping as the source itself prints them; for comparison, never used."""
     effects: tuple[BoardEffect, ...] = ()
@@ -144,7 +144,7 @@ class Board:
 
     @property
     def check_is_stale(self) -> bool:
-        """Whether the record says something else than when it was checked: another fit, or an edit by hand."""
+        """Whether the record has changed since it was checked: another fit, or an edit by hand."""
         return bool(self.check) and self.check.get("digest") != self.digest
 
     @property
@@ -156,7 +156,7 @@ class Board:
         return hashlib.sha256(board_to_toml(judged).encode()).hexdigest()
 
     def need(self, purpose: str) -> None:
-        """Accept a record that says what the whole board is like.
+        """Check that the record describes the whole board, geometry and masses included.
 
         Raises:
             SysidError: Geometry or masses are missing; the message says what they are needed for.
@@ -210,7 +210,7 @@ class Board:
         )
 
     def checked(self, entry: Mapping[str, Any]) -> Self:
-        """Return a copy with the verdict of a check on it, which counts as long as what was judged stays as it is."""
+        """Return a copy with the verdict of a check; it counts as long as what was judged stays unchanged."""
         return replace(self, check={**entry, "digest": self.digest})
 
     def with_tilt(self, **quantities: Quantity) -> Self:

@@ -47,7 +47,7 @@ WORTH_NAMING = 0.007
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FreeDecay:
-    """Everything that free decays of one board say about it."""
+    """Result of `fit_decay`: stiffness, damping and frequencies of a board, from its free decays."""
 
     releases: tuple[Release, ...]
     """The free decays; a gyro's roll without its drift."""
@@ -68,11 +68,11 @@ class FreeDecay:
     nonlinearities: tuple[Nonlinearity, ...]
     """Deviations from a linear decay that peaks and rest levels show."""
     wider: float
-    """Growth of the intervals for a residual beyond the noise; 1 where it may be noise."""
+    """Factor by which intervals are widened for a residual beyond the noise; 1 where it may be noise."""
     linear: bool
-    """Whether a linear decay explains the traces but for noise and at most a trifle, with one rest level."""
+    """Whether a linear decay explains the traces to the noise or a negligible residual, with one rest level."""
     warnings: tuple[str, ...]
-    """What is wrong with the logs, with the decay, and with what the board's record says of both."""
+    """Problems of the logs and of the decay, and contradictions to the board's record."""
     recordings: tuple[Recording, ...] = ()
     """The logs, where they were given whole."""
     board: str | None = None
@@ -133,7 +133,7 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
         data: Free decays of one board: a recording, several, or releases.
         inertia: Roll inertia about the tilt axis [kg*m^2]; its uncertainty goes into k and d. Without it, and without
             a board, the numbers are ω, ζ and δ only, and k and d are NaN.
-        board: The record; gives the inertia where that is left out, and is held against the decay.
+        board: The record; gives the inertia where that is left out, and is compared with the decay.
 
     Raises:
         SysidError: The decays hold too little to say anything, or do not look like a decay at all.

@@ -146,12 +146,12 @@ class Recording:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is wrong with the log."""
+        """Problems of the log."""
         return self.roll.warnings
 
     @property
     def phases(self) -> tuple[Phase, ...]:
-        """What happens when, without gaps: rest, held, free, caught."""
+        """Phases of the log, without gaps: rest, held, free, caught."""
         return tuple(log_phases(self.roll, self.releases))
 
     def to_dataframe(self) -> "pd.DataFrame":

@@ -248,7 +248,7 @@ at several angles; a rest beside the middle of the swing."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """What every effect says of itself; one of the three kinds below says what it does."""
+    """Description of an effect; its kind (torque, support, sensor) adds how it acts."""
 
     name: str
     title: str
@@ -290,7 +290,7 @@ class Effect:
     same_as: tuple[str, ...] = ()
     """Effects, and parameters of the linear joint, that no free decay can tell it from."""
     excludes: tuple[str, ...] = ()
-    """Effects that make no sense beside it: it contains them, or they answer to the same."""
+    """Effects that cannot be combined with it: it contains them, or they explain the same."""
     minimum_amplitude: float = 0.0
     """Tilt that a log must reach to tell it from the linear law [rad]."""
     record_direction: tuple[float, float] | None = None

@@ -69,7 +69,11 @@ class JointLaw:
         return replace(self, effects=(*others, (name, tuple(values))))
 
     def posed(self, known: Mapping[str, float]) -> Self:
-        """Return the law of a joint in another pose, or with another load: what is `known` there, by the structure's names."""
+        """Return the law in another pose or with another load.
+
+        Args:
+            known: Parameters that differ there, by the structure's names.
+        """
         values = [known.get(name, value) for name, value in self.parameters.items()]
         return type(self).from_vector(self.structure, np.array(values)) if known else self
 
@@ -103,7 +107,7 @@ class JointLaw:
         return sum(values.get(part.timestep, 0.0) for part, values in self._torques())
 
     def of_joint(self) -> Self:
-        """Return the law without what belongs to the log or to a simulator."""
+        """Return the law without effects of the sensor or of a simulator."""
         return replace(self, effects=tuple(item for item in self.effects if effect(item[0]).part_of_joint))
 
     def _torques(self) -> list[tuple[TorqueEffect, dict[str, float]]]:
