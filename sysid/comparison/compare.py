@@ -45,7 +45,7 @@ class Comparison:
     nrmse: float
     """RMSE over the RMS of the measurement about rest."""
     excess: float
-    """The same beyond the noise: the model's own error."""
+    """`nrmse` with the noise taken out: the model's own error."""
     excess_range: tuple[float, float]
     """95 % interval of `excess`: the noise floor itself is estimated from few samples."""
     noise: NoiseFloor
