@@ -1,4 +1,4 @@
-"""What is known of a board when it is shown: its record, its logs, the comparison and the ladder of models."""
+"""Everything known of a board, for reports and pictures: its record, its logs, the comparison and the errors of the models."""
 
 import json
 from collections.abc import Mapping, Sequence

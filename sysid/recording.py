@@ -1,4 +1,4 @@
-"""A recording: one log's roll, the releases that were found in it, and what reading it brought to light."""
+"""A recording: one log's roll, the releases in it, and the notes and warnings of reading it."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Measures a policy in plain MuJoCo: many episodes, several seeds, the paper's protocol.
+"""Evaluation in plain MuJoCo: many episodes, several seeds, the paper's protocol.
 
 An episode begins at rest with one foot on the ground, lasts 20 s, commands one speed drawn from 0 to
 1.5 m/s and a new turn of up to ±45° in every cycle, and ends early when the pelvis leans beyond 70°,

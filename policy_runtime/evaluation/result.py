@@ -1,4 +1,4 @@
-"""What many measured episodes say: success, errors with their intervals, endings, and where errors come from."""
+"""Result of an evaluation: success rate, errors with their intervals, terminations, and where errors come from."""
 
 import math
 from collections import Counter

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportUnknownParameterType=false
 # (MuJoCo ships no type stubs.)
-"""What a ride can be made harder by, in plain MuJoCo: late answers, other masses and frictions, slopes, pushes."""
+"""Disturbances of a ride in plain MuJoCo: delays, other masses and frictions, slopes, pushes."""
 
 import math
 from collections import deque

@@ -1,4 +1,4 @@
-"""A curriculum that leads itself: how hard the task is follows what the learner can do.
+"""An adaptive curriculum: the difficulty of the task follows what the learner can do.
 
 A beginner that is ended after 0.4 s of wrong stance never learns to ride, and one that never is learns to ride
 on one leg. So the patience with a wrong stance (policy steps) starts at its longest and follows the episodes that end
@@ -19,7 +19,7 @@ the same way, and with it, up to its half, the weights of rewards that a rider n
 (`Reward.beginner`). A step is in proportion to the logarithm of how far the ends are from where it would stay, so that
 there is no band in which nothing moves.
 
-The longest patience is shorter than any stretch in which the stance counts, else one leg never ends an episode: runs
+The longest patience is shorter than any phase in which the stance counts, else one leg never ends an episode: runs
 stood just below that for 400 iterations. Who rides on one leg is ended 15 to 19 times a minute of riding, whatever else he
 can: the balance must be well above that (docs/training_history.md has the runs that waited below it).
 """
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from sim.skate.mdp.rewards import Reward
 
 LONGEST = 5 / 6 * min(Clock().push, Clock().steer)
-"""Patience of a beginner [policy steps]: a stretch in the wrong stance ends an episode."""
+"""Patience of a beginner [policy steps]: a phase in the wrong stance ends an episode."""
 PATIENCE_ENDS = 24.0
 """Ends a minute of riding at which the patience stays as it is: more than one leg alone brings about."""
 STRENGTH_ENDS = 4.5

@@ -26,7 +26,7 @@ class Command(NamedTuple):
     speed: float
     """[m/s]; below 0.1 the robot stands still."""
     turn: float
-    """Heading to reach in the next steering stretch, relative to the one at its start [rad], left positive."""
+    """Heading to reach in the next steering phase, relative to the one at its start [rad], left positive."""
 
 
 class CommandSource(Protocol):

@@ -1,6 +1,6 @@
 # pyright: reportMissingImports=false
 # (onnx is optional.)
-"""Whether what a policy sees is what it was trained on: live observations against the file's own normaliser.
+"""Check for observations outside the training distribution: live observations against the file's own normaliser.
 
 A policy file begins with the mean and standard deviation of everything it saw in training. A sensor whose axis is
 turned, a joint in another order or unit, a robot in another pose stand out in units of that deviation. Command, phase

@@ -1,4 +1,4 @@
-"""When a foot stands on the ground, from where its sole is: also in a recorded clip, whose feet shake and skate.
+"""Contact detection: when a foot stands on the ground, from the motion of its sole; also in noisy recorded clips.
 
 A point of the sole stands where it is low and slow, and goes on standing until it is clearly neither: two
 thresholds, the outer one to leave by (a Schmitt trigger). Both follow the clip's own noise, seen where the foot is

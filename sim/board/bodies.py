@@ -1,4 +1,4 @@
-"""The bodies of a board: what stays level, what tilts, what steers, what rolls.
+"""The bodies of a board: chassis, deck, trucks, wheels.
 
 Bodies::
 

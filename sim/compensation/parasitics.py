@@ -1,4 +1,4 @@
-"""What a scene adds of its own to the tilt joint: stiffness, damping, inertia, and from which part.
+"""Parasitic stiffness, damping and inertia that a scene adds to the tilt joint, by part of the scene.
 
 The scene is treated as a black box: static loads give its stiffness, the two-term recursion of a small
 sampled decay gives the two poles of the step, and with the stiffness these give damping and inertia as

@@ -1,4 +1,4 @@
-"""The model itself, its joint let go: everything else stays where it was held, and nothing drives it."""
+"""Free decay of a joint in the user's own model: all else stays where it was held, and nothing drives it."""
 
 import mujoco
 import numpy as np

@@ -1,4 +1,4 @@
-"""Whose joint a command is about: a board of the workspace, or a joint of a MuJoCo model."""
+"""The joint that a command is about: a board of the workspace, or a joint of a MuJoCo model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

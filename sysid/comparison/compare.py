@@ -1,4 +1,4 @@
-"""Measured against simulated: how far off, where, and which torque the model lacks.
+"""Comparison of measured and simulated decays: the error, where it is, and the missing torque.
 
 Only roll and rate at each release are fitted here; the law is the board's as it stands.
 """

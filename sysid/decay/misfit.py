@@ -1,4 +1,4 @@
-"""What a decay leaves beyond the sensor's noise, as an error of its stiffness and damping.
+"""The residual of a linear decay beyond the sensor noise, as an uncertainty of stiffness and damping.
 
 Noise differs from sample to sample, and many samples average it. What is left beyond it follows the
 motion: a lens, a lag, a law that is not quite linear. Such a course has few independent values, however

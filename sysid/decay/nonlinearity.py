@@ -1,4 +1,4 @@
-"""What the peaks of a free decay show against a linear law, and which effects of the catalogue look like that."""
+"""Deviations of the peaks from a linear decay, and which effects of the catalogue cause them."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Angles and numbers that a board's joint cannot have: a wrong unit, another board, a wrong model."""
+"""Plausibility checks: angles and numbers that point to a wrong unit, another board or a wrong model."""
 
 import math
 from collections.abc import Sequence

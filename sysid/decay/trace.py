@@ -1,4 +1,4 @@
-"""One release as the fit of a decay sees it: what is fitted, how much each sample tells, and how long errors last.
+"""One release as the linear fit uses it: the signal, its weights, and the correlation of its errors.
 
 A sensor's noise is another one in each sample; a film's error lasts (`sysid.noise.lasting`), as an
 autoregression of order 1. Whitened, it leaves

@@ -1,4 +1,4 @@
-"""Whether what tables have learned is rather a spring or a damper that changes with time.
+"""Whether a learned torque is better explained by a spring or a damper that changes with time.
 
 Within a release the amplitude falls as time goes on, so a torque of tilt and rate can stand in for one of time, and the other
 way round; releases from several angles tell them apart. A spring and a damper that follow cubics of the time since the

@@ -1,4 +1,4 @@
-"""What a fit knows of its own parameters: covariance, intervals, and what the data leave open, in words."""
+"""Covariance and intervals of the fitted parameters, and what the data leave open, in words."""
 
 import itertools
 from collections.abc import Mapping, Sequence

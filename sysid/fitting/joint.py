@@ -1,4 +1,4 @@
-"""Fit one joint to releases: the search, then the parameters that the data do without, then outliers."""
+"""Fit one joint to releases: the search, then removal of parameters that the data do not need, then outliers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,4 @@
-"""A fitted joint becomes part of the board record: values, deviations, provenance, and a history line."""
+"""Writes a fitted joint into the board record: values, deviations, provenance, and a history line."""
 
 import datetime
 from collections.abc import Callable, Mapping, Sequence

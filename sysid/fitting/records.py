@@ -1,4 +1,4 @@
-"""What is fitted of each release: which signal, from when, and until when."""
+"""The data fitted of each release: which signal, from when, and until when."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Fit of torques that are tables: through the motion, as smooth as releases that were left out want them.
+"""Fit of tabulated torques, with smoothness chosen by hold-out error.
 
 The roughness of each table counts in the sum of squares as a measurement would. Its weight is the one with which other motion
 is predicted best, found from the normal equations of each release alone: near a fit everything is linear, and leaving a

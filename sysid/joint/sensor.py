@@ -1,4 +1,4 @@
-"""What a sensor makes of a joint's motion: filters, bias, drift and the log's clock.
+"""The sensor model: filter, bias, drift and the log's clock.
 
 A filter has a state, so it is integrated with the joint. Everything else is applied at the samples, after the
 filters. The log's clock counts from the log's first sample; drift grows with it, wherever a release begins.

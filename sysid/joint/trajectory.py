@@ -1,4 +1,4 @@
-"""What a joint does after it is let go."""
+"""Simulation of a release."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""A deck that has just come to rest, seen from its rates while they arrive."""
+"""Detection of a deck that has come to rest, from its rates as they arrive."""
 
 from dataclasses import dataclass
 

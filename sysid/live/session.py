@@ -1,4 +1,4 @@
-"""What a running measurement has shown so far: releases, stiffness and damping, and which release would help most."""
+"""State of a live measurement: releases, stiffness and damping so far, and which release would help most."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

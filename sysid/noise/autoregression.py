@@ -1,4 +1,4 @@
-"""How the residuals of a fit scatter: their size and their memory, as an autoregression.
+"""Noise model of a fit's residuals: an autoregression.
 
 Neighbouring residuals of a real log resemble each other, because a sensor smooths or a model is not
 quite right. Treated as independent they promise intervals that are too narrow. And a fit takes the noise

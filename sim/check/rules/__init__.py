@@ -1,4 +1,4 @@
-"""The rules of the gate: one a file, found by being there.
+"""Pass and fail criteria of `check`: one a file, discovered by its file.
 
 Such a file ends in `RULE = Rule(...)`: when it is asked, and what it says of a scene and the decays in it.
 """

@@ -1,5 +1,5 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
-"""How episodes begin and how worlds differ: mjlab's events of the task (HUSKY, table of randomisation).
+"""mjlab's events of the task: starts of episodes, boards, masses, friction, pushes (HUSKY, table of randomisation).
 
 | what | range | when |
 |---|---|---|

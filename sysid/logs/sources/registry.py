@@ -1,4 +1,4 @@
-"""The kinds of sensor that roll can be made from: one a file of this folder, found by being there.
+"""Registry of sensor kinds from which roll can be made: one a file of this folder, discovered by its file.
 
 Such a file ends in `SOURCE = Source(...)`. What a kind of sensor means for whoever uses the roll (whether its
 zero is known, what it measures) is written into the `Roll`, so that nobody need ask for the kind.

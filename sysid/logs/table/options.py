@@ -1,4 +1,4 @@
-"""What the user says about a log instead of leaving it to inference."""
+"""Options with which the user overrides what is inferred of a log."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Which rows of a log are measurements: those with numbers in them that are no glitches and stand for nothing else."""
+"""Which rows of a log are measurements: those with numbers that are neither glitches nor placeholders."""
 
 from collections.abc import Mapping
 
