@@ -67,7 +67,7 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class LastDiagnosis:
-    """What `husky-sysid diagnose` last found for a board."""
+    """Result of the last `husky-sysid diagnose` for a board."""
 
     content: Mapping[str, Any]
     """Of its diagnose.json."""

@@ -75,7 +75,7 @@ class Fit:
 
     @property
     def status(self) -> str:
-        """How the search ended, in words."""
+        """Termination of the search, in words."""
         return self.joint.status
 
     @cached_property

@@ -85,12 +85,12 @@ class FreeDecay:
 
     @property
     def position(self) -> Display:
-        """How the roll is shown, or the position of a slide."""
+        """How the roll, or the position of a slide, is displayed."""
         return display(is_rate=False, slides=self.slides)
 
     @property
     def show(self) -> Display:
-        """How what was fitted is shown."""
+        """How the fitted signal is displayed."""
         return self.position if self.trace.signal == "roll" else display(is_rate=True, slides=self.slides)
 
     @property

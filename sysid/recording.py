@@ -185,7 +185,7 @@ def unpack(data: Data) -> tuple[tuple[Recording, ...], list[Release]]:
 
 
 def reading_warnings(recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Return what is wrong with some logs; where there are several, each warning names its log."""
+    """Return the warnings of some logs; where there are several, each names its log."""
     if len(recordings) == 1:
         return recordings[0].warnings
     return tuple(f"{recording.path}: {text}" for recording in recordings for text in recording.warnings)

@@ -43,7 +43,7 @@ SETTLING = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Protocol:
-    """What every episode is like."""
+    """Conditions of the episodes of an evaluation."""
 
     duration: float = 20.0
     """[s]"""

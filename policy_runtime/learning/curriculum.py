@@ -147,7 +147,7 @@ class Curriculum:
         self.set(self.level.after(ends, self.own))
 
     def numbers(self) -> dict[str, float]:
-        """Return what the curves show of it."""
+        """Return its numbers for the learning curves."""
         return {
             "patience": self.level.patience,
             "strength": self.level.strength,

@@ -21,7 +21,7 @@ TURN_RANGE = (-0.7853981633974483, 0.7853981633974483)
 
 
 class Command(NamedTuple):
-    """What the rider shall do."""
+    """A command of the rider."""
 
     speed: float
     """[m/s]; below 0.1 the robot stands still."""

@@ -29,7 +29,7 @@ class StoppedError(Exception):
 
 
 class Ticks(Protocol):
-    """What the preparation asks of the loop."""
+    """What the preparation needs of the loop."""
 
     robot: Robot
 
@@ -48,7 +48,7 @@ class Ticks(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Preparation:
-    """How a robot comes to where a policy starts."""
+    """Preparation of a robot: from its present pose to the policy's start."""
 
     pose: Array
     """Joint angles that the policy starts from [rad], shape (23,)."""

@@ -61,7 +61,7 @@ HOPELESS = 30.0
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """Where a page comes from."""
+    """Provenance of a page."""
 
     command: str
     made: str

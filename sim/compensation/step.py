@@ -66,7 +66,7 @@ class Compensation:
     """NRMSE of the decay against the law without what is left out: what integrator and step alone cost."""
 
     def entry(self) -> dict[str, Any]:
-        """Return what was written and both errors, for the board record and for JSON."""
+        """Return the written parameters and both errors, for the board record and for JSON."""
         return {
             "how": self.how,
             "timestep": self.timestep,
@@ -79,7 +79,7 @@ class Compensation:
         }
 
     def lines(self) -> tuple[str, ...]:
-        """Return what was done and both errors, for people and for the comments of a file."""
+        """Return lines on the compensation and both errors, for output and for the comments of a file."""
         where = f"{self.how}, for {self.integrator} at {1e3 * self.timestep:g} ms"
         what, before = "as recorded", ""
         if self.inertia_ratio != 1 or self.damping_ratio != 1:

@@ -24,7 +24,7 @@ JAMMED = 30.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arc:
-    """What one joint moves, and what pulls at it."""
+    """Inertia and torques of one joint along its arc."""
 
     position: Array
     """Of the joint [rad or m], shape (n,), ascending."""

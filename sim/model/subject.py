@@ -114,7 +114,7 @@ def pose_releases(
 
 
 def known_of(board: Board) -> dict[str, float]:
-    """Return what is other than in another record of the same joint, of another pose or payload, as `Release.known` takes it."""
+    """Return the parameters that differ from another record of the same joint, in another pose or with another payload, as `Release.known` takes them."""
     parts = {part.name: part.parameters for part in board.effects}
     known = {"inertia": board.inertia.value}
     for own in (weight.EFFECT.name, payload.EFFECT.name, linkage.EFFECT.name):

@@ -70,7 +70,7 @@ class Comparison:
 
     @property
     def show(self) -> Display:
-        """How what was measured is shown."""
+        """How the measured signal is displayed."""
         return display(is_rate=self.is_rate, slides=self.slides)
 
     @property

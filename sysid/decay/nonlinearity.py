@@ -48,7 +48,7 @@ class Nonlinearity:
 
     @property
     def told(self) -> str:
-        """What is seen, and a few effects that look like it."""
+        """The deviation, and a few effects that look like it."""
         from sysid.effects import effect
 
         few = [effect(name).title for name in self.effects[:CANDIDATES]]

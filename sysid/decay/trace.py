@@ -46,7 +46,7 @@ class Trace:
 
 
 def traces_of(releases: Sequence[Release]) -> tuple[list[Trace], Literal["roll", "rate"]]:
-    """Return what to fit: the roll, or the rate where the roll is only a gyro's integral.
+    """Return the signal to fit: the roll, or the rate where the roll is only a gyro's integral.
 
     White noise of a gyro becomes a random walk in its integral; in the rate it stays white, and the
     gyro's offset is one constant.

@@ -46,7 +46,7 @@ class RollOut:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rolling:
-    """What roll-outs tell."""
+    """Result of roll-outs."""
 
     rake: Quantity | None
     """λ [rad]; None where the board turned too little to tell."""

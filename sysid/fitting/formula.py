@@ -152,7 +152,7 @@ SHAPES: tuple[Shape, ...] = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Formula:
-    """What a learned torque looks like."""
+    """The formula nearest to a learned torque."""
 
     shapes: tuple[Shape, ...]
     coefficients: tuple[float, ...]

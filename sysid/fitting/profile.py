@@ -34,7 +34,7 @@ _FARTHEST = 40.0
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """How the cost rises along one unknown."""
+    """The cost along one unknown."""
 
     best: float
     """Where it is lowest among all points seen."""

@@ -85,12 +85,12 @@ class JointLaw:
 
     @property
     def stiffness_of_effects(self) -> float:
-        """What effects add to the stiffness at small tilts [N*m/rad]."""
+        """Stiffness that effects add at small tilts [N*m/rad]."""
         return sum(part.stiffness_at(self.rest_angle, values) for part, values in self._torques())
 
     @property
     def inertia_ratio(self) -> float:
-        """By how much effects multiply the roll inertia [1]."""
+        """Factor by which effects multiply the roll inertia [1]."""
         joint = LinearJoint(self.inertia, self.stiffness, self.damping, self.rest_angle)
         for part, values in self._torques():
             joint = joint if part.modifies is None else part.modifies(joint, values)
@@ -98,7 +98,7 @@ class JointLaw:
 
     @property
     def inertia_gain(self) -> float:
-        """By how much effects multiply what is added to the roll inertia [1]."""
+        """Factor by which effects multiply inertia that is added to the roll inertia [1]."""
         return 2 * replace(self, inertia=2 * self.inertia).inertia_ratio - self.inertia_ratio
 
     @property

@@ -42,7 +42,7 @@ def clock_ratio(structure: Structure, parameters: Mapping[str, float]) -> float:
 
 
 def read(law: JointLaw, angle: Array, rate: Array, time: Array) -> Reading:
-    """Return what the sensor of a law makes of samples that have left its filters, shape (n,) each.
+    """Return a law's sensor readings of samples behind its filters, shape (n,) each.
 
     Angles [rad], rates per second of the log's clock [rad/s], and times on that clock [s].
     """

@@ -63,7 +63,7 @@ class ResidualNoise:
         return np.fft.irfft(power * np.fft.rfft(columns, size, axis=0), size, axis=0)[: len(columns)]
 
     def drawn(self, count: int, rng: np.random.Generator) -> Array:
-        """Return a stretch of such noise, shape (count,), in the signal's unit."""
+        """Draw such noise, shape (count,), in the signal's unit."""
         from scipy.signal import lfilter
 
         lead = 20 * len(self.coefficients) + 200

@@ -121,7 +121,7 @@ class SkateCommand(CommandTerm):
         return self._command
 
     def seen(self) -> torch.Tensor:
-        """Return what the actor sees of the command, (n, 2)."""
+        """Return the command as the actor observes it, (n, 2)."""
         if not self._options.turn_feedback:
             return self._command
         turn = still_to_turn(self._command[:, 1], self.headings()[1], self._yaw_then)

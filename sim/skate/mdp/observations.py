@@ -129,7 +129,7 @@ class CriticVector(ActorFrame):
 
 
 def joint_angles(env: "ManagerBasedRlEnv") -> torch.Tensor:
-    """Return what the style discriminator sees of one step: joint positions [rad], (n, 23)."""
+    """Return one step's input of the style discriminator: joint positions [rad], (n, 23)."""
     return skate_command(env).reading.joint_position()
 
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class FirstState:
-    """What worlds begin an episode with."""
+    """Initial states of an episode."""
 
     qpos: torch.Tensor
     """(n, nq)."""

@@ -201,7 +201,7 @@ class Worlds:
         return actions[steps_back(self.action_lag, substep), self._world]
 
     def sensed(self, frames: torch.Tensor) -> torch.Tensor:
-        """Return what the sensors tell the policy: late, off by their bias; what the policy told itself, at once.
+        """Return the sensor readings of the policy, delayed and with bias; its own last action and command without delay.
 
         Args:
             frames: The last three true frames, newest first, (3, n, 78).
@@ -212,7 +212,7 @@ class Worlds:
         return torch.where(self._measured, late, frames[0]) + self.bias
 
     def known(self) -> torch.Tensor:
-        """Return what the critic is told of its world, about within ±1, (n, `KNOWN`)."""
+        """Return the privileged numbers of each world for the critic, about within ±1, (n, `KNOWN`)."""
         lag = self.action_lag * (TIMESTEP / CONTROL_PERIOD) - 1
         friction = self._env.sim.model.geom_friction[:, self._sole, 0]
         one = (lag, self.sensor_lag, self.rolling, friction - 1, 5 * self.mass)

@@ -48,7 +48,7 @@ ROBOT, BOARD = "robot/", "board/"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneOptions:
-    """What can be chosen about the scene."""
+    """Options of the scene."""
 
     coupling: Coupling = "equality"
     """How tilt steers the trucks."""

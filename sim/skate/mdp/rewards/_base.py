@@ -14,7 +14,7 @@ Phase = Literal["push", "steer", "transition", "not-push", "not-steer", "moving"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
-    """What weights and arguments may hang on."""
+    """What weights and arguments may depend on."""
 
     options: SkateOptions
     """The variant of the task."""
