@@ -330,9 +330,9 @@ def _not_linear(decay: FreeDecay) -> str | None:
     )
     if any(found.hidden_by_linear_fit for found in decay.nonlinearities):
         return (
-            f"a linear decay is the wrong model, though it leaves {decay.trace.noise:.2g} {unit} in noise of "
-            f"{decay.floor.std:.2g} {unit} only: {reasons}. A level for each release takes that up, and k and d can "
-            "be wrong by far more than their intervals say; `diagnose` tells the causes apart"
+            f"a linear decay is the wrong model, although its residual is only {decay.trace.noise:.2g} {unit} at a noise "
+            f"of {decay.floor.std:.2g} {unit}: {reasons}. A rest angle for each release hides this in the fit, so k and d "
+            "can be wrong by far more than their intervals; `diagnose` tells the causes apart"
         )
     return (
         f"a linear decay is not the whole story: it leaves {decay.trace.noise:.2g} {unit} where the sensor's noise "
@@ -346,7 +346,7 @@ def _drift(decay: FreeDecay) -> str | None:
     drift = next((found for found in decay.nonlinearities if found.sign == "moving level"), None)
     if drift is None or not decay.linear:
         return None
-    return f"{drift.told}. Each release has a level of its own here, so k and d do not depend on it"
+    return f"{drift.told}. Each release is fitted with its own rest angle, so k and d do not depend on it"
 
 
 def _disagreement(decay: FreeDecay) -> str | None:

@@ -55,7 +55,7 @@ def scale_by_gravity(time: Array, rates: Array, accel: Array) -> tuple[float, Re
         if beside < min(named) or not _clear(named, still, noise, accel.size):
             return None
         return RATE_UNITS[unit], warning(
-            f"rates taken as {unit}, because so they turn the accelerometer's vertical; no name says it. Say it with --unit"
+            f"rates taken as {unit}, as they match the turning of the accelerometer's vertical; no name gives their unit (else --unit)"
         )
     tried = [_left(time, size * rates, accel) for size in COUNTS]
     best = int(np.argmin(tried))
