@@ -52,7 +52,7 @@ TOLD = ("fit", "check", "model")
 """Sections that tell what was done."""
 TOLD_NUMBERS = {"rmse_before", "rmse", "heldout_rmse", "noise_floor", "nrmse", "tolerance"}
 """What commands read of a fit, of a check and of the history."""
-LARGEST = 1e300
+MAX_NUMBER = 1e300
 """Above, a number counts as infinite [1]."""
 PHYSICAL = {
     "m": (1e-4, 10.0),
@@ -370,7 +370,7 @@ class _Reader:
         """Return a table that tells what was done; it may hold anything, but what commands read is of its kind."""
         for key in TOLD_NUMBERS & raw.keys():
             number = raw[key]
-            whole = isinstance(number, int) and not isinstance(number, bool) and abs(number) < LARGEST
+            whole = isinstance(number, int) and not isinstance(number, bool) and abs(number) < MAX_NUMBER
             if not whole and not isinstance(number, float):
                 raise SysidError(f"{self.path}: field '{where}.{key}' is {number!r}; expected a number.")
         arrays: dict[str, tuple[type, str]] = {"effects": (str, "names of effects")}
@@ -436,7 +436,7 @@ class _Reader:
             if isinstance(number, bool) or not isinstance(number, int | float):
                 raise SysidError(f"{self.path}: field '{where}.{key}' is {number!r}; expected a number.")
             # TOML's whole numbers have no end.
-            numbers[key] = float(number) if abs(number) < LARGEST else math.inf
+            numbers[key] = float(number) if abs(number) < MAX_NUMBER else math.inf
         if raw.get("unit") != unit and not (unit is None and isinstance(raw.get("unit"), str)):
             raise SysidError(f"{self.path}: field '{where}.unit' is {raw.get('unit')!r}; expected {unit!r}.")
         if not 0 <= numbers["std"] < math.inf:

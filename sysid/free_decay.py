@@ -33,9 +33,9 @@ from sysid.text import WIDTH, Display, count, display, quantity_frame
 if TYPE_CHECKING:
     import pandas as pd
 
-DISAGREE = 2.58
+DISAGREEMENT_STDS = 2.58
 """Two estimates disagree from this many standard deviations of their difference on (1 % by chance)."""
-TRIFLE = 0.005
+MIN_DECREMENT_DIFFERENCE = 0.005
 """Two decrements this close, relatively, are never said to disagree: a local cubic is no closer."""
 ABOVE_NOISE = 1.15
 """Residuals above this multiple of the noise floor are looked at."""
@@ -355,7 +355,9 @@ def _disagreement(decay: FreeDecay) -> str | None:
         return None
     one, other = decay.line.log_decrement, decay.numbers.log_decrement
     apart = abs(one.value - other.value)
-    if not apart > max(DISAGREE * math.hypot(one.std, other.std), TRIFLE * other.value):
+    if not apart > max(
+        DISAGREEMENT_STDS * math.hypot(one.std, other.std), MIN_DECREMENT_DIFFERENCE * other.value
+    ):
         return None
     return (
         f"δ from the peaks ({one}) and from the whole trace ({other}) disagree by more than their intervals. "

@@ -23,7 +23,7 @@ TURN_EDGES = (0.0, 0.2, 0.4, 0.6, 0.8)
 """Edges of the classes of commanded turn, its size [rad]."""
 PARTS = 8
 """Parts of equal length that a phase is divided into."""
-CLOSE = 0.1
+ARRIVED_HEADING = 0.1
 """Heading error that counts as having arrived [rad]."""
 
 Cell = tuple[float, int]
@@ -222,7 +222,7 @@ def _headings(rides: Rides, steer: _Phases) -> dict[str, Any]:
     return {
         "|error|": size,
         "error along the turn": along,
-        f"beyond {CLOSE:g} rad": size > CLOSE,
+        f"beyond {ARRIVED_HEADING:g} rad": size > ARRIVED_HEADING,
         "v": rides.speed,
     }
 

@@ -32,7 +32,7 @@ from sysid.roll import Array
 
 USUAL_STEPS = 8
 """Steps that a search of this kind mostly takes: what the bar expects."""
-FREE, USUAL = 3.1, 0.3
+UNKNOWN_RANGE, DEFAULT_RANGE = 3.1, 0.3
 """A tilt range of a full turn is that of a joint whose range nobody knows; it is let go from the usual one of a deck [rad]."""
 BELOW_BARRIER = 0.75
 """Energy of the widest release over what lets the joint go past where it pulls back: with a spring that softens as x³,
@@ -168,7 +168,7 @@ def release_amplitudes(board: Board) -> tuple[float, ...]:
     soon as the joint is not linear, and further the deck does not go.
     """
     known = board.tilt["range"].value
-    wide = _comes_back_from(board, known if known < FREE else USUAL)
+    wide = _comes_back_from(board, known if known < UNKNOWN_RANGE else DEFAULT_RANGE)
     return wide, -0.7 * wide, 0.4 * wide
 
 

@@ -35,7 +35,7 @@ from sim.skate import rotation
 from sim.skate.arrays import wrap_angle
 from sim.skate.mdp.actor_observation import FRAME_SIZE, projected_gravity, raw_frame, scale_frame
 from sim.skate.mdp.commands import SkateCommand
-from sim.skate.mdp.worlds import KNOWN, MEMORY, worlds
+from sim.skate.mdp.worlds import MEMORY, PRIVILEGED_SIZE, worlds
 from sim.skate.robot.g1 import default_pose
 from sim.skate.world import contacts
 
@@ -124,7 +124,7 @@ class CriticVector(ActorFrame):
 
     def _hidden(self, command: SkateCommand) -> tuple[torch.Tensor, ...]:
         place, turn = command.foot_place, wrap_angle(command.heading_reference() - command.headings()[0])
-        known = place.new_zeros(len(place), KNOWN) if self._worlds is None else self._worlds.known()
+        known = place.new_zeros(len(place), PRIVILEGED_SIZE) if self._worlds is None else self._worlds.known()
         return 5 * place[:, None], turn[:, None], known
 
 

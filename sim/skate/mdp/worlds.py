@@ -35,11 +35,11 @@ LONG, SHORT = (3.0, 20.0), (1.0, 4.0)
 LEDGE_EVERY = 5.0
 """Mean way from one ledge to where the next comes up [m]: as on the suite's ground. At the ends of segments alone they came
 half as often, and training on higher ones left what lasted on them as it was."""
-OBLIQUE = math.pi / 4
+MAX_SLOPE_ANGLE = math.pi / 4
 """Largest angle between a slope and where the board points at its beginning [rad]."""
 EDGE = 0.1
 """Way within which the ground goes over from one segment to the next [m]."""
-KNOWN = 7
+PRIVILEGED_SIZE = 7
 """Numbers that tell the critic what world it is in."""
 _SENSORS = ("angular_velocity", "gravity", "joint_position", "joint_velocity")
 """Parts of the actor's frame that sensors measure."""
@@ -169,7 +169,7 @@ class Worlds:
         n, device = len(self.slope), self.slope.device
         chance, drawn, aside, far = torch.rand(4, n, device=device)
         level, descent = chance < LEVEL_SHARE, chance > 1 - DESCENT_SHARE
-        towards = self._board()[1] + OBLIQUE * (2 * aside - 1)
+        towards = self._board()[1] + MAX_SLOPE_ANGLE * (2 * aside - 1)
         ahead = torch.stack((towards.cos(), towards.sin()), dim=-1)
         steepness = drawn.sqrt()  # the steeper, the more often: they are harder
         steepest = torch.where(descent, self.variation.descent, self.variation.slope)
@@ -212,7 +212,7 @@ class Worlds:
         return torch.where(self._measured, late, frames[0]) + self.bias
 
     def known(self) -> torch.Tensor:
-        """Return the privileged numbers of each world for the critic, about within ±1, (n, `KNOWN`)."""
+        """Return the privileged numbers of each world for the critic, about within ±1, (n, `PRIVILEGED_SIZE`)."""
         lag = self.action_lag * (TIMESTEP / CONTROL_PERIOD) - 1
         friction = self._env.sim.model.geom_friction[:, self._sole, 0]
         one = (lag, self.sensor_lag, self.rolling, friction - 1, 5 * self.mass)
