@@ -60,20 +60,30 @@ def as_coulomb(parameters: Values) -> list[dict[str, float]]:
 _PARTS = ((0.7, 1.3), (0.3, 1.3))
 _SPEEDS = (0.05, 0.2, 0.5)
 """Sliding and static friction as a share of the common one, and the Stribeck speed as one of its size."""
+_LEAST = 0.1
+"""Sliding friction as a share of the static one below which it counts as vanished: a choice."""
+_SLIDING = ((0.35, 1.0), (0.65, 1.0))
+_SLOWER = (0.7, 0.35)
+"""As the two above, but the Stribeck speed as a share of what was found without sliding friction."""
 
 
 def part_again(parameters: Numbers) -> list[dict[str, float]]:
-    """Return static friction above the sliding one again, where a search let them fall together.
+    """Return static friction above a sliding one again, where a search let them fall together or the sliding one vanish.
 
-    Below the sliding friction the static one has no effect, so a search that steps there never comes back.
+    Below the sliding friction the static one has no effect, so a search that steps there never comes back. Without
+    sliding friction the damper and a wide Stribeck speed stand in for it: a valley of its own.
     """
-    level = parameters["torque"]
-    if parameters["static_torque"] > level:
+    level, static = parameters["torque"], parameters["static_torque"]
+    if static <= level:
+        common, parts, speeds = level, _PARTS, _SPEEDS
+    elif level < _LEAST * static:
+        common, parts, speeds = static, _SLIDING, tuple(share * parameters["velocity"] for share in _SLOWER)
+    else:
         return []
     return [
-        {"torque": below * level, "static_torque": above * level, "velocity": speed}
-        for below, above in _PARTS
-        for speed in _SPEEDS
+        {"torque": below * common, "static_torque": above * common, "velocity": speed}
+        for below, above in parts
+        for speed in speeds
     ]
 
 

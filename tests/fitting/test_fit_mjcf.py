@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import random_truths
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
@@ -20,9 +21,11 @@ from sysid.fitting.shooting import Shooting
 from sysid.joint import JointLaw, simulate
 from sysid.joint.structure import structure_of
 from sysid.least_squares import Normal, minimise
+from sysid.logs import read_roll
 from sysid.noise.floor import difference_std, noise_floor
 from sysid.noise.whiteness import correlation_length, ljung_box
 from sysid.quantity import Quantity
+from sysid.releases import find_releases
 from sysid.roll import Release
 from sysid.workspace import shipped_data
 
@@ -321,3 +324,10 @@ def test_static_friction_is_found_beside_the_sliding_one(pink, truth):
     # Where it stops, a deck tells that static friction is enough, not how much more there is.
     shape = next(shape for shape in profiles(fit, pink) if shape.name == "stribeck.static_torque")
     assert shape.interval[0] <= truth[1] <= shape.interval[1]
+
+
+def test_sliding_friction_is_found_where_a_damper_and_a_wide_stribeck_speed_mimic_it(tmp_path, pink):
+    case = random_truths.draw(88067)
+    random_truths.write(case, random_truths.move(case), tmp_path / "log.csv")
+    fit = fit_joint(find_releases(read_roll(tmp_path / "log.csv")), pink, ["stribeck"])
+    assert fit.rmse < 1.02 * case.recording.noise

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from sysid.effects import catalogue, effect
@@ -132,6 +133,32 @@ def test_an_implicitfast_step_loses_the_damping_that_it_is_known_to_lose():
     zeta = -pole.real / abs(pole)
     exact = 0.54 / 2 / np.sqrt(34.85 * 7.15e-3)
     assert zeta / exact - 1 == pytest.approx(-0.0831, abs=0.001)
+
+
+def test_a_stiff_hysteresis_beside_a_stop_is_stepped_finely_enough():
+    k, d, inertia, yields, reach, stop, rigid, loss = (
+        14.68,
+        7.48e-3,
+        8.7e-3,
+        1.156e-3,
+        2.341e-3,
+        -0.1306,
+        179.9,
+        0.4874,
+    )
+    law = JointLaw(inertia=inertia, stiffness=k, damping=d)
+    law = law.with_effect("bouc-wen", yields, reach, 1.0).with_effect("one-sided-stop", stop, rigid, loss)
+    time = np.arange(0.0, 0.733, 1e-3)
+    found = simulate(law, time, 0.169278, -0.127152).roll
+
+    def motion(_, state):
+        x, v, z = state
+        wall = effect_torque(law, "one-sided-stop", np.zeros(1), np.array([x]), np.array([v]))[0]
+        return v, (-k * x - d * v - yields * z + wall) / inertia, (v - abs(v) * z) / reach
+
+    start = [0.169278, -0.127152, 1 - np.exp(-0.169278 / reach)]
+    true = solve_ivp(motion, (0.0, time[-1]), start, t_eval=time, rtol=1e-9, atol=1e-12, method="LSODA").y[0]
+    assert np.abs(found - true).max() < 1e-3 * 0.169278
 
 
 def test_a_law_without_a_stable_rest_says_so():
