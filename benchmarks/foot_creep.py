@@ -1,4 +1,4 @@
-"""How the right foot creeps along the deck in long rides: in which stretch of the cycle, and how much of it is MuJoCo's contact.
+"""How the right foot creeps along the deck in long rides: in which phase of the cycle, and how much of it is MuJoCo's contact.
 
 Run `python benchmarks/foot_creep.py [--episodes 8] [--workers 16] [--policies data/policies/pink.onnx …]`. Every ride is told
 the same twice: on the scene's own contacts, whose pyramidal friction gives way a little under any load, and on elliptic cones ten
@@ -29,9 +29,9 @@ DURATION = 300.0
 """[s]"""
 STIFFER = 10.0
 """Ratio of frictional to normal impedance of the stiffer contacts [1]."""
-STRETCHES = ("pushing", "mounting", "steering", "dismounting")
+PHASES = ("pushing", "mounting", "steering", "dismounting")
 Ride = tuple[float, bool, list[float]]
-"""How long it was [s], whether it lasted, and by how much the foot crept ahead in each stretch of a cycle [m]."""
+"""How long it was [s], whether it lasted, and by how much the foot crept ahead in each phase of a cycle [m]."""
 
 
 def ride(policy: Path, stiffer: bool, episode: int) -> Ride | None:
@@ -51,11 +51,11 @@ def ride(policy: Path, stiffer: bool, episode: int) -> Ride | None:
 
 
 def _creep(model: mujoco.MjModel, recording: Recording) -> list[float]:
-    """Return by how much the foot creeps in each stretch of a cycle [m]."""
+    """Return by how much the foot creeps in each phase of a cycle [m]."""
     moved, clock = np.diff(foot_place(model, recording.qpos)), recording.clock
     step = recording.step[:-1].astype(int)
     cycles = len(step) / clock.period
-    return [float(moved[getattr(clock, name)(step)].sum() / cycles) for name in STRETCHES]
+    return [float(moved[getattr(clock, name)(step)].sum() / cycles) for name in PHASES]
 
 
 def foot_place(model: mujoco.MjModel, qpos: Array) -> Array:
@@ -86,9 +86,8 @@ def main() -> None:
                 rides = (map if pool is None else pool.map)(work, range(options.episodes))
                 rode = [found for found in rides if found is not None]
                 lengths, lasted, crept = (np.array(column) for column in zip(*rode, strict=True))
-                whole = mean_over(
-                    [1e3 * crept.sum(1)], "mm"
-                )  # a ride is one sample: its cycles are told the same speed
+                # A ride is one sample: its cycles are told the same speed.
+                whole = mean_over([1e3 * crept.sum(1)], "mm")
                 rows.append(
                     (
                         policy.stem,
@@ -99,10 +98,10 @@ def main() -> None:
                         *(f"{1e3 * size:+.1f}" for size in crept.mean(0)),
                     )
                 )
-    head = ("policy", "contacts", "last", "mean length [s]", "creep a cycle [mm]", *STRETCHES)
+    head = ("policy", "contacts", "last", "mean length [s]", "creep a cycle [mm]", *PHASES)
     note = (
         f"Rides of {DURATION:.0f} s on level ground, {options.episodes} episodes of seed 0 a policy without those told to "
-        "stand. Creep is along the deck, ahead positive, mean over the rides, and by stretch of the cycle of 6 s."
+        "stand. Creep is along the deck, ahead positive, mean over the rides, and by phase of the cycle of 6 s."
     )
     write_result("foot_creep.md", "\n\n".join(("# How the right foot creeps", note, table(head, rows))))
 

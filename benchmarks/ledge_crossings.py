@@ -1,4 +1,4 @@
-"""How policies cross ledges: from the suite's rides on them, every crossing by height, speed, angle and stretch of the cycle.
+"""How policies cross ledges: from the suite's rides on them, every crossing by height, speed, angle and phase of the cycle.
 
 Run `python benchmarks/ledge_crossings.py [--episodes 40] [--workers 16] [--policies data/policies/pink.onnx …]`. A crossing
 is a front axle that passes an edge; it ends the ride if that ends within 3 s. Who has turned back towards the start
@@ -40,7 +40,7 @@ class Crossing:
     """[m/s]"""
     askew: float
     """Angle between the board and the way down [rad]."""
-    stretch: str
+    phase: str
     fatal: bool
 
 
@@ -55,12 +55,12 @@ def crossings(recording: Recording, wheelbase: float, ended: bool) -> list[Cross
         if not len(passed):
             break
         at, step = passed[0], int(recording.step[passed[0]])
-        stretch = next(
+        phase = next(
             name for name in ("pushing", "mounting", "steering", "dismounting") if getattr(clock, name)(step)
         )
         fatal = ended and float(recording.time[-1] - recording.time[at]) < FATAL
         askew = abs(float(wrap_angle(heading[at] - down(axle[at]))))
-        found.append(Crossing(height, float(speed[at]), askew, stretch, fatal))
+        found.append(Crossing(height, float(speed[at]), askew, phase, fatal))
     return found
 
 
@@ -101,8 +101,8 @@ def by(found: list[Crossing]) -> list[tuple[str, list[Crossing]]]:
         classes.append((f"{low}° to {high}° askew", inside))
     for low, high in ((0.0, 0.6), (0.6, 1.0), (1.0, 9.0)):
         classes.append((f"{low:g} to {high:g} m/s", [c for c in found if low <= c.speed < high]))
-    for stretch in ("pushing", "mounting", "steering", "dismounting"):
-        classes.append((stretch, [c for c in found if c.stretch == stretch]))
+    for phase in ("pushing", "mounting", "steering", "dismounting"):
+        classes.append((phase, [c for c in found if c.phase == phase]))
     return classes
 
 

@@ -1,4 +1,4 @@
-"""Write docs/api.md from the docstrings of what `sysid` promises.
+"""Write docs/api.md from the docstrings of the public API of `sysid`.
 
 Run:  python docs/make_api.py
 """
@@ -26,16 +26,16 @@ ORDER = (
     "Recording", "Board", "Quantity", "Effect", "SysidError", "fit_decay", "fit", "diagnose", "compare", "simulate",
 )  # fmt: skip
 HEAD = """\
-# The library
+# API reference
 
 <!-- made by docs/make_api.py from the docstrings; edit those -->
 
-`import sysid` offers ten names. Everything else can be imported from its module, and may move. Quantities are SI and
-radians; every estimate is a `Quantity` with its uncertainty. Every result prints (`.report()`), warns (`.warnings`),
-writes the JSON of its command (`.to_json()`) and becomes a table (`.to_dataframe()`). [library.md](library.md) shows
+`import sysid` offers ten names. Everything else can be imported from its module, and may move. [library.md](library.md) shows
 them at work, and `examples/` has five scripts.
 
-`Data`, which the verbs take, is a `Recording`, a `Release`, or several of them.
+- Units are SI and radians. Every estimate is a `Quantity` with its uncertainty.
+- `Data`, which the functions take, is a `Recording`, a `Release`, or several of them.
+- Every result has `.report()`, the text that its command prints; `.warnings`; `.to_json()`; and `.to_dataframe()`.
 """
 
 
@@ -43,14 +43,14 @@ def page() -> str:
     """Return docs/api.md."""
     parts = [HEAD]
     parts += [f"## `sysid.{name}`\n\n{_entry(getattr(sysid, name))}" for name in ORDER]
-    parts.append("# What the verbs take and return\n")
+    parts.append("# Arguments and results\n")
     for name, module in BEHIND.items():
         parts.append(f"## `{module}.{name}`\n\n{_entry(getattr(__import__(module, fromlist=[name]), name))}")
     return "\n".join(part.rstrip() + "\n" for part in parts)
 
 
 def _entry(thing: type) -> str:
-    """Return what one class or function says of itself."""
+    """Return the entry of one class or function."""
     source = Path(__import__(thing.__module__, fromlist=["_"]).__file__ or "").read_text(encoding="utf-8")
     (node,) = (
         n for n in ast.parse(source).body

@@ -3,6 +3,7 @@
 python docs/make_effect_pictures.py
 """
 
+import re
 from pathlib import Path
 
 from reports.figures.effect import effect_figure
@@ -11,11 +12,11 @@ from sysid.effects._base import Effect, TorqueEffect
 
 DOCS = Path(__file__).parent
 ROLES = {
-    "torque": "The joint's torque",
-    "learned": "Learned, without a formula",
-    "support": "What the joint stands on",
+    "torque": "Torques of the joint",
+    "learned": "Learned torques, without a formula",
+    "support": "The support of the joint",
     "shift": "The rest angle",
-    "record": "The record's numbers, or the simulator",
+    "record": "The record's numbers, and the simulator",
     "measurement": "The sensor",
 }
 
@@ -46,7 +47,7 @@ def section(effect: Effect) -> str:
             f"- **Parameters:** {units}",
             f"- **Source:** {effect.source}",
             f"- **In MuJoCo:** {mujoco}",
-            f"- **Looks like:** {', '.join(effect.look_alikes)}",
+            *([f"- **Looks like:** {', '.join(effect.look_alikes)}"] if effect.look_alikes else []),
             f"- **Tell it apart:** {effect.experiment}",
             "",
         )
@@ -58,19 +59,33 @@ def page() -> str:
     lines = [
         "# The effect catalogue",
         "",
-        "Written by `docs/make_effect_pictures.py` from `sysid/effects/`, one file an effect; do not edit.",
+        "What a joint can do beyond a linear spring and damper. `diagnose` says which of these effects a log shows, `fit --effect NAME` fits one,",
+        "and `husky-sysid effects NAME` prints what stands here.",
         "",
-        "x = roll - rest angle, v its rate, and I φ̈ = -k x - d v + Σ τ. Orange is the board with the effect, blue",
-        "the model without it.",
+        "All laws are torques τ in I φ̈ = -k x - d v + Σ τ, with x = roll - rest angle and v its rate. In the pictures orange is the board with the",
+        "effect, blue the model without it.",
         "",
-        "A new effect is one file in `sysid/effects/` that ends in `EFFECT = Effect(...)`, and one test. The",
-        "command line, the fit, the diagnosis and this page then know it.",
+        "| effect | what it is | what it does to a decay |",
+        "|---|---|---|",
+        *(_row(effect) for role in ROLES for effect in catalogue().values() if effect.role == role),
+        "",
+        "A new effect is one file in `sysid/effects/` and one test; command line, fit, diagnosis and this page then know it",
+        "([how](../CONTRIBUTING.md#add-an-effect)). Written by `docs/make_effect_pictures.py`; do not edit.",
         "",
     ]
     for role, heading in ROLES.items():
         lines += [f"## {heading}", ""]
         lines += [section(effect) for effect in catalogue().values() if effect.role == role]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _row(effect: Effect) -> str:
+    return f"| [`{effect.name}`](#{_anchor(f'`{effect.name}`: {effect.title}')}) | {effect.title} | {effect.does} |"
+
+
+def _anchor(heading: str) -> str:
+    """Return the name by which a heading can be linked to: its letters, digits and hyphens."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
 
 
 def main() -> None:

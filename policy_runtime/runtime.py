@@ -32,7 +32,7 @@ INTERRUPTED = "interrupted"
 
 
 class Tick(NamedTuple):
-    """What happened in one policy step, for recorders."""
+    """One policy step, for recorders."""
 
     time: float
     """Since the start of the run [s]."""

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from policy_runtime.learning.run_folder import RunConfig, RunFolder
-from policy_runtime.learning.style_reference import STRETCHES, style_reference
+from policy_runtime.learning.style_reference import PHASES, style_reference
 from policy_runtime.motion.motions import Motion, load_motions
 from sim.skate.cycle.push_clips import PushClip
 from sim.skate.mdp.actor_observation import part_of
@@ -163,7 +163,7 @@ def build_learner(env: Any, config: RunConfig, process: Process, pushing: Sequen
     learn, task = config.learn, config.task
     amp = AmpOptions(
         weight=learn.style_weight if task.styled else 0.0,
-        stretches=len(STRETCHES) if task.transition == "style" else 0,
+        phases=len(PHASES) if task.transition == "style" else 0,
     )
     model = {
         "class_name": "MLPModel",

@@ -1,4 +1,4 @@
-"""What is known of a board when it is shown: its record, its logs, the comparison and the ladder of models."""
+"""Everything known of a board, for reports and pictures: its record, its logs, the comparison and the errors of the models."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -67,7 +67,7 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True)
 class LastDiagnosis:
-    """What `husky-sysid diagnose` last found for a board."""
+    """Result of the last `husky-sysid diagnose` for a board."""
 
     content: Mapping[str, Any]
     """Of its diagnose.json."""

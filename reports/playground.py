@@ -88,7 +88,7 @@ class Playground:
     """Effects of the laws that have no slider."""
 
     def to_json(self) -> dict[str, Any]:
-        """Return what the page's script reads."""
+        """Return the data for the page's script."""
         return {
             "presets": [
                 {"label": p.label, "vector": p.vector, "spreads": p.spreads, "zeros": p.zeros}

@@ -89,7 +89,7 @@ class Missing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Story:
-    """What the four panels show."""
+    """Data of the four panels."""
 
     board: str
     effects: tuple[str, ...]
@@ -152,7 +152,7 @@ def times(error: float) -> str:
 
 
 def release_name(result: Comparison, index: int) -> str:
-    """Return what a release is called: with its log where there are several logs."""
+    """Return the name of a release: with its log where there are several logs."""
     release = result.releases[index]
     several = len({other.log for other in result.releases}) > 1
     return f"{Path(release.log).name}, release {release.number}" if several else f"release {release.number}"
@@ -276,7 +276,7 @@ def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
 
 
 def for_report(found: "Diagnosis", board: Board) -> dict[str, Any]:
-    """Return what a report reads of a diagnosis besides its JSON: of which record it is, and what its verdict rests on."""
+    """Return what a report needs of a diagnosis besides its JSON: its record, and the model behind its verdict."""
     parameters = {name: {"value": float(value)} for name, value in found.best.parameters.items()}
     return {
         "record": board.digest,
@@ -322,7 +322,7 @@ def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story
 
 
 def chosen_effects(found: "Diagnosis", board: Board) -> tuple[str, ...]:
-    """Return what the model that the verdict rests on has beyond the record."""
+    """Return the effects that the verdict's model has beyond the record."""
     own = {part.name for part in board.effects}
     return tuple(name for name in found.best.effects if name not in own)
 

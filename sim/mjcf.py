@@ -38,7 +38,7 @@ class Mjcf:
 
 
 def default_export(kind: Kind, timestep: float) -> Export:
-    """Return what is written unless the user says otherwise."""
+    """Return the default export."""
     if kind == "scene":
         return "in-scene"
     return "physical" if timestep <= FINE_STEP else "step-compensated"

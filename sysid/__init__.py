@@ -1,6 +1,6 @@
-"""Find out why a MuJoCo joint does not behave like the real one, and mend it.
+"""Find out why a MuJoCo joint does not behave like the real one, and correct it.
 
-Ten names are promised; everything else can be imported from its module, and may move. Each is loaded when it
+Ten names are the public API; everything else can be imported from its module, and may move. Each is loaded when it
 is first used, so that `import sysid` costs nothing.
 """
 

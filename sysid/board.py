@@ -52,7 +52,7 @@ TOLD = ("fit", "check", "model")
 """Sections that tell what was done."""
 TOLD_NUMBERS = {"rmse_before", "rmse", "heldout_rmse", "noise_floor", "nrmse", "tolerance"}
 """What commands read of a fit, of a check and of the history."""
-LARGEST = 1e300
+MAX_NUMBER = 1e300
 """Above, a number counts as infinite [1]."""
 PHYSICAL = {
     "m": (1e-4, 10.0),
@@ -94,7 +94,7 @@ class Board:
     decay: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
     """The free decay that stiffness and damping were derived from, where no log was fitted yet."""
     rolling: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
-    """How the board rolls, where that was measured."""
+    """Rolling resistance, where it was measured."""
     published: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
     """Stiffness and damping as the source itself prints them; for comparison, never used."""
     effects: tuple[BoardEffect, ...] = ()
@@ -144,7 +144,7 @@ class Board:
 
     @property
     def check_is_stale(self) -> bool:
-        """Whether the record says something else than when it was checked: another fit, or an edit by hand."""
+        """Whether the record has changed since it was checked: another fit, or an edit by hand."""
         return bool(self.check) and self.check.get("digest") != self.digest
 
     @property
@@ -156,7 +156,7 @@ class Board:
         return hashlib.sha256(board_to_toml(judged).encode()).hexdigest()
 
     def need(self, purpose: str) -> None:
-        """Accept a record that says what the whole board is like.
+        """Check that the record describes the whole board, geometry and masses included.
 
         Raises:
             SysidError: Geometry or masses are missing; the message says what they are needed for.
@@ -210,7 +210,7 @@ class Board:
         )
 
     def checked(self, entry: Mapping[str, Any]) -> Self:
-        """Return a copy with the verdict of a check on it, which counts as long as what was judged stays as it is."""
+        """Return a copy with the verdict of a check; it counts as long as what was judged stays unchanged."""
         return replace(self, check={**entry, "digest": self.digest})
 
     def with_tilt(self, **quantities: Quantity) -> Self:
@@ -370,7 +370,7 @@ class _Reader:
         """Return a table that tells what was done; it may hold anything, but what commands read is of its kind."""
         for key in TOLD_NUMBERS & raw.keys():
             number = raw[key]
-            whole = isinstance(number, int) and not isinstance(number, bool) and abs(number) < LARGEST
+            whole = isinstance(number, int) and not isinstance(number, bool) and abs(number) < MAX_NUMBER
             if not whole and not isinstance(number, float):
                 raise SysidError(f"{self.path}: field '{where}.{key}' is {number!r}; expected a number.")
         arrays: dict[str, tuple[type, str]] = {"effects": (str, "names of effects")}
@@ -436,7 +436,7 @@ class _Reader:
             if isinstance(number, bool) or not isinstance(number, int | float):
                 raise SysidError(f"{self.path}: field '{where}.{key}' is {number!r}; expected a number.")
             # TOML's whole numbers have no end.
-            numbers[key] = float(number) if abs(number) < LARGEST else math.inf
+            numbers[key] = float(number) if abs(number) < MAX_NUMBER else math.inf
         if raw.get("unit") != unit and not (unit is None and isinstance(raw.get("unit"), str)):
             raise SysidError(f"{self.path}: field '{where}.unit' is {raw.get('unit')!r}; expected {unit!r}.")
         if not 0 <= numbers["std"] < math.inf:

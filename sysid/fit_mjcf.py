@@ -46,7 +46,7 @@ class Fit:
     recordings: tuple[Recording, ...]
     """The logs, where they were given whole."""
     warnings: tuple[str, ...]
-    """What is wrong with the logs, odd about them for this board, or doubtful about the fit."""
+    """Problems of the logs, of the logs for this board, and of the fit."""
 
     @property
     def law(self) -> JointLaw:
@@ -75,7 +75,7 @@ class Fit:
 
     @property
     def status(self) -> str:
-        """How the search ended, in words."""
+        """Termination of the search, in words."""
         return self.joint.status
 
     @cached_property
@@ -95,7 +95,7 @@ class Fit:
 
     @cached_property
     def ladder(self) -> tuple[Rung, ...]:
-        """Errors from the linear joint up, one effect more each time."""
+        """Errors of the linear joint and with each effect added."""
         parts = self.law.structure.parts
         beside = {part.memory for part in parts if isinstance(part, TorqueEffect)}  # learned beside a table
         names = [part.name for part in parts if part.name not in beside]
@@ -121,7 +121,10 @@ class Fit:
         return self.updated_board({str(file): file for file in files if file.exists()})
 
     def updated_board(self, logs: Mapping[str, Path]) -> Board:
-        """Return the record with the fit in it, to logs by the names that the record shall give them.
+        """Return the record with the fit in it.
+
+        Args:
+            logs: The fitted logs, by the names under which the record lists them.
 
         Raises:
             SysidError: The fit did not converge, or the logs leave a parameter open.

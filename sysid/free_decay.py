@@ -33,9 +33,9 @@ from sysid.text import WIDTH, Display, count, display, quantity_frame
 if TYPE_CHECKING:
     import pandas as pd
 
-DISAGREE = 2.58
+DISAGREEMENT_STDS = 2.58
 """Two estimates disagree from this many standard deviations of their difference on (1 % by chance)."""
-TRIFLE = 0.005
+MIN_DECREMENT_DIFFERENCE = 0.005
 """Two decrements this close, relatively, are never said to disagree: a local cubic is no closer."""
 ABOVE_NOISE = 1.15
 """Residuals above this multiple of the noise floor are looked at."""
@@ -47,7 +47,7 @@ WORTH_NAMING = 0.007
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FreeDecay:
-    """Everything that free decays of one board say about it."""
+    """Result of `fit_decay`: stiffness, damping and frequencies of a board, from its free decays."""
 
     releases: tuple[Release, ...]
     """The free decays; a gyro's roll without its drift."""
@@ -68,11 +68,11 @@ class FreeDecay:
     nonlinearities: tuple[Nonlinearity, ...]
     """Deviations from a linear decay that peaks and rest levels show."""
     wider: float
-    """Growth of the intervals for a residual beyond the noise; 1 where it may be noise."""
+    """Factor by which intervals are widened for a residual beyond the noise; 1 where it may be noise."""
     linear: bool
-    """Whether a linear decay explains the traces but for noise and at most a trifle, with one rest level."""
+    """Whether a linear decay explains the traces to the noise or a negligible residual, with one rest level."""
     warnings: tuple[str, ...]
-    """What is wrong with the logs, with the decay, and with what the board's record says of both."""
+    """Problems of the logs and of the decay, and contradictions to the board's record."""
     recordings: tuple[Recording, ...] = ()
     """The logs, where they were given whole."""
     board: str | None = None
@@ -85,12 +85,12 @@ class FreeDecay:
 
     @property
     def position(self) -> Display:
-        """How the roll is shown, or the position of a slide."""
+        """How the roll, or the position of a slide, is displayed."""
         return display(is_rate=False, slides=self.slides)
 
     @property
     def show(self) -> Display:
-        """How what was fitted is shown."""
+        """How the fitted signal is displayed."""
         return self.position if self.trace.signal == "roll" else display(is_rate=True, slides=self.slides)
 
     @property
@@ -133,7 +133,7 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
         data: Free decays of one board: a recording, several, or releases.
         inertia: Roll inertia about the tilt axis [kg*m^2]; its uncertainty goes into k and d. Without it, and without
             a board, the numbers are ω, ζ and δ only, and k and d are NaN.
-        board: The record; gives the inertia where that is left out, and is held against the decay.
+        board: The record; gives the inertia where that is left out, and is compared with the decay.
 
     Raises:
         SysidError: The decays hold too little to say anything, or do not look like a decay at all.
@@ -330,9 +330,9 @@ def _not_linear(decay: FreeDecay) -> str | None:
     )
     if any(found.hidden_by_linear_fit for found in decay.nonlinearities):
         return (
-            f"a linear decay is the wrong model, though it leaves {decay.trace.noise:.2g} {unit} in noise of "
-            f"{decay.floor.std:.2g} {unit} only: {reasons}. A level for each release takes that up, and k and d can "
-            "be wrong by far more than their intervals say; `diagnose` tells the causes apart"
+            f"a linear decay is the wrong model, although its residual is only {decay.trace.noise:.2g} {unit} at a noise "
+            f"of {decay.floor.std:.2g} {unit}: {reasons}. A rest angle for each release hides this in the fit, so k and d "
+            "can be wrong by far more than their intervals; `diagnose` tells the causes apart"
         )
     return (
         f"a linear decay is not the whole story: it leaves {decay.trace.noise:.2g} {unit} where the sensor's noise "
@@ -346,7 +346,7 @@ def _drift(decay: FreeDecay) -> str | None:
     drift = next((found for found in decay.nonlinearities if found.sign == "moving level"), None)
     if drift is None or not decay.linear:
         return None
-    return f"{drift.told}. Each release has a level of its own here, so k and d do not depend on it"
+    return f"{drift.told}. Each release is fitted with its own rest angle, so k and d do not depend on it"
 
 
 def _disagreement(decay: FreeDecay) -> str | None:
@@ -355,7 +355,9 @@ def _disagreement(decay: FreeDecay) -> str | None:
         return None
     one, other = decay.line.log_decrement, decay.numbers.log_decrement
     apart = abs(one.value - other.value)
-    if not apart > max(DISAGREE * math.hypot(one.std, other.std), TRIFLE * other.value):
+    if not apart > max(
+        DISAGREEMENT_STDS * math.hypot(one.std, other.std), MIN_DECREMENT_DIFFERENCE * other.value
+    ):
         return None
     return (
         f"δ from the peaks ({one}) and from the whole trace ({other}) disagree by more than their intervals. "

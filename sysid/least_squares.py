@@ -30,7 +30,7 @@ class Normal:
 
 @dataclass(frozen=True, slots=True)
 class Minimum:
-    """Where the search ended."""
+    """Result of a minimisation."""
 
     point: Array
     normal: Normal

@@ -1,4 +1,4 @@
-"""What is being done and which share of it is done, told to whoever listens, such as a bar in a terminal.
+"""Progress reports of long work to a listener, such as a bar in a terminal.
 
 What takes a while goes through its parts with `steps`, or says with `stage` which share of the whole a part is. What these do
 inside counts within them, so nobody passes a callback on. Where nobody listens it costs nothing.

@@ -1,4 +1,4 @@
-"""A number that travels with its uncertainty and its unit: printed, read, propagated."""
+"""A number with uncertainty and unit: printed, parsed, propagated."""
 
 import inspect
 import math

@@ -1,4 +1,4 @@
-"""A recording: one log's roll, the releases that were found in it, and what reading it brought to light."""
+"""A recording: one log's roll, the releases in it, and the notes and warnings of reading it."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -20,9 +20,9 @@ from sysid.video.options import VideoOptions
 if TYPE_CHECKING:
     import pandas as pd
 
-EARLY = 0.1
+EARLY_RELEASE_SHARE = 0.1
 """Share of the hold by which a release may be given too early without a word."""
-FOREIGN = 3.0
+FOREIGN_ZERO_RATIO = 3.0
 """Distance of the rest from zero, over the widest swing, from which that zero is the sensor's and not the joint's: a choice. Whoever
 tilts a joint by hand goes through a good part of what it can do."""
 
@@ -111,7 +111,7 @@ class Recording:
             f"at {given:.6g} s, where the release was said to be, the deck was still held: its decay begins at "
             f"{shown(one.start)}, when it leaves"
             for given, one in zip(sorted(release), found, strict=False)
-            if one.start - given > EARLY * one.hold
+            if one.start - given > EARLY_RELEASE_SHARE * one.hold
         )
         recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held)), releases=found)
         return recording if keep_zero else recording._from_rest()
@@ -120,7 +120,7 @@ class Recording:
         """Return the recording with roll counted from where the joint rests, if the log's own zero has nothing to do with it."""
         rest = float(np.median([release.rest for release in self.releases]))
         widest = max(release.amplitude for release in self.releases)
-        if self.roll.zero != "known" or abs(rest) <= FOREIGN * widest:
+        if self.roll.zero != "known" or abs(rest) <= FOREIGN_ZERO_RATIO * widest:
             return self
         said = (
             f"the joint rests at {DEGREES * rest:+.4g}°, and its widest swing is {DEGREES * widest:.2g}°: that zero is the "
@@ -146,12 +146,12 @@ class Recording:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is wrong with the log."""
+        """Problems of the log."""
         return self.roll.warnings
 
     @property
     def phases(self) -> tuple[Phase, ...]:
-        """What happens when, without gaps: rest, held, free, caught."""
+        """Phases of the log, without gaps: rest, held, free, caught."""
         return tuple(log_phases(self.roll, self.releases))
 
     def to_dataframe(self) -> "pd.DataFrame":
@@ -185,7 +185,7 @@ def unpack(data: Data) -> tuple[tuple[Recording, ...], list[Release]]:
 
 
 def reading_warnings(recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Return what is wrong with some logs; where there are several, each warning names its log."""
+    """Return the warnings of some logs; where there are several, each names its log."""
     if len(recordings) == 1:
         return recordings[0].warnings
     return tuple(f"{recording.path}: {text}" for recording in recordings for text in recording.warnings)

@@ -65,7 +65,7 @@ class Roll(Signal):
     notes: tuple[str, ...] = ()
     """What was inferred while reading (column, unit, sampling rate, clock repairs), for people."""
     warnings: tuple[str, ...] = ()
-    """What is wrong with the log, for people."""
+    """Problems of the log, in words."""
 
     @property
     def sampling_rate(self) -> float:
@@ -75,7 +75,7 @@ class Roll(Signal):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Release(Signal):
-    """One free decay: the stretch of a log between letting go and rest, catch or end."""
+    """One free decay: the part of a log between the release and rest, catch or the log's end."""
 
     number: int
     """Counted from 1 within its log."""
@@ -86,7 +86,7 @@ class Release(Signal):
     end: Literal["rest", "caught", "log"]
     """Why it ends: the deck came to rest, somebody caught it, or the log stops."""
     known: Mapping[str, float] = field(default_factory=dict[str, float])
-    """What was other than the record says, by the names of a joint's parameters: the inertia [kg*m^2] and the weight of a
+    """Parameters that differ from the record in this release, by the names of the joint's parameters: the inertia [kg*m^2] and the weight of a
     robot's joint in the pose, and with the load, of this release."""
 
     @classmethod

@@ -48,7 +48,7 @@ def quantity_frame(quantities: "Mapping[str, Quantity]") -> "pd.DataFrame":
 
 @dataclass(frozen=True, slots=True)
 class Display:
-    """How people are shown a roll or its rate; of a slide, its position or speed."""
+    """Unit and scale in which a roll or its rate is displayed; of a slide, its position or speed."""
 
     name: str
     unit: str
@@ -73,7 +73,7 @@ def display(*, is_rate: bool, slides: bool = False, angle: str = "roll") -> Disp
 
 
 def effort(*, slides: bool) -> str:
-    """Return what moves a joint, as a label of an axis."""
+    """Return the label of an axis of torque, of force for a slide."""
     return "force [N]" if slides else "torque [N·m]"
 
 

@@ -1,4 +1,4 @@
-"""CONTRIBUTING.md has a row for every room, and tests lie where what they test lies."""
+"""CONTRIBUTING.md has a row for every package, and tests lie where what they test lies."""
 
 import re
 from pathlib import Path
@@ -6,23 +6,23 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("sysid", "sim", "policy_runtime", "reports")
 OF_THEMSELVES = {"support", "golden", "data"}
-"""Folders of tests that belong to no room."""
+"""Folders of tests that belong to no package."""
 
 
-def rooms():
+def packages():
     files = (path for package in PACKAGES for path in (ROOT / package).rglob("__init__.py"))
     return {path.parent.relative_to(ROOT).as_posix() for path in files}
 
 
-def test_every_room_has_its_row():
+def test_every_package_has_its_row():
     rows = re.findall(r"^\| `([\w/]+)/` \|", (ROOT / "CONTRIBUTING.md").read_text(), re.M)
     assert len(rows) == len(set(rows))
-    assert set(rows) == rooms() | {"data"}
+    assert set(rows) == packages() | {"data"}
 
 
-def test_tests_mirror_the_rooms():
+def test_tests_mirror_the_packages():
     folders = {
         path.parent.relative_to(ROOT / "tests").as_posix() for path in (ROOT / "tests").rglob("test_*.py")
     }
-    places = {room.removeprefix("sysid/") for room in rooms()} | OF_THEMSELVES | {"."}
+    places = {package.removeprefix("sysid/") for package in packages()} | OF_THEMSELVES | {"."}
     assert folders <= places

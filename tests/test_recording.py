@@ -10,7 +10,7 @@ from decay_truth import Recipe, make_roll
 from sysid.board import load_board
 from sysid.diagnosis.diagnose import diagnose
 from sysid.fitting.joint import fit_joint
-from sysid.recording import FOREIGN, Recording
+from sysid.recording import FOREIGN_ZERO_RATIO, Recording
 from sysid.workspace import shipped_data
 
 WIDEST = 0.2
@@ -30,7 +30,7 @@ def raised(roll, angle):
     return replace(roll, roll=roll.roll + angle)
 
 
-@pytest.mark.parametrize("angle", [np.pi, -np.pi / 2, 1.1 * FOREIGN * WIDEST])
+@pytest.mark.parametrize("angle", [np.pi, -np.pi / 2, 1.1 * FOREIGN_ZERO_RATIO * WIDEST])
 def test_an_encoders_own_zero_changes_nothing(roll, pink, angle):
     plain, moved = Recording.of(roll), Recording.of(raised(roll, angle))
     assert moved.roll.zero == "constant"
@@ -43,7 +43,7 @@ def test_an_encoders_own_zero_changes_nothing(roll, pink, angle):
 
 
 def test_a_deck_that_rests_askew_is_left_there(roll):
-    for found in (Recording.of(raised(roll, 0.9 * FOREIGN * WIDEST)), Recording.of(roll)):
+    for found in (Recording.of(raised(roll, 0.9 * FOREIGN_ZERO_RATIO * WIDEST)), Recording.of(roll)):
         assert found.roll.zero == "known"
         assert not found.warnings
     assert Recording.of(replace(raised(roll, 3.0), zero="drifting")).roll.zero == "drifting"

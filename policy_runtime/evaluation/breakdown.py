@@ -1,4 +1,4 @@
-"""Where a policy's errors come from: by pushing stretch, command, time within a stretch, and foot.
+"""Where a policy's errors come from: by pushing phase, command, time within a phase, and foot.
 
 Each `Table` asks one question of recorded rides. Its cells are sums and numbers of steps, so that the
 tables of many rides add up to the table of all.
@@ -22,8 +22,8 @@ SPEED_EDGES = (0.1, 0.4, 0.8, 1.2, 1.5)
 TURN_EDGES = (0.0, 0.2, 0.4, 0.6, 0.8)
 """Edges of the classes of commanded turn, its size [rad]."""
 PARTS = 8
-"""Parts of equal length that a stretch is divided into."""
-CLOSE = 0.1
+"""Parts of equal length that a phase is divided into."""
+ARRIVED_HEADING = 0.1
 """Heading error that counts as having arrived [rad]."""
 
 Cell = tuple[float, int]
@@ -100,10 +100,10 @@ def add_up(parts: list[tuple[Table, ...]]) -> tuple[Table, ...]:
 
 
 def break_down(rides: Rides, clock: Clock | None = None) -> tuple[Table, ...]:
-    """Return every table; the clock has the lengths of the stretches that the rides were timed by."""
+    """Return every table; the clock has the lengths of the phases that the rides were timed by."""
     clock = clock or Clock()
-    push = _Stretches(rides.pushing & rides.alive, clock.push)
-    steer = _Stretches(rides.steering & rides.alive, clock.steer)
+    push = _Phases(rides.pushing & rides.alive, clock.push)
+    steer = _Phases(rides.steering & rides.alive, clock.steer)
     speeds = _classes(rides.commanded_speed, SPEED_EDGES, "m/s")
     speed = _means(_speeds(rides))
     heading = _means(_headings(rides, steer))
@@ -119,26 +119,26 @@ def break_down(rides: Rides, clock: Clock | None = None) -> tuple[Table, ...]:
     by_turn = [(f"{label}{name}", chosen & one) for label, one in turns for name, chosen in ends]
     pushed = push.inside & (push.place == push.length - 1)
     turned = _means({"to the left": wrap_angle(rides.heading - _at_begin(rides.heading, push))})
-    by_stretch = "heading by steering stretch and by commanded speed, rad, m/s"
+    by_phase = "heading by steering phase and by commanded speed, rad, m/s"
     return (
-        speed("speed by pushing stretch, m/s", push.and_all()),
-        speed("speed by command, in the first and in later pushing stretches, m/s", by_speed),
+        speed("speed by pushing phase, m/s", push.and_all()),
+        speed("speed by command, in the first and in later pushing phases, m/s", by_speed),
         *(_speed_by_time(rides, push, speeds, name, chosen) for name, chosen in which),
         turned(
-            "how far a pushing stretch turns the board, rad",
+            "how far a pushing phase turns the board, rad",
             ((label, where & pushed) for label, where in push.and_all(speeds)),
         ),
-        pushing("feet in pushing, shares of steps, by stretch and by command", push.and_all(speeds)),
+        pushing("feet in pushing, shares of steps, by phase and by command", push.and_all(speeds)),
         pushing("feet by time in pushing, shares of steps", push.parts()),
         steering("feet by time in steering, shares of steps", steer.parts()),
-        heading(by_stretch, steer.and_all(speeds)),
+        heading(by_phase, steer.and_all(speeds)),
         heading("heading by turn asked for, rad, m/s", by_turn),
         _heading_by_time(rides, steer),
     )
 
 
-class _Stretches:
-    """Which stretch of its episode a step belongs to, and how far into it it is."""
+class _Phases:
+    """Which phase of its episode a step belongs to, and how far into it it is."""
 
     def __init__(self, inside: Flags, length: int) -> None:
         self.inside, self.length = inside, length
@@ -147,25 +147,25 @@ class _Stretches:
         self.number = np.where(inside, starts.cumsum(axis=0) - 1, -1)
         steps = np.arange(len(inside))[:, None]
         self.begin = np.maximum.accumulate(np.where(starts, steps, 0), axis=0)
-        """First step of the stretch that a step is in, (t, n)."""
+        """First step of the phase that a step is in, (t, n)."""
         self.place = np.where(inside, steps - self.begin, -1)
 
     def parts(self) -> Iterator[Labelled]:
-        """Yield equal parts of the stretch in time, labelled in seconds since its begin."""
+        """Yield equal parts of the phase in time, labelled in seconds since its begin."""
         edges = np.linspace(0, self.length, PARTS + 1)
         for low, high in pairwise(edges):
             where = self.inside & (self.place >= low) & (self.place < high)
             yield f"{low * CONTROL_PERIOD:.2f}-{high * CONTROL_PERIOD:.2f} s", where
 
-    def stretches(self) -> Iterator[Labelled]:
-        """Yield the first, second, ... stretch of the episodes."""
+    def phases(self) -> Iterator[Labelled]:
+        """Yield the first, second, ... phase of the episodes."""
         for number in range(int(self.number.max(initial=-1)) + 1):
-            yield f"stretch {number + 1}", self.number == number
+            yield f"phase {number + 1}", self.number == number
 
     def and_all(self, classes: Sequence[Labelled] = ()) -> Iterator[Labelled]:
-        """Yield all steps, then those of each stretch, then those of some classes."""
+        """Yield all steps, then those of each phase, then those of some classes."""
         yield "all", self.inside
-        yield from self.stretches()
+        yield from self.phases()
         yield from ((label, self.inside & of_class) for label, of_class in classes)
 
 
@@ -196,7 +196,7 @@ def _speeds(rides: Rides) -> dict[str, Any]:
 
 
 def _speed_by_time(
-    rides: Rides, push: _Stretches, speeds: Sequence[Labelled], which: str, chosen: Flags
+    rides: Rides, push: _Phases, speeds: Sequence[Labelled], which: str, chosen: Flags
 ) -> Table:
     error = rides.speed - rides.commanded_speed
     classes = {"all": push.inside} | {f"v_cmd {label}": flags for label, flags in speeds}
@@ -204,7 +204,7 @@ def _speed_by_time(
         part: tuple(_cell(error, where & chosen & of_class) for of_class in classes.values())
         for part, where in push.parts()
     }
-    return Table(f"v-v_cmd by time in the {which} pushing stretch, m/s", tuple(classes), rows)
+    return Table(f"v-v_cmd by time in the {which} pushing phase, m/s", tuple(classes), rows)
 
 
 def _feet(rides: Rides, wrong: Flags) -> dict[str, Any]:
@@ -215,29 +215,29 @@ def _feet(rides: Rides, wrong: Flags) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _headings(rides: Rides, steer: _Stretches) -> dict[str, Any]:
+def _headings(rides: Rides, steer: _Phases) -> dict[str, Any]:
     """Return the columns of a heading; an error along the turn is positive where the board has turned too far."""
     error = wrap_angle(rides.heading - rides.target_heading)
     size, along = np.abs(error), error * np.sign(_turn(rides, steer))
     return {
         "|error|": size,
         "error along the turn": along,
-        f"beyond {CLOSE:g} rad": size > CLOSE,
+        f"beyond {ARRIVED_HEADING:g} rad": size > ARRIVED_HEADING,
         "v": rides.speed,
     }
 
 
-def _turn(rides: Rides, steer: _Stretches) -> Array:
-    """Return the turn asked for in each stretch [rad], (t, n): the error at its first step."""
+def _turn(rides: Rides, steer: _Phases) -> Array:
+    """Return the turn asked for in each phase [rad], (t, n): the error at its first step."""
     return np.where(steer.inside, wrap_angle(rides.target_heading - _at_begin(rides.heading, steer)), 0.0)
 
 
-def _at_begin(values: Array, stretches: _Stretches) -> Array:
-    """Return values of (t, n) as they were at the first step of the stretch that a step is in."""
-    return np.take_along_axis(values, stretches.begin, axis=0)
+def _at_begin(values: Array, phases: _Phases) -> Array:
+    """Return values of (t, n) as they were at the first step of the phase that a step is in."""
+    return np.take_along_axis(values, phases.begin, axis=0)
 
 
-def _heading_by_time(rides: Rides, steer: _Stretches) -> Table:
+def _heading_by_time(rides: Rides, steer: _Phases) -> Table:
     size, along, *_ = _headings(rides, steer).values()
     large = np.abs(_turn(rides, steer)) >= 0.4
     classes = {"": steer.inside, ", turn > 0.4": large, ", turn < 0.4": ~large}

@@ -1,4 +1,4 @@
-"""How well a policy skates: the five errors of the HUSKY paper, from recorded rides.
+"""The paper's five metrics of a policy, and three of our own, from recorded rides.
 
 | name | here | the paper |
 |---|---|---|
@@ -9,11 +9,11 @@
 | E_contact | share of pushing and steering steps with the wrong feet down | "contact error" |
 
 Where the paper leaves a choice, the other readings are reported beside: the error of the mean speed of
-each pushing stretch, the heading error at the last step of each steering stretch, the length and the
+each pushing phase, the heading error at the last step of each steering phase, the length and the
 root mean square of Δq, and the share of wrong contacts in pushing and in steering alone. An episode
 that ends early counts with the steps it had. E_course is no error of the paper's: how far the heading at the end of each
-steering stretch is from the start's and all turns asked for since, which is what a ride straight on drifts by. Nor is E_tilt: the largest
-tilt against the turn in a steering stretch, which is a corner's and not an arc's; nor E_still: the mean of abs(v) where the robot
+steering phase is from the start's and all turns asked for since, which is what a ride straight on drifts by. Nor is E_tilt: the largest
+tilt against the turn in a steering phase, which is a corner's and not an arc's; nor E_still: the mean of abs(v) where the robot
 is told to stand, which counts as no ride. Wrong feet: in pushing, the right foot off the deck or
 the left foot on it; in steering, a foot off the deck or on the ground.
 """
@@ -47,9 +47,9 @@ class Rides:
     alive: Flags
     """The episode still ran at this step, (t, n)."""
     pushing: Flags
-    """In the pushing stretch and told to move, (t, n)."""
+    """In the pushing phase and told to move, (t, n)."""
     steering: Flags
-    """In the steering stretch and told to move, (t, n)."""
+    """In the steering phase and told to move, (t, n)."""
     commanded_speed: Array
     """[m/s], (t, n)."""
     target_heading: Array
@@ -104,7 +104,7 @@ class Rides:
 
 
 def episode_errors(rides: Rides) -> dict[str, Array]:
-    """Return every error of `METRICS` for every episode, shape (n,); NaN where a stretch never came."""
+    """Return every error of `METRICS` for every episode, shape (n,); NaN where a phase never came."""
     push, steer = rides.pushing & rides.alive, rides.steering & rides.alive
     slowness = rides.commanded_speed - rides.speed
     yaw_error = np.abs(wrap_angle(rides.target_heading - rides.heading))
@@ -118,14 +118,14 @@ def episode_errors(rides: Rides) -> dict[str, Array]:
         "E_yaw": _mean(yaw_error, steer),
         "E_smth": _mean(np.abs(change).mean(axis=-1), pairs),
         "E_contact": _mean(wrong.astype(float), push | steer),
-        "E_vel_mean_speed": _over_stretches(push, lambda n, a, b: abs(float(slowness[a:b, n].mean()))),
+        "E_vel_mean_speed": _over_phases(push, lambda n, a, b: abs(float(slowness[a:b, n].mean()))),
         "E_yaw_final": _mean(yaw_error, _last(steer)),
         "E_smth_norm": _mean(np.linalg.norm(change, axis=-1), pairs),
         "E_smth_rms": np.sqrt(_mean((change**2).mean(axis=-1), pairs)),
         "E_contact_push": _mean(wrong_push.astype(float), push),
         "E_contact_steer": _mean(wrong_steer.astype(float), steer),
         "E_course": _mean(course_error, _last(steer)),
-        "E_tilt": _over_stretches(steer, lambda n, a, b: _wrong_tilt(rides, n, a, b)),
+        "E_tilt": _over_phases(steer, lambda n, a, b: _wrong_tilt(rides, n, a, b)),
         "E_still": _mean(np.abs(rides.speed), rides.alive & (rides.commanded_speed < STILL_SPEED)),
     }
 
@@ -148,26 +148,26 @@ def _mean(values: Array, where: Flags) -> Array:
 
 
 def _last(flags: Flags) -> Flags:
-    """Return the last step of every stretch that came to its end."""
+    """Return the last step of every phase that came to its end."""
     last = np.zeros_like(flags)
     last[:-1] = flags[:-1] & ~flags[1:]
     return last
 
 
-def _stretches(where: Flags) -> list[tuple[int, int]]:
-    """Return first step and the one after the last of every stretch in which a flag is set, (t,)."""
+def _phases(where: Flags) -> list[tuple[int, int]]:
+    """Return first step and the one after the last of every interval in which a flag is set, (t,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(int), [0]])))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def _over_stretches(where: Flags, value: Callable[[int, int, int], float]) -> Array:
-    """Return the mean over an episode's stretches of what an episode's number and two ends give, shape (n,)."""
-    means = [[value(n, a, b) for a, b in _stretches(where[:, n])] for n in range(where.shape[1])]
+def _over_phases(where: Flags, value: Callable[[int, int, int], float]) -> Array:
+    """Return the mean over an episode's phases of what an episode's number and two ends give, shape (n,)."""
+    means = [[value(n, a, b) for a, b in _phases(where[:, n])] for n in range(where.shape[1])]
     return np.array([np.mean(one) if one else np.nan for one in means])
 
 
 def _wrong_tilt(rides: Rides, n: int, begin: int, end: int) -> float:
-    """Return the largest tilt against the turn in a steering stretch [rad]."""
+    """Return the largest tilt against the turn in a steering phase [rad]."""
     turn = wrap_angle(rides.target_heading[begin, n] - rides.heading[begin, n])
     return max(0.0, float(np.max(-np.sign(turn) * rides.tilt[begin:end, n])))
 
@@ -176,7 +176,7 @@ def asked_course(steering: Flags, target_heading: Array, heading: Array) -> Arra
     """Return the sum of the turns asked for since the start [rad], (t, n), where each was told as it was asked for.
 
     Args:
-        steering: In the steering stretch, (t, n).
+        steering: In the steering phase, (t, n).
         target_heading: [rad], (t, n).
         heading: Of the board [rad], (t, n).
     """
@@ -185,15 +185,15 @@ def asked_course(steering: Flags, target_heading: Array, heading: Array) -> Arra
 
 
 def reachable_headings(rides: Rides) -> Array:
-    """Return every steering stretch as (turn asked for, turn achieved, speed at its start), shape (m, 3).
+    """Return every steering phase as (turn asked for, turn achieved, speed at its start), shape (m, 3).
 
     Returns:
-        [rad], [rad], [m/s], one row for each stretch that came to its end.
+        [rad], [rad], [m/s], one row for each phase that came to its end.
     """
     rows: list[tuple[float, float, float]] = []
     steer = rides.steering & rides.alive
     for n in range(steer.shape[1]):
-        for begin, end in _stretches(steer[:, n]):
+        for begin, end in _phases(steer[:, n]):
             if end < len(steer) and rides.alive[end, n]:
                 start = rides.heading[begin, n]
                 asked = wrap_angle(rides.target_heading[begin, n] - start)

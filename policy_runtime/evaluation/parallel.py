@@ -1,5 +1,5 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false, reportAttributeAccessIssue=false
-"""The same protocol in the training's own simulator, all episodes of a seed side by side (mjlab, MuJoCo Warp).
+"""Evaluation in the training's own simulator (mjlab, MuJoCo Warp), all episodes of a seed in parallel.
 
 The exported ONNX file is what is measured, not the network in memory; beside `evaluate`, which rides in
 plain MuJoCo, it tells what the change of simulator costs.

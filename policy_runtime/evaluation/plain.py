@@ -1,4 +1,4 @@
-"""Measures a policy in plain MuJoCo: many episodes, several seeds, the paper's protocol.
+"""Evaluation in plain MuJoCo: many episodes, several seeds, the paper's protocol.
 
 An episode begins at rest with one foot on the ground, lasts 20 s, commands one speed drawn from 0 to
 1.5 m/s and a new turn of up to ±45° in every cycle, and ends early when the pelvis leans beyond 70°,
@@ -35,7 +35,7 @@ from sysid.board import Board
 from sysid.errors import SysidError
 from sysid.roll import Array
 
-FALLEN = math.radians(70)
+FALLEN_INCLINATION = math.radians(70)
 """Inclination of the pelvis that ends an episode [rad]."""
 SETTLING = 0.1
 """Time after the start during which the feet may be unloaded [s]."""
@@ -43,7 +43,7 @@ SETTLING = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Protocol:
-    """What every episode is like."""
+    """Conditions of the episodes of an evaluation."""
 
     duration: float = 20.0
     """[s]"""
@@ -117,7 +117,7 @@ class _Episode:
 
     def _over(self, time: float) -> str | None:
         truth = self.world.robot.truth()
-        if truth.upright < math.cos(FALLEN):
+        if truth.upright < math.cos(FALLEN_INCLINATION):
             return "fallen"
         if truth.other_contacts:
             return "body contact"
@@ -139,7 +139,7 @@ def run_episode(
         world.robot.rng = rng.spawn(1)[0]
     recorder = Recorder(world.robot)
     episode = _Episode(world, recorder, protocol, rng)
-    limits = joint_limits(world.robot.model, tilt=FALLEN, joint_margin=0.3, torque_time=math.inf)
+    limits = joint_limits(world.robot.model, tilt=FALLEN_INCLINATION, joint_margin=0.3, torque_time=math.inf)
     runtime = Runtime(
         robot=world.robot,
         policy=policy,

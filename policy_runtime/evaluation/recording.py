@@ -1,4 +1,4 @@
-"""What a simulated ride looked like: one row a policy step, for metrics, pictures and Rerun."""
+"""Recording of a simulated ride: one row a policy step, for metrics, pictures and Rerun."""
 
 from dataclasses import dataclass, field, fields
 from pathlib import Path

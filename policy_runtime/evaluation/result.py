@@ -1,4 +1,4 @@
-"""What many measured episodes say: success, errors with their intervals, endings, and where errors come from."""
+"""Result of an evaluation: success rate, errors with their intervals, terminations, and where errors come from."""
 
 import math
 from collections import Counter
@@ -23,7 +23,7 @@ PATHS = 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
-    """What some episodes of one seed said; small, whatever their length."""
+    """Result of some episodes of one seed; small, whatever their length."""
 
     seed: int
     errors: dict[str, Array]
@@ -43,7 +43,7 @@ class Part:
 
 
 def part_of(seed: int, rides: Rides, endings: list[str], paths: list[Array]) -> Part:
-    """Return what recorded episodes of one seed say."""
+    """Return the result of recorded episodes of one seed."""
     return Part(
         seed=seed,
         errors=episode_errors(rides),
@@ -58,7 +58,7 @@ def part_of(seed: int, rides: Rides, endings: list[str], paths: list[Array]) -> 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evaluation:
-    """What many episodes said."""
+    """Result of an evaluation."""
 
     policy: str
     board: str
@@ -106,7 +106,7 @@ class Evaluation:
 
 
 def summarise(parts: list[Part], policy: str, board: str) -> Evaluation:
-    """Put what all parts say together; at least one part."""
+    """Combine the results of all parts; at least one part."""
     seeds = tuple(sorted({part.seed for part in parts}))
 
     def by_seed(values: Callable[[Part], Array]) -> list[Array]:

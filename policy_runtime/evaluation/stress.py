@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportUnknownParameterType=false
 # (MuJoCo ships no type stubs.)
-"""What a ride can be made harder by, in plain MuJoCo: late answers, other masses and frictions, slopes, pushes."""
+"""Disturbances of a ride in plain MuJoCo: delays, other masses and frictions, slopes, pushes."""
 
 import math
 from collections import deque
@@ -65,7 +65,7 @@ class Stress:
             raise SysidError(f"--slope {math.degrees(self.slope):g}: must be within ±30 degrees.")
 
     def change(self, model: mujoco.MjModel) -> None:
-        """Make a compiled skating scene that world."""
+        """Change a compiled skating scene into that world."""
         for i in range(model.nbody):
             if model.body(i).name.startswith(ROBOT):
                 model.body_mass[i] *= self.mass
@@ -82,7 +82,7 @@ class Stress:
 
 
 class StressedRobot(SimulatedRobot):
-    """A simulated robot whose servos hear late, whose sensors are noisy, and which can be pushed."""
+    """A simulated robot with delayed servos and noisy sensors, which can be pushed."""
 
     def __init__(self, model: mujoco.MjModel, stress: Stress, direct_rake: float | None = None) -> None:
         """Take over a scene that `Stress.change` has changed; the rest is as of `SimulatedRobot`."""
@@ -119,7 +119,7 @@ class StressedRobot(SimulatedRobot):
         self._pushed_until = self._steps + round(PUSH_TIME / PD_PERIOD)
 
     def read(self) -> RobotState:
-        """Return what noisy sensors tell; orientation from the vertical, not from the ground."""
+        """Return the noisy sensors' readings; orientation from the vertical, not from the ground."""
         state = super().read()
         around = lambda name, size: self._stress.noise * _NOISE[name] * self.rng.uniform(-1, 1, size)  # noqa: E731
         lean = np.append(around("gravity", 2), 0.0) / 2

@@ -1,4 +1,4 @@
-"""The robustness table: under which conditions a policy is tried, one after the other."""
+"""The robustness suite: the conditions under which a policy is evaluated."""
 
 import math
 

@@ -1,11 +1,11 @@
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
-"""Adversarial motion priors beside rsl_rl's PPO: one extension, PPO itself untouched.
+"""Adversarial motion priors (AMP) as one extension of rsl_rl's PPO, which stays as it is.
 
 A discriminator tells windows of five joint frames of the reference motions from the policy's; what it
 takes for reference is rewarded (Peng et al. 2021, "AMP"; least-squares loss and gradient penalty). Only
-windows that lie within one episode and within a stretch taught by style (`style_mask`) are shown to it and
-rewarded. Where that is more than pushing, the last numbers of a window say which stretch it is of, and the
-reference windows of a batch are of the same stretches as the policy's: how often a stretch occurs shall
+windows that lie within one episode and within a phase taught by style (`style_mask`) are shown to it and
+rewarded. Where that is more than pushing, the last numbers of a window say which phase it is of, and the
+reference windows of a batch are of the same phases as the policy's: how often a phase occurs shall
 not tell them apart.
 
 With several processes the gradients and running statistics of the discriminator are averaged, and so are
@@ -40,8 +40,8 @@ class AmpOptions:
     batch: int = 8192
     """Windows of each kind a step and process."""
     weight_decay: float = 1e-3
-    stretches: int = 0
-    """Last numbers of a window that say one-hot which stretch it is of; 0 where all are of one."""
+    phases: int = 0
+    """Last numbers of a window that say one-hot which phase it is of; 0 where all are of one."""
     step_time: float = 0.02
     """Time of a policy step [s]."""
 
@@ -117,8 +117,8 @@ class AmpPPO(PPO):
         """Build PPO and the discriminator.
 
         Args:
-            reference: Windows of the reference motions, (m, 5 · 23 + stretches) [rad], oldest frame first,
-                grouped by stretch.
+            reference: Windows of the reference motions, (m, 5 · 23 + phases) [rad], oldest frame first,
+                grouped by phase.
             amp: Numbers of the style reward.
             graphs: Whether to learn by CUDA graphs; in one process on a GPU only.
         """
@@ -187,11 +187,11 @@ class AmpPPO(PPO):
         self._scores += torch.stack((loss.detach(), *scores))
 
     def _like(self, policy: torch.Tensor) -> torch.Tensor:
-        """Return as many reference windows as those of the policy, of the same stretches."""
-        kinds = self.amp.stretches
+        """Return as many reference windows as those of the policy, of the same phases."""
+        kinds = self.amp.phases
         if kinds == 0:
             return self.reference[torch.randint(len(self.reference), (len(policy),), device=self.device)]
-        count = self.reference[:, -kinds:].sum(dim=0)  # the reference is grouped by stretch
+        count = self.reference[:, -kinds:].sum(dim=0)  # the reference is grouped by phase
         first = count.cumsum(0) - count
         which = policy[:, -kinds:].argmax(dim=-1)
         chosen = first[which] + torch.floor(count[which] * torch.rand(len(policy), device=self.device))

@@ -1,5 +1,5 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
-"""What a checkpoint holds besides the learner: counters and the state of everything random.
+"""Checkpoints: counters and the state of all random number generators, besides the learner.
 
 | key | content |
 |---|---|

@@ -1,8 +1,11 @@
-"""A curriculum that leads itself: how hard the task is follows what the learner can do.
+"""An adaptive curriculum: the difficulty of the task follows what the learner can do.
 
-A beginner that is ended after 0.4 s of wrong stance never learns to ride, and one that never is learns to ride
-on one leg. So the patience with a wrong stance (policy steps) starts at its longest and follows the episodes that end
-early, a minute of riding: few, and it shrinks; many, and it grows. What hangs on it:
+It is driven by one number: early ends, the episodes that end before their time limit, a minute of riding. Few, and the task gets
+harder; many, and it gets easier. A step is in proportion to the logarithm of the early ends over their set point, so
+that there is no band in which nothing moves.
+
+First comes the patience with a wrong stance (policy steps). A beginner that is ended after 0.4 s of wrong stance never
+learns to ride, and one that never is learns to ride on one leg. So the patience starts at its longest and shrinks to the task's own:
 
 | what | at patience p; P is the task's own |
 |---|---|
@@ -10,18 +13,16 @@ early, a minute of riding: few, and it shrinks; many, and it grows. What hangs o
 | pushing without a step that ends an episode | the task's idle patience · p/P |
 | weight of `push/left_foot` | the task's · P/p |
 
-The weight of the actions' entropy hangs on the same ends: the learner's first where the patience stays as it is and above, its last
-where the strength does and below, geometric between. Who falls tries, who rides is exact. It hung on the patience before: three
-beginners came to its end on one leg, with an entropy by which they never found the other.
+Then comes the strength by which worlds differ (`sim.skate.mdp.worlds`), from 0 to 1, and with it, up to its half, the weights
+of rewards that a rider needs and a beginner does not (`Reward.beginner`).
 
-Once the patience is the task's own, the strength by which worlds differ (`sim.skate.mdp.worlds`) is led from 0 to 1
-the same way, and with it, up to its half, the weights of rewards that a rider needs and a beginner does not
-(`Reward.beginner`). A step is in proportion to the logarithm of how far the ends are from where it would stay, so that
-there is no band in which nothing moves.
+The weight of the actions' entropy depends on the early ends: the learner's first at the set point of the patience and above, its
+last at that of the strength and below, geometric between. So who falls explores, and who rides is exact. It depended on the
+patience before: three beginners came to its end on one leg, with an entropy by which they never found the other.
 
-The longest patience is shorter than any stretch in which the stance counts, else one leg never ends an episode: runs
+The longest patience is shorter than any phase in which the stance counts, else one leg never ends an episode: runs
 stood just below that for 400 iterations. Who rides on one leg is ended 15 to 19 times a minute of riding, whatever else he
-can: the balance must be well above that (docs/training.md has the runs that waited below it).
+can: the set point must be well above that (docs/training_history.md has the runs that waited below it).
 """
 
 import math
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from sim.skate.mdp.rewards import Reward
 
 LONGEST = 5 / 6 * min(Clock().push, Clock().steer)
-"""Patience of a beginner [policy steps]: a stretch in the wrong stance ends an episode."""
+"""Patience of a beginner [policy steps]: a phase in the wrong stance ends an episode."""
 PATIENCE_ENDS = 24.0
 """Ends a minute of riding at which the patience stays as it is: more than one leg alone brings about."""
 STRENGTH_ENDS = 4.5
@@ -46,14 +47,14 @@ HARDER, EASIER = 0.03, 0.01
 """Largest steps, relative for the patience, absolute for the strength."""
 
 
-def step(ends: float, balance: float) -> float:
+def step(ends: float, set_point: float) -> float:
     """Return the step towards a harder task, negative towards an easier one.
 
     Args:
         ends: Episodes that ended early, a minute of riding.
-        balance: Ends at which nothing changes.
+        set_point: Early ends a minute of riding at which nothing changes.
     """
-    return min(max(GAIN * math.log(balance / max(ends, 1e-6)), -EASIER), HARDER)
+    return min(max(GAIN * math.log(set_point / max(ends, 1e-6)), -EASIER), HARDER)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +148,7 @@ class Curriculum:
         self.set(self.level.after(ends, self.own))
 
     def numbers(self) -> dict[str, float]:
-        """Return what the curves show of it."""
+        """Return its numbers for the learning curves."""
         return {
             "patience": self.level.patience,
             "strength": self.level.strength,

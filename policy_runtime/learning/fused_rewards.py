@@ -1,7 +1,7 @@
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
 # pyright: reportPrivateUsage=false
 # (mjlab keeps histories and the sensors' cache in private places.)
-"""mjlab's environment with fewer launches: all reward terms in one array, and what is judged and seen as CUDA graphs.
+"""mjlab's environment with fewer launches: all reward terms in one array; rewards, terminations and observations as CUDA graphs.
 
 mjlab weighs, cleans, sums and logs each reward term for itself, which at 30 terms is 200 launches on the GPU in
 every step, and 84 more in every step in which an episode ends; it asks the device eight times how many episodes

@@ -1,5 +1,5 @@
 # pyright: reportMissingImports=false
-"""The mean of an actor's weights on their way: what is exported and ridden.
+"""Moving average of an actor's weights: what is exported and evaluated.
 
 Every update throws the actor that learns about, and what it meets seldom, such as being told to stand, it does well
 after one update and badly after the next. The mean over updates keeps what they have in common. Iteration t weighs in

@@ -1,6 +1,6 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false, reportPrivateUsage=false
 # (mjlab keeps the reward of each term of a step in a private table.)
-"""What a training run reports every iteration: sums kept on the device, read once.
+"""The training report of every iteration: sums kept on the device, read once.
 
 | name | meaning |
 |---|---|
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 WRONG_TILT = math.radians(3)
 """Tilt the wrong way that is counted [rad]."""
-STRETCHES = {
+PHASES = {
     "speed_error": "pushing", "heading_error": "steering", "tilt_error": "steering", "tilt": "steering",
     "foot_place": "all", "wrong_tilt": "steering", "both_feet": "steering", "foot_down": "pushing",
     "wrong_push": "pushing", "wrong_steer": "steering",
@@ -124,8 +124,8 @@ class Progress:
             "falls_per_minute": falls / minutes,
             "style": get("style") / steps,
         }
-        for name, stretch in STRETCHES.items():
-            result[name] = get(name) / max(get(stretch), 1.0)
+        for name, phase in PHASES.items():
+            result[name] = get(name) / max(get(phase), 1.0)
         terms = (values["reward"] / steps).tolist()
         result["reward"] = sum(terms)
         result |= {f"reward/{name}": value for name, value in zip(self._terms, terms, strict=True)}

@@ -1,4 +1,4 @@
-"""The folder of a training run: everything needed to understand it and to go on with it.
+"""The folder of a training run: everything needed to understand and to resume it.
 
 | file | content |
 |---|---|

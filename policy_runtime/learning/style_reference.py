@@ -1,7 +1,7 @@
-"""What the style discriminator takes for reference: windows of the motions, with the stretch that they are of.
+"""Reference windows of the style discriminator: windows of the motions, with the phase of the cycle that they are of.
 
 In the default a window is five joint frames of pushing. Where mounting and dismounting are taught by
-style as well, three numbers more say one-hot which stretch it is of, as `sim.skate.mdp.observations.stretch`
+style as well, three numbers more say one-hot which phase it is of, as `sim.skate.mdp.observations.phase_one_hot`
 does for the policy's windows.
 """
 
@@ -16,7 +16,7 @@ from sim.skate.robot.g1 import JOINTS
 from sysid.files import shipped_data
 from sysid.roll import Array
 
-STRETCHES = ("push", "mount", "dismount")
+PHASES = ("push", "mount", "dismount")
 
 
 def transition_folder() -> Path:
@@ -33,7 +33,7 @@ def style_reference(options: SkateOptions, pushing: Sequence[Motion] = ()) -> Ar
         pushing: What pushing shall look like; the shipped clips if none is given.
 
     Returns:
-        Windows [rad], shape (m, 5 · 23), or (m, 5 · 23 + 3) with stretches, grouped by stretch.
+        Windows [rad], shape (m, 5 · 23), or (m, 5 · 23 + 3) with phases, grouped by phase.
 
     Raises:
         SysidError: A clip is missing or broken.
@@ -48,8 +48,8 @@ def style_reference(options: SkateOptions, pushing: Sequence[Motion] = ()) -> Ar
         "dismount": [clip for clip in clips if clip.name.startswith("dismount")],
     }
     rows = [
-        np.hstack([_flat(motion), np.tile(np.eye(len(STRETCHES))[i], (len(_flat(motion)), 1))])
-        for i, name in enumerate(STRETCHES)
+        np.hstack([_flat(motion), np.tile(np.eye(len(PHASES))[i], (len(_flat(motion)), 1))])
+        for i, name in enumerate(PHASES)
         for motion in groups[name]
     ]
     return np.concatenate(rows)

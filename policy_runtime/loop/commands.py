@@ -21,12 +21,12 @@ TURN_RANGE = (-0.7853981633974483, 0.7853981633974483)
 
 
 class Command(NamedTuple):
-    """What the rider shall do."""
+    """A command of the rider."""
 
     speed: float
     """[m/s]; below 0.1 the robot stands still."""
     turn: float
-    """Heading to reach in the next steering stretch, relative to the one at its start [rad], left positive."""
+    """Heading to reach in the next steering phase, relative to the one at its start [rad], left positive."""
 
 
 class CommandSource(Protocol):

@@ -1,7 +1,7 @@
 """The course: where a ride shall be heading after all turns asked for, and how to hold it with the IMU alone.
 
 A policy turns by what it is told from where it points, and what it misses stays missed: straight on, the heading
-walks off over the cycles. The pelvis' yaw, averaged over the second half of each pushing stretch, where the robot
+walks off over the cycles. The pelvis' yaw, averaged over the second half of each pushing phase, where the robot
 faces ahead in the same way every time, tells how far; the next turn makes up for it.
 """
 

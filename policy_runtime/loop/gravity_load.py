@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportUnknownParameterType=false
 # (MuJoCo ships no type stubs.)
-"""What the servos must be asked for so that a pose does not sag.
+"""Gravity compensation: joint targets with which soft servos reach a pose instead of sagging below it.
 
 The servos are soft (a quarter of the torque limit bends a knee by 20°), so a script that asks for a pose
 gets a lower one. Statics tell by how much: the weight goes into the feet that stand, in the shares that

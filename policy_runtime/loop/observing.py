@@ -1,4 +1,4 @@
-"""What a policy sees, built from a robot's state: our own frames and those of the HUSKY release."""
+"""Observations of a policy from a robot's state: our own layout and that of the HUSKY release."""
 
 import numpy as np
 import numpy.typing as npt
@@ -63,7 +63,7 @@ class PaperObservation:
             state.joint_position - self._default,
             state.joint_velocity,
             last_action,
-            np.array([self._clock.phase(step)]),
+            np.array([self._clock.cycle_phase(step)]),
         )
         return scale_frame(frame)
 

@@ -185,7 +185,7 @@ def _stated(path: Path, metadata: dict[str, str], key: str, default: float) -> f
 
 
 def _board_numbers(board: Board) -> dict[str, tuple[float, float]]:
-    """Return what a policy says of its board, and how far a record may have moved since, relative.
+    """Return a policy's numbers of its board, and by how much a record may have changed since, relative.
 
     Training draws its boards at least that far apart (`sim.skate.world.posterior.Spread`), so a refit by less is
     a board that the policy has ridden.

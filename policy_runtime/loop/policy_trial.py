@@ -1,4 +1,4 @@
-"""A first answer of an ONNX file in a process of its own: an endless loop or a huge tensor ends there.
+"""A first inference of an ONNX file in a process of its own, which an endless loop or a huge tensor cannot hurt.
 
 onnxruntime asks nobody how long a loop may turn, and takes what memory a tensor's shape says.
 """

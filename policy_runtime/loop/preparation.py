@@ -16,7 +16,7 @@ from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.robot.g1 import JOINTS, servos
 from sysid.roll import Array
 
-UPRIGHT = math.radians(20)
+MAX_INCLINATION = math.radians(20)
 """Greatest inclination of the pelvis at the start [rad]."""
 PROBES, PROBE_STEP, PROBE_STEPS = 6, 0.05, 40
 """Measuring the delay: how many small steps of a target, their size [rad], servo periods watched after each."""
@@ -29,7 +29,7 @@ class StoppedError(Exception):
 
 
 class Ticks(Protocol):
-    """What the preparation asks of the loop."""
+    """What the preparation needs of the loop."""
 
     robot: Robot
 
@@ -48,7 +48,7 @@ class Ticks(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Preparation:
-    """How a robot comes to where a policy starts."""
+    """Preparation of a robot: from its present pose to the policy's start."""
 
     pose: Array
     """Joint angles that the policy starts from [rad], shape (23,)."""
@@ -119,10 +119,10 @@ def _check_pose(options: Preparation, state: RobotState) -> None:
             f"start pose: {JOINTS[worst]} is {error[worst]:+.2f} rad from it, tolerance {options.tolerance:g}. Free "
             "the robot, or ease --pose-tolerance"
         )
-    if state.inclination > UPRIGHT:
+    if state.inclination > MAX_INCLINATION:
         raise StoppedError(
             f"start pose: the pelvis leans {math.degrees(state.inclination):.0f}°, at most "
-            f"{math.degrees(UPRIGHT):.0f}°. Set the robot upright"
+            f"{math.degrees(MAX_INCLINATION):.0f}°. Set the robot upright"
         )
 
 

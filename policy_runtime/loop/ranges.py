@@ -1,6 +1,6 @@
 # pyright: reportMissingImports=false
 # (onnx is optional.)
-"""Whether what a policy sees is what it was trained on: live observations against the file's own normaliser.
+"""Check for observations outside the training distribution: live observations against the file's own normaliser.
 
 A policy file begins with the mean and standard deviation of everything it saw in training. A sensor whose axis is
 turned, a joint in another order or unit, a robot in another pose stand out in units of that deviation. Command, phase
@@ -18,9 +18,9 @@ from sim.skate.robot.g1 import JOINTS
 from sysid.errors import SysidError, needs_extra
 from sysid.roll import Array
 
-FAR = 5.0
+MAX_STDS = 5.0
 """Standard deviations from the training's mean beyond which a number was hardly ever seen."""
-OFTEN = 0.02
+MIN_STEP_SHARE = 0.02
 """Share of steps beyond that which is no glitch."""
 
 
@@ -36,7 +36,7 @@ class Seen:
     std: float
     """In training."""
     far: float
-    """Share of steps further than `FAR` standard deviations from the training's mean."""
+    """Share of steps further than `MAX_STDS` standard deviations from the training's mean."""
 
     @property
     def worst(self) -> float:
@@ -78,7 +78,7 @@ class RangeCheck:
         rows = np.array(self._rows).reshape(-1, len(self._mean))
         if not len(rows):
             return []
-        far = (np.abs(rows - self._mean) > FAR * self._std).mean(axis=0)
+        far = (np.abs(rows - self._mean) > MAX_STDS * self._std).mean(axis=0)
         numbers = [
             Seen(name, (float(low), float(high)), float(mean), float(std), float(share))
             for name, low, high, mean, std, share in zip(
@@ -89,7 +89,7 @@ class RangeCheck:
 
     def outside(self) -> list[Seen]:
         """Return the numbers that were far from the training more than now and then."""
-        return [number for number in self.seen() if number.far > OFTEN]
+        return [number for number in self.seen() if number.far > MIN_STEP_SHARE]
 
     def to_json(self) -> dict[str, Any]:
         """Return it for machines."""

@@ -1,4 +1,4 @@
-"""What ends a run: the checks of every tick, and the reason in words."""
+"""Safety checks of every tick, which end a run and give the reason in words."""
 
 import math
 from dataclasses import dataclass

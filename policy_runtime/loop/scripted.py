@@ -1,4 +1,4 @@
-"""Policies that need no learning: what a learned one must beat, and what shows the world without one."""
+"""Scripted policies: baselines that a learned one must beat, and motions to show the world with."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""When a foot stands on the ground, from where its sole is: also in a recorded clip, whose feet shake and skate.
+"""Contact detection: when a foot stands on the ground, from the motion of its sole; also in noisy recorded clips.
 
 A point of the sole stands where it is low and slow, and goes on standing until it is clearly neither: two
 thresholds, the outer one to leave by (a Schmitt trigger). Both follow the clip's own noise, seen where the foot is
@@ -14,7 +14,7 @@ from scipy.signal import savgol_filter
 
 from sysid.roll import Array
 
-LOW, SLOW = 0.001, 0.1
+MAX_HEIGHT, MAX_SPEED = 0.001, 0.1
 """Height above the ground [m] and speed [m/s] below which a point of a noiseless clip stands."""
 ENTER, LEAVE = 3.0, 6.0
 """How many times the noise is added to that to come to a stand, and to leave it."""
@@ -63,7 +63,10 @@ def find_stance(sole: Array, rate: float) -> Stance:
     height = position[..., 2] - ground
 
     def stands(times: float) -> npt.NDArray[np.bool_]:
-        near, calm = height < LOW + times * noise, speed < (1 + (times > ENTER)) * SLOW + times * skating
+        near, calm = (
+            height < MAX_HEIGHT + times * noise,
+            speed < (1 + (times > ENTER)) * MAX_SPEED + times * skating,
+        )
         return (near & calm).any(axis=1)
 
     comes, stays = stands(ENTER), stands(LEAVE)

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportUnknownParameterType=false
 # (MuJoCo ships no type stubs.)
-"""What a motion does, measured on the robot's model: cadence, ranges, contacts, balance.
+"""Properties of a motion, measured on the robot's model: cadence, ranges, contacts, balance.
 
 It serves any clip of the stored layout; what needs a deck and a ground is measured relative to the
 height of the clip's own left sole while it stands, so that clips from elsewhere need not agree on where the ground is.

@@ -19,7 +19,7 @@ STOPS = ({"select"}, {"L2", "B"})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotState:
-    """What a robot knows of itself."""
+    """State that a robot measures."""
 
     time: float
     """Clock of the robot [s]; it stands still when the sensors do."""
@@ -47,7 +47,7 @@ class RobotState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointCommand:
-    """What the joint servos shall do: torque = stiffness (position - q) - damping q̇."""
+    """Command to the joint servos: torque = stiffness (position - q) - damping q̇."""
 
     position: Array
     """[rad], shape (23,)."""

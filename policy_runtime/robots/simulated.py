@@ -26,7 +26,7 @@ LOADED = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Truth:
-    """What only a simulator knows."""
+    """Ground truth of a simulation."""
 
     board_position: Array
     """Origin of the board, on its tilt axis [m], shape (3,)."""
@@ -207,7 +207,7 @@ class SimulatedRobot:
         self.data.qvel[self.base_v : self.base_v + 2] += velocity
 
     def truth(self) -> Truth:
-        """Return what only a simulator knows of the present moment."""
+        """Return the ground truth of the present moment."""
         if self._truth is None:
             self._truth = self._look()
         return self._truth

@@ -33,7 +33,7 @@ BUTTONS = (
 @final
 @autoid("sequential")
 class MotorCmd(IdlStruct, typename="unitree_hg.msg.dds_.MotorCmd_"):
-    """What one motor shall do: torque = tau + kp (q - measured) + kd (dq - measured)."""
+    """Command to one motor: torque = tau + kp (q - measured) + kd (dq - measured)."""
 
     mode: uint8
     q: float32
@@ -82,7 +82,7 @@ class IMUState(IdlStruct, typename="unitree_hg.msg.dds_.IMUState_"):
 @final
 @autoid("sequential")
 class MotorState(IdlStruct, typename="unitree_hg.msg.dds_.MotorState_"):
-    """What one motor measures."""
+    """Measurements of one motor."""
 
     mode: uint8
     q: float32

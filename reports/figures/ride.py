@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 PALE = "#7FB8DA"
 """A second simulated curve beside the first."""
-STRETCHES = {"push": "#E6EEF7", "mount": "#F3EBDD", "steer": "#E3F1EA", "dismount": "#F3EBDD"}
-"""Background of each stretch of the cycle."""
+PHASES = {"push": "#E6EEF7", "mount": "#F3EBDD", "steer": "#E3F1EA", "dismount": "#F3EBDD"}
+"""Background of each phase of the cycle."""
 LANES = (
     "left foot: ground",
     "left foot: deck",
@@ -115,7 +115,7 @@ def _feet(axes: "Axes", recording: Recording) -> None:
 
 
 def _spans(time: Array, flags: Array) -> list[tuple[float, float]]:
-    """Return beginning and end of every stretch in which a flag is set [s]."""
+    """Return beginning and end of every interval in which a flag is set [s]."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     ends = np.append(time, time[-1] + 0.02)
     return [(float(ends[a]), float(ends[b])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -125,7 +125,7 @@ def _shade(axes: "Axes", recording: Recording) -> None:
     step, clock = recording.step.astype(int), recording.clock
     moving = recording.command[:, 0] >= STILL_SPEED
     flags = (clock.pushing, clock.mounting, clock.steering, clock.dismounting)
-    for (name, colour), flag in zip(STRETCHES.items(), flags, strict=True):
+    for (name, colour), flag in zip(PHASES.items(), flags, strict=True):
         for start, end in _spans(recording.time, flag(step) & moving):
             axes.axvspan(start, end, color=colour, zorder=0, lw=0)
             if axes.get_subplotspec().is_first_row():  # pyright: ignore[reportOptionalMemberAccess]
@@ -155,9 +155,9 @@ def paths_figure(paths: tuple[Array, ...], headings: Array, title: str, path: Pa
     right.plot([-limit, limit], [-limit, limit], color=NOISE, lw=1, ls="--", label="as asked")
     if len(headings):
         asked, done = np.degrees(headings[:, 0]), np.degrees(headings[:, 1])
-        right.plot(asked, done, "o", ms=4, alpha=0.5, color=SIM, label="one steering stretch each")
+        right.plot(asked, done, "o", ms=4, alpha=0.5, color=SIM, label="one steering phase each")
     else:
-        right.text(0.5, 0.5, "no steering stretch came to its end", transform=right.transAxes, ha="center")
+        right.text(0.5, 0.5, "no steering phase came to its end", transform=right.transAxes, ha="center")
     right.set(title="turns", xlabel="asked for [°]", ylabel="achieved [°]")
     right.legend(fontsize=8, frameon=False)
     right.grid(alpha=0.3)

@@ -53,15 +53,15 @@ AXES = ("time", "amplitude", "velocity", "side", "phase")
 """Ways to divide an error, in the order in which they are listed."""
 MOST_PAIRS = 6
 """Pairs of parameters listed, the strongest first."""
-STRONG = 0.9
+MIN_CORRELATION = 0.9
 """Correlation from which two parameters are hardly told apart."""
-HOPELESS = 30.0
+MAX_STRENGTH_RATIO = 30.0
 """Multiple of an effect's clear strength beyond which no board has it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """Where a page comes from."""
+    """Provenance of a page."""
 
     command: str
     made: str
@@ -290,7 +290,7 @@ def _weakest(alike: LookAlikes, index: int) -> str:
     # Stiction may be all there is of a friction: what comes first is zero then.
     unit, strength = parameters[0].unit, alike.strength[index]
     name, value = next((p.name, strength[p.name]) for p in parameters if p.unit == unit and strength[p.name])
-    if share > HOPELESS:
+    if share > MAX_STRENGTH_RATIO:
         return TOO_WEAK
     weakest = abs(value) * share
     return pretty(
@@ -331,8 +331,8 @@ def _correlation(evidence: Evidence) -> list[str]:
     correlation = correlation_of(fit.own_covariance)
     pairs = [(correlation[i, j], names[i], names[j]) for i in range(len(names)) for j in range(i)]
     pairs.sort(key=lambda pair: -abs(np.nan_to_num(pair[0])))
-    strong = [f"{one} and {other}" for value, one, other in pairs if abs(value) >= STRONG]
-    said = f"Each parameter stands by itself: no two are correlated beyond {STRONG}."
+    strong = [f"{one} and {other}" for value, one, other in pairs if abs(value) >= MIN_CORRELATION]
+    said = f"Each parameter stands by itself: no two are correlated beyond {MIN_CORRELATION}."
     if strong:
         said = f"Hardly told apart by these logs: {'; '.join(strong)}."
         said += " Another amplitude, or a parameter that is known, parts them."

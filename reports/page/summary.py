@@ -61,7 +61,7 @@ def decay_summary(board: str, decay: FreeDecay) -> str:
 
 
 def title(board: Board) -> str:
-    """Return what a board is called, or a joint without a deck."""
+    """Return the title of a board, or of a joint without a deck."""
     return f"{'Board' if board.geometry else 'Joint'} {board.name}"
 
 

@@ -19,7 +19,7 @@ BLACK = "#444444"
 
 
 def ride_recording(model: mujoco.MjModel, ride: Recording, name: str, path: Path) -> None:
-    """Write a recorded ride: the moving scene, speed, heading, tilt, contacts and stretches.
+    """Write a recorded ride: the moving scene, speed, heading, tilt, contacts and phases.
 
     Raises:
         SysidError: rerun-sdk is not installed, or the path cannot be written.
@@ -57,7 +57,7 @@ def ride_recording(model: mujoco.MjModel, ride: Recording, name: str, path: Path
             ("contact/right_deck", ride.column("foot_on_deck")[:, 1] * 0.8, "right foot on deck", NOISE),
         ):
             log_series(stream, entity, ride.time, np.asarray(values, dtype=float), Look(label, colour))
-        log_states(stream, "stretch", _stretches(ride))
+        log_states(stream, "phase", _phases(ride))
 
 
 def motion_recording(model: mujoco.MjModel, motions: list[Motion], path: Path) -> None:
@@ -90,8 +90,8 @@ def motion_recording(model: mujoco.MjModel, motions: list[Motion], path: Path) -
         _ground(stream, np.vstack([motion.position for motion in motions]))
 
 
-def _stretches(ride: Recording) -> list[tuple[float, str]]:
-    """Return when each stretch of the cycle begins [s]."""
+def _phases(ride: Recording) -> list[tuple[float, str]]:
+    """Return when each phase of the cycle begins [s]."""
     clock, step = ride.clock, ride.step.astype(int)
     names = np.select(
         [clock.pushing(step), clock.mounting(step), clock.steering(step)],

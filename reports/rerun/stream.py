@@ -82,7 +82,7 @@ def recording(path: Path, recording_id: str, blueprint: "rrb.Blueprint") -> "Gen
 
 
 class Look(NamedTuple):
-    """How a curve is drawn."""
+    """Style of a curve."""
 
     name: str
     """Shown in the legend."""

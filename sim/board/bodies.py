@@ -1,4 +1,4 @@
-"""The bodies of a board: what stays level, what tilts, what steers, what rolls.
+"""The bodies of a board: chassis, deck, trucks, wheels.
 
 Bodies::
 
@@ -228,7 +228,7 @@ def inertia_gain(board: Board) -> float:
 
 
 def reflected_inertia(board: Board) -> float:
-    """Return what steered trucks and rolling wheels add to the roll inertia at small tilt [kg*m^2].
+    """Return the roll inertia that steered trucks and rolling wheels add at small tilt [kg*m^2].
 
     Through the coupling a truck of steering inertia J counts tan²λ J, and a wheel of spin inertia j,
     which rolls by track / 2 for each radian that its truck turns, tan²λ (track / 2r)² j.

@@ -1,4 +1,4 @@
-"""What a learned torque lacks in the elements that MuJoCo has: added from outside, step by step.
+"""The part of a learned torque that MuJoCo has no element for, applied as an external torque in every step.
 
 A model that holds one (`husky-sysid mjcf`) carries its tables as custom numbers. In plain MuJoCo
 

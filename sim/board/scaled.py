@@ -1,4 +1,4 @@
-"""A board that differs from its record by factors: what a policy is tried on that should bear another board."""
+"""A board with scaled parameters, to test a policy on other boards than its own."""
 
 import math
 from collections.abc import Mapping

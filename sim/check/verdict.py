@@ -19,7 +19,7 @@ and poles are measured to 1e-8."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """What the gate says of a scene."""
+    """Verdict of `check` on a scene."""
 
     case: Case
     against: tuple[str, ...]

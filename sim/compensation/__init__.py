@@ -1,1 +1,1 @@
-"""What must be written so that a simulated decay equals the measured one."""
+"""Compensation of the simulator's time step, so that a simulated decay equals the measured one."""

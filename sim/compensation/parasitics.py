@@ -1,4 +1,4 @@
-"""What a scene adds of its own to the tilt joint: stiffness, damping, inertia, and from which part.
+"""Parasitic stiffness, damping and inertia that a scene adds to the tilt joint, by part of the scene.
 
 The scene is treated as a black box: static loads give its stiffness, the two-term recursion of a small
 sampled decay gives the two poles of the step, and with the stiffness these give damping and inertia as
@@ -24,7 +24,7 @@ from sysid.joint.sampled import joint_of_map
 LOAD = 0.3
 """Static load, as a share of the spring's torque at the full tilt: half or twice as much moves the stiffness of the shipped
 boards' scenes by 1e-11 of it; the deck must only stay within its range."""
-SMALL = 0.05
+POLE_AMPLITUDE = 0.05
 """Amplitude of the decay from which the poles are taken [rad]: on the shipped boards' scenes 0.025 and 0.1 rad move damping
 and inertia by 0.03 % and 0.16 % at most, against the 3 % that the gate names."""
 DECK = "deck alone"
@@ -118,7 +118,7 @@ def measure(board: Board, scene: ClampedScene) -> TiltJoint:
     rest = (_static(scene, torque) + _static(scene, -torque)) / 2
     duration = 3 * math.pi * math.sqrt(board.inertia.value / board.stiffness)
     h = float(scene.model.opt.timestep)
-    path = scene.swing(rest + SMALL, 0.0, max(duration, 24 * h))
+    path = scene.swing(rest + POLE_AMPLITUDE, 0.0, max(duration, 24 * h))
     roll = path.roll[2:] - rest  # the first steps fill contacts and constraints
     (trace, determinant), *_ = np.linalg.lstsq(
         np.stack([roll[1:-1], -roll[:-2]], axis=1), roll[2:], rcond=None

@@ -32,7 +32,7 @@ from sysid.roll import Array
 
 USUAL_STEPS = 8
 """Steps that a search of this kind mostly takes: what the bar expects."""
-FREE, USUAL = 3.1, 0.3
+UNKNOWN_RANGE, DEFAULT_RANGE = 3.1, 0.3
 """A tilt range of a full turn is that of a joint whose range nobody knows; it is let go from the usual one of a deck [rad]."""
 BELOW_BARRIER = 0.75
 """Energy of the widest release over what lets the joint go past where it pulls back: with a spring that softens as x³,
@@ -66,7 +66,7 @@ class Compensation:
     """NRMSE of the decay against the law without what is left out: what integrator and step alone cost."""
 
     def entry(self) -> dict[str, Any]:
-        """Return what was written and both errors, for the board record and for JSON."""
+        """Return the written parameters and both errors, for the board record and for JSON."""
         return {
             "how": self.how,
             "timestep": self.timestep,
@@ -79,7 +79,7 @@ class Compensation:
         }
 
     def lines(self) -> tuple[str, ...]:
-        """Return what was done and both errors, for people and for the comments of a file."""
+        """Return lines on the compensation and both errors, for output and for the comments of a file."""
         where = f"{self.how}, for {self.integrator} at {1e3 * self.timestep:g} ms"
         what, before = "as recorded", ""
         if self.inertia_ratio != 1 or self.damping_ratio != 1:
@@ -168,7 +168,7 @@ def release_amplitudes(board: Board) -> tuple[float, ...]:
     soon as the joint is not linear, and further the deck does not go.
     """
     known = board.tilt["range"].value
-    wide = _comes_back_from(board, known if known < FREE else USUAL)
+    wide = _comes_back_from(board, known if known < UNKNOWN_RANGE else DEFAULT_RANGE)
     return wide, -0.7 * wide, 0.4 * wide
 
 

@@ -12,19 +12,19 @@ from sysid.roll import Array
 
 POINTS = 60
 """Places along the arc to either side of the pose at which the model is looked at."""
-FURTHEST = {int(mujoco.mjtJoint.mjJNT_HINGE): np.pi, int(mujoco.mjtJoint.mjJNT_SLIDE): 1.0}
+ARC_LIMITS = {int(mujoco.mjtJoint.mjJNT_HINGE): np.pi, int(mujoco.mjtJoint.mjJNT_SLIDE): 1.0}
 """How far the arc of a joint without limits goes to either side [rad or m]."""
-CLOSED = 1e-7
+MAX_LOOP_GAP = 1e-7
 """How far a loop may be open once it is closed [m or rad]."""
 IN_LOOP = 1.0
 """The same of a joint that a loop ties to others [rad or m]."""
-JAMMED = 30.0
+MAX_LOOP_RATIO = 30.0
 """A loop whose joints move by so many times more than this one is near the end of its way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arc:
-    """What one joint moves, and what pulls at it."""
+    """Inertia and torques of one joint along its arc."""
 
     position: Array
     """Of the joint [rad or m], shape (n,), ascending."""
@@ -83,7 +83,7 @@ def walk(setup: Setup, spec: mujoco.MjSpec) -> Arc:
             '(active="false"), as it was in the measurement.'
         )
     low, high = model.jnt_range[number] if model.jnt_limited[number] else (-np.inf, np.inf)
-    start, reach = float(data.qpos[where]), IN_LOOP if tied else FURTHEST[int(model.jnt_type[number])]
+    start, reach = float(data.qpos[where]), IN_LOOP if tied else ARC_LIMITS[int(model.jnt_type[number])]
     middle = np.array(data.qpos)
     rows = [_row(model, data, own, movable)]
     places = [middle]
@@ -129,7 +129,7 @@ def close(model: mujoco.MjModel, data: mujoco.MjData, movable: Sequence[int]) ->
     for _ in range(30):
         jacobian, error = _loops(model, data)
         inside = np.abs(jacobian[:, movable]).sum(axis=1) > 1e-9
-        if not np.any(np.abs(error[inside]) > CLOSED):
+        if not np.any(np.abs(error[inside]) > MAX_LOOP_GAP):
             return True
         change = np.zeros(model.nv)
         change[list(movable)] = -np.linalg.lstsq(jacobian[inside][:, movable], error[inside], rcond=1e-8)[0]
@@ -169,7 +169,7 @@ def _row(
 def _step(model: mujoco.MjModel, data: mujoco.MjData, own: int, movable: Sequence[int], by: float) -> bool:
     """Move the joint and what it carries along; False where the loops end."""
     tangent, _ = tangent_of(model, data, own, movable)
-    if np.abs(tangent).max() > JAMMED:
+    if np.abs(tangent).max() > MAX_LOOP_RATIO:
         return False
     mujoco.mj_integratePos(model, data.qpos, tangent * by, 1.0)
     if not close(model, data, movable):

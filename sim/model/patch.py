@@ -38,7 +38,7 @@ ADDED = ("tendon", "actuator")
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """What becomes of the user's files."""
+    """The changes to the user's files."""
 
     files: Mapping[Path, str]
     """New text of each file that changes, by the file's old path: the one with the joint, and those that include it."""

@@ -1,4 +1,4 @@
-"""The model itself, its joint let go: everything else stays where it was held, and nothing drives it."""
+"""Free decay of a joint in the user's own model: all else stays where it was held, and nothing drives it."""
 
 import mujoco
 import numpy as np
@@ -9,7 +9,7 @@ from sim.model.arc import close, tangent_of, tied_to
 from sim.model.setup import Setup
 from sysid.roll import Array
 
-HELD = 1e9
+HOLDING_ARMATURE = 1e9
 """Armature of joints that are held [kg*m^2 or kg]: what pulls at them moves them by less than rounding does."""
 
 
@@ -40,7 +40,7 @@ def scene_of(setup: Setup, *, timestep: float | None = None) -> ClampedScene:
     numbers = {int(model.dof_jntid[dof]) for dof in moving}
     for joint in spec.joints:
         if joint.id not in numbers:
-            joint.armature = HELD
+            joint.armature = HOLDING_ARMATURE
     tied = sorted(tied_to(model, data, own))
     pose = np.array(data.qpos)
     model.opt.jacobian = given

@@ -17,11 +17,11 @@ from sysid.quantity import Z95, Quantity
 from sysid.recording import Recording
 from sysid.roll import Array
 
-WORTH = 1e-9
+MIN_WEIGHT_SHARE = 1e-9
 """Pull below this share of what the joint's inertia would feel as a point at 1 m is no weight."""
-STEADY = 1e-6
+MAX_INERTIA_CHANGE = 1e-6
 """Change of the inertia along the arc, as a share, below which it is that of a rigid body."""
-COARSE = 0.01
+MAX_HARMONIC_ERROR = 0.01
 """Share of a table's largest value by which its harmonics may miss it unsaid."""
 
 
@@ -51,12 +51,12 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
     strongest = float(np.abs(arc.pull).max())
     own = arc.pull if not setup.payload else _without_payload(setup, arc)
     pull, missed = of_table(arc.position, own)
-    if strongest > WORTH * inertia:
+    if strongest > MIN_WEIGHT_SHARE * inertia:
         effects.append(_effect(weight.EFFECT, {"scale": 1.0, **pull}))
     if setup.payload:
         effects.append(_effect(payload.EFFECT, of_table(arc.position, arc.pull - own)[0]))
     changes, blurred = of_table(arc.position, arc.inertia - inertia)
-    if np.ptp(arc.inertia) > STEADY * inertia:
+    if np.ptp(arc.inertia) > MAX_INERTIA_CHANGE * inertia:
         effects.append(_effect(linkage.EFFECT, changes))
     board = Board(
         name=f"{setup.file.stem}_{setup.joint}".replace("/", "_"),
@@ -114,7 +114,7 @@ def pose_releases(
 
 
 def known_of(board: Board) -> dict[str, float]:
-    """Return what is other than in another record of the same joint, of another pose or payload, as `Release.known` takes it."""
+    """Return the parameters that differ from another record of the same joint, in another pose or with another payload, as `Release.known` takes them."""
     parts = {part.name: part.parameters for part in board.effects}
     known = {"inertia": board.inertia.value}
     for own in (weight.EFFECT.name, payload.EFFECT.name, linkage.EFFECT.name):
@@ -156,7 +156,7 @@ def _parts(arc: Arc, board: Board, armature: float, strongest: float) -> list[st
         f"inertia {board.inertia.value:.4g} {unit} at the rest {board.rest_angle:.4g} {place}, of which armature {armature:.4g}; "
         + (f"carries along: {', '.join(arc.carried)}" if arc.carried else "all other joints held"),
         f"weight and other springs pull with up to {strongest:.4g} {force}: known from the model, not fitted"
-        if strongest > WORTH * board.inertia.value
+        if strongest > MIN_WEIGHT_SHARE * board.inertia.value
         else "no weight pulls at it",
     ]
     if arc.loose:
@@ -165,7 +165,7 @@ def _parts(arc: Arc, board: Board, armature: float, strongest: float) -> list[st
             "them in the measurement"
         )
     change = float(np.ptp(arc.inertia)) / board.inertia.value
-    if change > COARSE:
+    if change > MAX_HARMONIC_ERROR:
         notes.append(
             f"along its way the inertia changes by {100 * change:.0f} %, as the model says; the law has it"
         )
@@ -176,7 +176,7 @@ def _coarse(shares: Mapping[str, float]) -> list[str]:
     return [
         f"its {what} is known to {100 * share:.0f} % of its largest value only: it bends more than three harmonics do"
         for what, share in shares.items()
-        if share > COARSE
+        if share > MAX_HARMONIC_ERROR
     ]
 
 

@@ -1,5 +1,5 @@
 # pyright: reportMissingImports=false
-"""One spelling for NumPy arrays (runtime, evaluation, tests) and torch tensors (training).
+"""Array functions for NumPy (runtime, evaluation, tests) and torch (training) alike.
 
 PyTorch accepts NumPy's argument name `axis`, so a function that takes its namespace from its first
 argument serves both, and what the robot runs is the very code that was trained with.

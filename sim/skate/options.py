@@ -1,4 +1,4 @@
-"""What can be chosen about the task; docs/training.md says what the shipped policies were trained with, stage by stage."""
+"""Options of the task. docs/training_history.md has those that the shipped policies were trained with, stage by stage."""
 
 import math
 from dataclasses import dataclass, field, replace

@@ -125,7 +125,7 @@ def skate_command_cfg(board: Board, options: SkateOptions) -> "SkateCommandCfg":
 def reward_terms(
     options: SkateOptions, command: "SkateCommandCfg", clips: Sequence[PushClip] = ()
 ) -> "dict[str, RewardTermCfg]":
-    """Return the reward terms of `sim/skate/mdp/rewards/`, with their weights and the stretches in which they count."""
+    """Return the reward terms of `sim/skate/mdp/rewards/`, with their weights and the phases in which they count."""
     from mjlab.managers.reward_manager import RewardTermCfg
 
     from sim.skate.mdp.measuring import pay
@@ -154,7 +154,7 @@ def _observations(options: SkateOptions) -> "dict[str, ObservationGroupCfg]":
     in_transitions = options.transition == "style"
     window = {"joints": ObservationTermCfg(func=observations.joint_angles, history_length=STYLE_FRAMES)}
     if in_transitions:
-        window["stretch"] = ObservationTermCfg(func=observations.stretch)
+        window["phase"] = ObservationTermCfg(func=observations.phase_one_hot)
     return {
         "actor": ObservationGroupCfg(
             {"frame": frame}, enable_corruption=options.noise, history_length=FRAMES

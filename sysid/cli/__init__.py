@@ -80,7 +80,7 @@ COMMANDS = {
         has_parts=True,
     ),
     "loaded": Command(
-        "Tell what the tilt spring is under load, from decays with weights on the deck.",
+        "Measure the tilt spring under load, from decays with weights on the deck.",
         ("loaded --board pink --reading 0,0,bare.json --reading 5,10cm,w5.json --reading 10,10cm,w10.json",),
         "boards.md",
     ),
@@ -127,7 +127,7 @@ COMMANDS = {
         "tutorial.md",
     ),
     "batch": Command(
-        "Run many logs of many boards side by side, into one table and one page.",
+        "Run many logs of many boards in parallel, into one table and one page.",
         ("batch week.toml", "batch week.csv --workers 8", "batch week.toml --cluster tcp://head:8786"),
         "batch.md",
     ),
@@ -198,7 +198,7 @@ def build_app() -> "cyclopts.App":
 
     app = cyclopts.App(
         name="husky-sysid",
-        help=f"Find out why a MuJoCo joint does not behave like the real one, and mend it.\n\n{EXIT_CODES}",
+        help=f"Find out why a MuJoCo joint does not behave like the real one, and correct it.\n\n{EXIT_CODES}",
         version=lambda: version("husky-sysid"),
         config=_require_finite,
         suppress_keyboard_interrupt=False,

@@ -1,4 +1,4 @@
-"""Bars on stderr that say how far a command is and how long it will still take; on a terminal only."""
+"""Progress bars on stderr with the remaining time; on a terminal only."""
 
 from collections.abc import Generator
 from contextlib import contextmanager

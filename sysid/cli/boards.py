@@ -195,7 +195,7 @@ def verdict(board: Board) -> str:
 
 
 def summary(space: Workspace, board: Board) -> dict[str, Any]:
-    """Return what the table shows, as JSON-ready data."""
+    """Return the table as JSON-ready data."""
     numbers = derivation(board)
     path = space.board_path(board.name)
     return {

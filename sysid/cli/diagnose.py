@@ -30,7 +30,7 @@ def diagnose(
         logs: Logs of one board, with several releases in all.
         fix: Hold a parameter in every model, as NAME=VALUE in SI units; stiffness=0 for a pendulum whose record has
             gravity. Repeat it for several.
-        workers: Processes that search.
+        workers: Number of processes.
     """
     from reports.figures.story import story_figure
     from reports.story import for_report, story_of_diagnosis

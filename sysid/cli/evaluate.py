@@ -56,7 +56,7 @@ class Condition:
     """Draw every world as in training: friction, centres of mass, boards (mjlab only)."""
 
     def protocol(self) -> "Protocol":
-        """Return what every episode is like.
+        """Return the conditions of the episodes.
 
         Raises:
             SysidError: A number makes no ride.

@@ -49,13 +49,13 @@ def fit(
         fix: Hold a parameter, as NAME=VALUE in SI units: stiffness, damping, rest, or EFFECT.PARAMETER; repeat it for
             several.
         bound: Keep a parameter within NAME=LOW:HIGH.
-        prior: Let what the record says of a parameter, value ± deviation, count as a measurement; repeat it for several.
+        prior: Use the record's value and deviation of a parameter as a prior; repeat it for several.
         plain: Drop the effects that the record has.
         robust: Let outliers of the sensor count less.
         in_scene: Also find what must be written into the training scene (implicitfast at 5 ms, wheels on the
             ground, equality coupling) so that the scene as a whole decays like the board.
-        profile: Also walk along each parameter while the others follow: intervals that need not be symmetric.
-        bootstrap: Also fit so many logs drawn from the residuals, block by block, as a check of the
+        profile: Also compute profile-likelihood intervals, which need not be symmetric.
+        bootstrap: Also fit so many logs resampled from the residuals (block bootstrap), as a check of the
             intervals; 400 is a good number.
         output: The patched copy of a model; MODEL_JOINT.xml beside it if left out. A board has none.
         any_period: Save a natural period above 100 s or below 1 ms too, which else is taken for a wrong unit of time.

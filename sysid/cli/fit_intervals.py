@@ -1,4 +1,4 @@
-"""The part of `husky-sysid fit` that asks twice how sure the fit is: profiles, and a block bootstrap."""
+"""Other intervals of `husky-sysid fit`: profile likelihood and block bootstrap."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -37,9 +37,9 @@ UNITS = {
     "loaded": "rad/s", "own": "kg*m^2", "gravity": "m/s^2",
 }  # fmt: skip
 """Of the options; what is not named is a length in m."""
-LARGEST = 0.5
+MAX_INERTIA = 0.5
 """Roll inertia that no board's deck has [kg m^2]: a plank of 10 kg and 0.7 m width."""
-OMEGA = ("omega_n", "rad/s")
+NATURAL_FREQUENCY = ("omega_n", "rad/s")
 """Key and unit of a natural frequency in the JSON of `decay`."""
 MAY_BE_ZERO = ("distance", "amplitude")
 
@@ -184,8 +184,8 @@ def added_mass(
     from sysid import inertia as methods
 
     quantities = {
-        "bare": parse_or_read(bare, *OMEGA, "--bare"),
-        "loaded": parse_or_read(loaded, *OMEGA, "--loaded"),
+        "bare": parse_or_read(bare, *NATURAL_FREQUENCY, "--bare"),
+        "loaded": parse_or_read(loaded, *NATURAL_FREQUENCY, "--loaded"),
     }
     for name, text in (("mass", mass), ("offset", offset), ("height", height), ("own", own)):
         positive = name in ("mass", "offset")
@@ -237,7 +237,7 @@ def static_tilt(
         return 0
     inputs = {
         "stiffness": test.stiffness,
-        "natural frequency": parse_or_read(frequency, *OMEGA, "--frequency"),
+        "natural frequency": parse_or_read(frequency, *NATURAL_FREQUENCY, "--frequency"),
     }
     result = test.inertia(inputs["natural frequency"])
     shares = {"stiffness": 1.0, "natural frequency": 2.0}
@@ -316,7 +316,7 @@ def _finish(
         printer.warn(
             "no input has an uncertainty, so the inertia has none; write 2.58±0.05 where you measured."
         )
-    if result.value > LARGEST:
+    if result.value > MAX_INERTIA:
         printer.warn(
             f"{result.value:.3g} kg·m² is far more than any deck of a board has (about 0.01). Lengths without a unit "
             "are metres; write 20cm."

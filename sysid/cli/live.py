@@ -25,7 +25,7 @@ from sysid.recording import Recording
 from sysid.text import display
 from sysid.workspace import shipped_data
 
-EVERY = 0.2
+POLL_PERIOD = 0.2
 """Between two questions to the phone, or two looks into the folder [s]."""
 LOSSES = 5
 """Answers in a row that a phone may owe."""
@@ -72,7 +72,7 @@ def live(
                 if found is not None and session.take(found):
                     _say(session, printer)
                     shown.renew()
-                time.sleep(max(0.0, EVERY - (time.monotonic() - begin)))
+                time.sleep(max(0.0, POLL_PERIOD - (time.monotonic() - begin)))
         except KeyboardInterrupt:
             printer.note("ended")
     numbers = {} if session.decay is None else session.decay.to_json()

@@ -17,7 +17,7 @@ def loaded(
     rider: float = 33.3,
     common: Common = Common(),
 ) -> int:
-    """Tell what the tilt spring is under load: decays of the deck with known weights on it.
+    """Measure the tilt spring under load, from decays of the deck with known weights on it.
 
     A bushing that bears a rider may be another spring than the one that a bare deck shows. Fix weights on the deck, let it
     decay under each, and once bare.

@@ -51,16 +51,16 @@ class VideoArguments:
     def options(self) -> VideoOptions:
         """The same, with angles in rad."""
         angle = self.camera_angle
-        if angle is not None and not max(map(abs, angle)) <= STEEPEST:
+        if angle is not None and not max(map(abs, angle)) <= MAX_CAMERA_ANGLE:
             raise SysidError(
-                f"--camera-angle {angle[0]:g} {angle[1]:g}: expected degrees of at most {STEEPEST:g} to either side; "
+                f"--camera-angle {angle[0]:g} {angle[1]:g}: expected degrees of at most {MAX_CAMERA_ANGLE:g} to either side; "
                 "from farther aside a deck shows its roll too little to be measured."
             )
         radians: Any = None if angle is None else tuple(map(math.radians, angle))
         return VideoOptions(**(vars(self) | {"camera_angle": radians}))
 
 
-STEEPEST = 45.0
+MAX_CAMERA_ANGLE = 45.0
 """Largest angle between the line of sight and the deck's axis [deg]."""
 _NO_VIDEO = VideoArguments()
 if TYPE_CHECKING:

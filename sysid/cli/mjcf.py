@@ -6,7 +6,7 @@ from sysid.cli.console import BoardName, Common, Flag, Output, Printer
 from sysid.errors import SysidError
 from sysid.files import write_atomically
 
-DOUBTFUL, UNUSABLE = 0.02, 0.1
+WARNING_NRMSE, MAX_NRMSE = 0.02, 0.1
 """NRMSE of the unloaded decay beyond which a file is warned of, as the gate would fail it, and beyond which none is
 written [1]."""
 
@@ -57,7 +57,7 @@ def mjcf(
     done = made.compensation
     error = f"the unloaded decay of this {kind} is {100 * done.decay_error:.1f} % off the board's"
     why = _why(kind, coupling, made.export)
-    if done.decay_error > UNUSABLE and made.export != "physical":
+    if done.decay_error > MAX_NRMSE and made.export != "physical":
         raise SysidError(f"{output}: not written: {error}. {why} --export physical writes it all the same.")
     write_atomically(output, made.xml)
     printer.say(f"{output}: {kind} of board {board}, {made.export}")
@@ -65,7 +65,7 @@ def mjcf(
         printer.say(f"  {line}")
     for line in made.substitutes:
         printer.warn(f"{line}. The unloaded decay of this file is off by {100 * done.decay_error:.1f} %.")
-    if done.decay_error > DOUBTFUL and not made.substitutes:
+    if done.decay_error > WARNING_NRMSE and not made.substitutes:
         printer.warn(f"{error}. {why}")
     printer.result(
         {

@@ -13,7 +13,7 @@ from sysid.errors import SysidError
 from sysid.files import atomic_path
 from sysid.video.options import is_film
 
-UNSURE = 0.004
+MAX_OFFSET_STD = 0.004
 """Uncertainty of an offset from which one doubts it [s]: records of one release agree to 2 ms."""
 
 
@@ -52,7 +52,7 @@ def roll(
         offset = clock_offset(load_roll(align, LogArguments(), printer), signal)
         printer.note(f"{log}: {offset} added to its times, which then are those of {align}")
         half = (offset.ci95[1] - offset.ci95[0]) / 2
-        if half > UNSURE:
+        if half > MAX_OFFSET_STD:
             printer.warn(
                 f"the offset is known to ± {1e3 * half:.2g} ms only: do both records show the same release?"
             )

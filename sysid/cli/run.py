@@ -159,7 +159,7 @@ def _keyboard(options: RideOptions, printer: Printer) -> "CommandSource":
 
 
 def _ranges(ride: Ride) -> "RangeCheck":
-    """Return what compares all that a policy sees with its training."""
+    """Return the check of the policy's observations against its training."""
     from policy_runtime.loop.policy import OnnxPolicy
     from policy_runtime.loop.ranges import RangeCheck
 

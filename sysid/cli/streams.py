@@ -1,4 +1,4 @@
-"""What the shell gives a command: its streams, and the signals to end."""
+"""Standard streams and termination signals of a command."""
 
 import codecs
 import io

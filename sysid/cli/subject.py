@@ -1,4 +1,4 @@
-"""Whose joint a command is about: a board of the workspace, or a joint of a MuJoCo model."""
+"""The joint that a command is about: a board of the workspace, or a joint of a MuJoCo model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ SUBJECT = Group("Joint", sort_key=0)
 @Parameter(name="*", group=SUBJECT)
 @dataclass(frozen=True, kw_only=True)
 class Subject:
-    """Whose joint it is: a board's, or one of a MuJoCo model as it was measured."""
+    """The subject of a command: a board's joint, or one of a MuJoCo model as it was measured."""
 
     board: Annotated[str | None, Parameter(name=("--board", "-b"))] = None
     """Name of the board."""

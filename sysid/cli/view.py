@@ -99,7 +99,7 @@ def no_logs(board: Board, space: Workspace) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """What logs hold."""
+    """Contents of the logs."""
 
     recordings: tuple[Recording, ...]
     films: "Mapping[str, FilmFrames]"

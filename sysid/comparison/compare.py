@@ -1,4 +1,4 @@
-"""Measured against simulated: how far off, where, and which torque the model lacks.
+"""Comparison of measured and simulated decays: the error, where it is, and the missing torque.
 
 Only roll and rate at each release are fitted here; the law is the board's as it stands.
 """
@@ -36,7 +36,7 @@ DEFAULT_TOLERANCE = 0.02
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """All that a comparison found."""
+    """Result of `compare`: how far a law's simulated releases are from the measured ones, and where."""
 
     board: str
     law: JointLaw
@@ -45,9 +45,9 @@ class Comparison:
     nrmse: float
     """RMSE over the RMS of the measurement about rest."""
     excess: float
-    """The same with the noise taken out: what the model is to blame for."""
+    """`nrmse` with the noise taken out: the model's own error."""
     excess_range: tuple[float, float]
-    """95 % interval of `excess`, for the noise floor itself is known from few samples."""
+    """95 % interval of `excess`: the noise floor itself is estimated from few samples."""
     noise: NoiseFloor
     where: tuple[Place, ...]
     """Largest share first."""
@@ -64,13 +64,13 @@ class Comparison:
     """On releases that the board was not fitted to: `rmse` itself, unless a log here is one of the fit's; then what the
     fit measured by leaving releases out. None where that is not known."""
     warnings: tuple[str, ...] = ()
-    """What is wrong with the logs, or odd about them for this board."""
+    """Problems of the logs, and of the logs for this board."""
     recordings: tuple[Recording, ...] = ()
     """The logs, where they were given whole."""
 
     @property
     def show(self) -> Display:
-        """How what was measured is shown."""
+        """How the measured signal is displayed."""
         return display(is_rate=self.is_rate, slides=self.slides)
 
     @property
@@ -99,7 +99,7 @@ class Comparison:
         return pd.DataFrame(rows, columns=pd.Index(["log", "release", "rmse", "error_over_noise"]))
 
     def verdict(self) -> str:
-        """Return the error beyond the noise, with its interval where that decides, and what is allowed."""
+        """Return a sentence: the error beyond the noise, its interval where that decides, and the tolerance."""
         low, high = self.excess_range
         allowed = f"{100 * self.tolerance:.2f} % allowed"
         if high - low < 0.1 * self.tolerance:

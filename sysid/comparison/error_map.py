@@ -27,7 +27,7 @@ AT_THE_FLOOR = 1.05
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a share of the error sits."""
+    """A range of time, amplitude, rate or side, and its share of the error."""
 
     axis: Axis
     range: tuple[float, float]

@@ -17,7 +17,7 @@ FEW_A_BIN, MOST_BINS = 1.5, 15
 """Independent samples [1] that a bin of a profile holds at least, and bins beyond which a curve shows no more."""
 BINS = 15
 """Cells of a surface, in tilt and in rate: an odd number, so that one is about rest; each is then some 7 % of the swing."""
-CLEAR = 0.1
+SIGN_TILT_SHARE = 0.1
 """Share of the largest tilt within which a sign is the noise's."""
 LARGEST_SHARE = 1 / 3
 """The same where samples are few: a parabola over a third of a period takes a tenth off a swing, measured and simulated."""
@@ -132,7 +132,7 @@ def filter_length(time: Array, roll: Array, law: JointLaw) -> int | None:
         law: Gives the rest angle, and the period of what does not swing.
     """
     tilt = roll - law.rest_angle
-    clear = np.flatnonzero(np.abs(tilt) > CLEAR * np.abs(tilt).max())
+    clear = np.flatnonzero(np.abs(tilt) > SIGN_TILT_SHARE * np.abs(tilt).max())
     turns = np.flatnonzero(np.diff(np.signbit(tilt[clear])))
     crossings = (time[clear[turns]] + time[clear[turns + 1]]) / 2
     period = 2 * float(np.mean(np.diff(crossings))) if len(crossings) >= 3 else 2 * np.pi / law.frequency

@@ -1,4 +1,4 @@
-"""What a decay leaves beyond the sensor's noise, as an error of its stiffness and damping.
+"""The residual of a linear decay beyond the sensor noise, as an uncertainty of stiffness and damping.
 
 Noise differs from sample to sample, and many samples average it. What is left beyond it follows the
 motion: a lens, a lag, a law that is not quite linear. Such a course has few independent values, however
@@ -16,7 +16,7 @@ from sysid.quantity import Z95
 
 PER_PERIOD = 4.0
 """Independent values in a period: what follows a motion holds its frequency and twice that."""
-FADED = 3.0
+FADED_DECAY_TIMES = 3.0
 """Decay times after which hardly anything of the motion is left to follow."""
 LEAST_INDEPENDENT = 1.5
 """Independent values that the fit leaves at least; it takes five up in a release alone."""
@@ -37,10 +37,12 @@ def inflate_covariance(trace: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, fl
     power, noise, count, values = 0.0, 0.0, 0, 0.0
     for fitted in trace.releases:
         since = fitted.trace.time - fitted.trace.time[0]
-        moving = fitted.residual[since <= FADED / decay]
+        moving = fitted.residual[since <= FADED_DECAY_TIMES / decay]
         power, count = power + float(moving @ moving), count + len(moving)
         noise += len(moving) * max(floor.highest, fitted.trace.known_std) ** 2
-        values += 1.0 + PER_PERIOD * min(float(since[-1]), FADED / decay) * trace.omega_n / (2 * math.pi)
+        values += 1.0 + PER_PERIOD * min(float(since[-1]), FADED_DECAY_TIMES / decay) * trace.omega_n / (
+            2 * math.pi
+        )
     # Noise alone has no more than this: its square scatters by √(2/n) about a floor that is uncertain itself.
     noise *= 1.0 + Z95 * math.sqrt(2.0 / max(count, 1))
     if power <= noise:

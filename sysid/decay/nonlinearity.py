@@ -1,4 +1,4 @@
-"""What the peaks of a free decay show against a linear law, and which effects of the catalogue look like that."""
+"""Deviations of the peaks from a linear decay, and which effects of the catalogue cause them."""
 
 import math
 from collections.abc import Sequence
@@ -15,15 +15,15 @@ from sysid.roll import Array, Release
 if TYPE_CHECKING:
     from sysid.effects._base import DecaySign
 
-STOPPED = 0.015
+STOPPED_SWING_SHARE = 0.015
 """A swing below this share of the first one may have been stopped half-way by friction."""
-CERTAIN = 4.0
+MIN_STDS = 4.0
 """A pattern is named from this many standard deviations on."""
 CANDIDATES = 4
 """Effects named for what is seen; `diagnose` tries all."""
 LEVELS_APART = 0.01
 """Share of the first amplitude by which rest levels must differ: sensors wander by less between releases."""
-SWAYS = 0.25
+MIN_SWING_RATIO = 0.25
 """Standard deviation over half a period from which a deck still swings, over how far its level is from the middle then: half a
 cosine about the middle has 0.43 at least, wherever it is cut, and a deck that stands still none."""
 
@@ -48,7 +48,7 @@ class Nonlinearity:
 
     @property
     def told(self) -> str:
-        """What is seen, and a few effects that look like it."""
+        """The deviation, and a few effects that look like it."""
         from sysid.effects import effect
 
         few = [effect(name).title for name in self.effects[:CANDIDATES]]
@@ -83,7 +83,7 @@ def _levels(releases: Sequence[Release], rests: Sequence[Quantity]) -> Nonlinear
     apart = 0.0
     for (one, first), (other, second) in combinations(zip(releases, rests, strict=False), 2):
         room = max(
-            CERTAIN * math.hypot(first.std, second.std), LEVELS_APART * min(one.amplitude, other.amplitude)
+            MIN_STDS * math.hypot(first.std, second.std), LEVELS_APART * min(one.amplitude, other.amplitude)
         )
         apart = max(apart, abs(first.value - second.value) / room)
     if apart <= 1.0:
@@ -95,7 +95,7 @@ def _levels(releases: Sequence[Release], rests: Sequence[Quantity]) -> Nonlinear
     )
     seen = (
         f"the releases come to rest {spread:.2g}° apart ({levels}), where noise allows "
-        f"{math.degrees(CERTAIN * math.hypot(*np.sort(std)[-2:])):.1g}°"
+        f"{math.degrees(MIN_STDS * math.hypot(*np.sort(std)[-2:])):.1g}°"
     )
     if _drifts(releases, value, std):
         return Nonlinearity("moving level", f"{seen}, and further the later")
@@ -110,7 +110,7 @@ def _drifts(releases: Sequence[Release], value: Array, std: Array) -> bool:
     design = np.column_stack([np.ones_like(time), time]) / std[:, None]
     line = np.asarray(np.linalg.lstsq(design, value / std, rcond=None)[0], dtype=np.float64)
     left = value / std - design @ line
-    return bool(np.abs(left).max() < CERTAIN and np.abs(left * std).max() < 0.2 * np.ptp(value))
+    return bool(np.abs(left).max() < MIN_STDS and np.abs(left * std).max() < 0.2 * np.ptp(value))
 
 
 def _loss(peaks: Sequence[Sequence[Peak]]) -> Nonlinearity | None:
@@ -119,7 +119,7 @@ def _loss(peaks: Sequence[Sequence[Peak]]) -> Nonlinearity | None:
     A linear decay loses in proportion. What takes the same from every swing gives a line through (amplitude, loss)
     a positive intercept; what takes more than in proportion bends it the other way.
     """
-    moving = [[p for p in group if p.amplitude > STOPPED * group[0].amplitude] for group in peaks]
+    moving = [[p for p in group if p.amplitude > STOPPED_SWING_SHARE * group[0].amplitude] for group in peaks]
     points = [point for group in moving for point in _full_cycle_losses(group)]
     if len(points) < 3:
         points = [point for group in moving for point in _half_cycle_losses(group)]
@@ -129,7 +129,7 @@ def _loss(peaks: Sequence[Sequence[Peak]]) -> Nonlinearity | None:
     intercept, intercept_std, slope = _line(size, loss, std)
     typical = float(np.median(size))
     share = abs(intercept) / max(abs(intercept + slope * typical), 1e-12)
-    if abs(intercept) < CERTAIN * intercept_std or share < 0.1:
+    if abs(intercept) < MIN_STDS * intercept_std or share < 0.1:
         return None
     if intercept > 0:
         return Nonlinearity(
@@ -159,7 +159,7 @@ def _period(peaks: Sequence[Sequence[Peak]]) -> Nonlinearity | None:
     intercept, _, slope = _line(square, half, std)
     slope_std = math.sqrt(float(_weighted(square, half, std)[1][1, 1]))
     change = slope * float(np.ptp(square)) / intercept
-    if abs(slope) < CERTAIN * slope_std or abs(change) < 0.004:
+    if abs(slope) < MIN_STDS * slope_std or abs(change) < 0.004:
         return None
     return Nonlinearity(
         "longer period" if slope > 0 else "shorter period",
@@ -182,9 +182,9 @@ def _stop(releases: Sequence[Release], peaks: Sequence[Sequence[Peak]], noise: f
         off = release.rest - middle
         half = (chosen[-1].time - chosen[0].time) / (chosen[-1].number - chosen[0].number)
         last = release.roll[release.time >= release.time[-1] - half]
-        if np.std(last) > math.hypot(noise, SWAYS * off):
+        if np.std(last) > math.hypot(noise, MIN_SWING_RATIO * off):
             continue  # what still swings has not stopped
-        if abs(off) > max(CERTAIN * math.hypot(middle_std, noise / 3), 0.015 * release.amplitude):
+        if abs(off) > max(MIN_STDS * math.hypot(middle_std, noise / 3), 0.015 * release.amplitude):
             return Nonlinearity(
                 "stops aside", f"it stops {math.degrees(abs(off)):.2g}° beside the middle of its swing"
             )

@@ -14,9 +14,9 @@ from sysid.roll import Array, Release
 
 WINDOW = 0.7
 """Half-width of the local fit at a peak, in radians of ω_n: a cubic is right to 0.1 % there."""
-ONSET = 0.02
+RELEASE_TIME_STD = 0.02
 """Standard deviation of the time of a release, in periods."""
-CLEAR = 6.0
+MIN_PEAK_STDS = 6.0
 """A peak counts while its amplitude is this many standard deviations."""
 
 
@@ -56,7 +56,7 @@ def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, no
     """Find the turning points of a free decay with sub-sample timing.
 
     Between two passages through the rest angle, a cubic is fitted to the samples about the extreme one.
-    The peaks end where noise begins to make them: at the first one below `CLEAR` standard deviations.
+    The peaks end where noise begins to make them: at the first one below `MIN_PEAK_STDS` standard deviations.
 
     Args:
         release: The free decay; its roll without drift.
@@ -79,7 +79,7 @@ def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, no
         peak = _local_peak(release, index, rest, omega_n, noise)
         number = round((peak.time - (peaks[-1].time if peaks else peak.time)) / half)
         number = peaks[-1].number + number if peaks else 1
-        if peak.amplitude < CLEAR * peak.std:
+        if peak.amplitude < MIN_PEAK_STDS * peak.std:
             break
         if not peaks or number > peaks[-1].number:
             peaks.append(Peak(number, peak.time, peak.time_std, peak.roll, peak.amplitude, peak.std))
@@ -126,7 +126,7 @@ def fit_peak_line(peaks: Sequence[Sequence[Peak]], rest_stds: Sequence[float]) -
     # A small peak that noise has raised must not count for more: weigh by the line's amplitude instead.
     fitted = np.exp(np.array([intercepts[int(i)] for i in owner]) + slope * number)
     # Nor may chance decide which of the smallest ones count: what is near the threshold goes, by the line.
-    kept = (fitted > 1.3 * CLEAR * std) | (number <= 2)
+    kept = (fitted > 1.3 * MIN_PEAK_STDS * std) | (number <= 2)
     kept &= (np.bincount(owner[kept], minlength=len(peaks)) > 1)[owner]  # one alone says nothing of a slope
     if not kept.any():
         return None
@@ -176,7 +176,7 @@ def _release_peak(release: Release, rest: float, omega_n: float, omega_d: float,
         return None
     a = math.sqrt(max(0.0, omega_n**2 - omega_d**2))
     u, v = decay_basis(since[near], a, omega_d**2)
-    shift = ONSET * 2 * math.pi / omega_n
+    shift = RELEASE_TIME_STD * 2 * math.pi / omega_n
     size = abs(float(release.roll[0]) - rest)
     design = np.vstack([np.column_stack([u + a * v, -(omega_n**2) * v]) / noise, [0.0, 1 / (shift * size)]])
     target = np.append((release.roll[near] - rest) / noise, 0.0)

@@ -1,4 +1,4 @@
-"""Angles and numbers that a board's joint cannot have: a wrong unit, another board, a wrong model."""
+"""Plausibility checks: angles and numbers that point to a wrong unit, another board or a wrong model."""
 
 import math
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from sysid.decay.numbers import DecayNumbers
 from sysid.errors import SysidError
 from sysid.roll import Release, shown
 
-APART = 3.0
+DISAGREEMENT_STDS = 3.0
 """A number lies outside the record from this many standard deviations of the difference on."""
 WORTH_SAYING = 0.03
 """And by this share of it: boards change by as much from day to day."""
@@ -65,13 +65,15 @@ def record_warnings(numbers: DecayNumbers, board: Board, *, log: str, linear: bo
     for name, symbol in (("stiffness", "k"), ("damping", "d")):
         found, stated = getattr(numbers, name), board.tilt[name]
         apart, spread = found.value - stated.value, math.hypot(found.std, stated.std)
-        if stated.value > 0 and abs(apart) > max(APART * spread, WORTH_SAYING * stated.value):
+        if stated.value > 0 and abs(apart) > max(DISAGREEMENT_STDS * spread, WORTH_SAYING * stated.value):
             outside.append(f"{symbol} = {found} where the record has {stated} ({apart / stated.value:+.0%})")
     if not outside:
         return []
     ratio = numbers.omega_n.value / _stated_frequency(board)
     zeta = board.tilt["damping"].value / (2 * _stated_frequency(board) * board.inertia.value)
-    same_shape = abs(numbers.damping_ratio.value - zeta) < max(0.05 * zeta, APART * numbers.damping_ratio.std)
+    same_shape = abs(numbers.damping_ratio.value - zeta) < max(
+        0.05 * zeta, DISAGREEMENT_STDS * numbers.damping_ratio.std
+    )
     cause = (
         f"the damping ratio agrees, and only the period is {1 / ratio:.3g} times the record's: is the unit of time right, "
         "or the sampling rate (--rate)?"

@@ -1,4 +1,4 @@
-"""One release as the fit of a decay sees it: what is fitted, how much each sample tells, and how long errors last.
+"""One release as the linear fit uses it: the signal, its weights, and the correlation of its errors.
 
 A sensor's noise is another one in each sample; a film's error lasts (`sysid.noise.lasting`), as an
 autoregression of order 1. Whitened, it leaves
@@ -46,7 +46,7 @@ class Trace:
 
 
 def traces_of(releases: Sequence[Release]) -> tuple[list[Trace], Literal["roll", "rate"]]:
-    """Return what to fit: the roll, or the rate where the roll is only a gyro's integral.
+    """Return the signal to fit: the roll, or the rate where the roll is only a gyro's integral.
 
     White noise of a gyro becomes a random walk in its integral; in the rate it stays white, and the
     gyro's offset is one constant.

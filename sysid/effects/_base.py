@@ -26,7 +26,7 @@ MjsJoint = Any
 
 @dataclass(frozen=True, slots=True)
 class JointState:
-    """Where the joint is, as a torque law sees it."""
+    """State of the joint, as input of a torque law."""
 
     tilt: Value
     """x: roll less the rest angle (and less the support's, if the joint stands on one) [rad]."""
@@ -54,7 +54,7 @@ class LinearJoint:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What a sensor reads, at one instant or at many."""
+    """A sensor's reading, at one instant or at many."""
 
     angle: Value
     """[rad]."""
@@ -248,7 +248,7 @@ at several angles; a rest beside the middle of the swing."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """What every effect says of itself; one of the three kinds below says what it does."""
+    """Description of an effect; its kind (torque, support, sensor) adds how it acts."""
 
     name: str
     title: str
@@ -290,7 +290,7 @@ class Effect:
     same_as: tuple[str, ...] = ()
     """Effects, and parameters of the linear joint, that no free decay can tell it from."""
     excludes: tuple[str, ...] = ()
-    """Effects that make no sense beside it: it contains them, or they answer to the same."""
+    """Effects that cannot be combined with it: it contains them, or they explain the same."""
     minimum_amplitude: float = 0.0
     """Tilt that a log must reach to tell it from the linear law [rad]."""
     record_direction: tuple[float, float] | None = None
@@ -338,7 +338,7 @@ class Effect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Smoothness:
-    """What a fit must know of parameters that are a table of torques: how rough they are, and what is not theirs."""
+    """Smoothness of parameters that are a table of torques: their roughness, and what belongs to other parameters."""
 
     names: tuple[str, ...]
     """The parameters of the tables, in order; p in all."""
@@ -392,7 +392,7 @@ class TorqueEffect(Effect):
     """The parameter that is a simulator's time step, where the effect is that simulator; else ''."""
 
     def stiffness_at(self, roll: float, parameters: Numbers) -> float:
-        """Return what it adds to the joint's stiffness for small motions about a roll [N*m/rad]."""
+        """Return its contribution to the joint's stiffness for small motions about a roll [N*m/rad]."""
         return (
             parameters.get(self.adds_stiffness, 0.0) if self.slope is None else self.slope(parameters, roll)
         )
@@ -442,7 +442,7 @@ class SensorEffect(Effect):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SupportEffect(Effect):
-    """What the joint stands on, as a body of its own. Its two states are its roll and its rate."""
+    """A compliant support of the joint, as a body of its own. Its two states are its roll and its rate."""
 
     role: Role = "support"
     acceleration: Callable[[Algebra, Value, Value, Value, Values], Value]

@@ -9,7 +9,7 @@ from sysid.effects._algebra import Numbers
 from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, Scales, ToMjcf
 from sysid.errors import SysidError
 
-FAR = 10.0
+UNREACHABLE_TILT = 10.0
 """Tilt that no joint reaches [rad]: a tendon that is slack up to there never pulls on that side."""
 _NO_MOTOR = 1e-9
 """Constant of a motor that is there for its friction alone [N*m/A]; MuJoCo 3.11 wants one above zero."""

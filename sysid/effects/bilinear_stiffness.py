@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
-from sysid.effects._mjcf import FAR, add_tendon, rest_of
+from sysid.effects._mjcf import UNREACHABLE_TILT, add_tendon, rest_of
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
@@ -16,7 +16,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     """Leave the softer spring in the joint and write the rest as a tendon that pulls on the stiffer side only."""
     difference, rest = parameters["difference"], rest_of(spec, joint)
     joint.stiffness[0] -= abs(difference)
-    slack = (rest - FAR, rest) if difference > 0 else (rest, rest + FAR)
+    slack = (rest - UNREACHABLE_TILT, rest) if difference > 0 else (rest, rest + UNREACHABLE_TILT)
     add_tendon(spec, joint, "bilinear", 2 * abs(difference), slack)
     side = "right" if difference > 0 else "left"
     return (

@@ -47,7 +47,7 @@ def as_freeplay(parameters: Values) -> list[dict[str, float]]:
     return [freeplay]
 
 
-SOFTEST, SOFT = 0.01, 0.1
+MIN_STIFFNESS_RATIO, SOFT_STIFFNESS_RATIO = 0.01, 0.1
 """Stiffness of a stop over the joint's own: less does not matter; and up to which it is a bend of the spring, if it does not leave the noise alone."""
 
 EFFECT = TorqueEffect(
@@ -68,10 +68,10 @@ EFFECT = TorqueEffect(
             "stiffness",
             "N*m/rad",
             lambda s: s.stiffness,
-            low=SOFTEST,
+            low=MIN_STIFFNESS_RATIO,
             high=60.0,
             starts=(0.4, 6.0),
-            doubted=SOFT,
+            doubted=SOFT_STIFFNESS_RATIO,
         ),
         Parameter(
             "damping", "N*m*s/rad", lambda s: s.stiffness / s.frequency, low=0.0, high=5.0, default=0.0

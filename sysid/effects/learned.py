@@ -26,7 +26,7 @@ from sysid.effects._base import (
     ToMjcf,
     TorqueEffect,
 )
-from sysid.effects._mjcf import FAR, add_tendon, rest_of
+from sysid.effects._mjcf import UNREACHABLE_TILT, add_tendon, rest_of
 from sysid.effects._table import bending, cardinals, interpolate, knots, position, table_value
 from sysid.errors import SysidError
 from sysid.roll import Array
@@ -112,7 +112,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
             if abs(change) < 1e-9:
                 continue
             bent = rest + at[index]
-            slack = (rest - FAR, bent) if side > 0 else (bent, rest + FAR)
+            slack = (rest - UNREACHABLE_TILT, bent) if side > 0 else (bent, rest + UNREACHABLE_TILT)
             add_tendon(spec, joint, f"learned{earlier}_{count}", -side * change, slack)
             count += 1
     damper = _damper(parameters, float(joint.damping[0]))
@@ -272,7 +272,7 @@ EFFECT = TorqueEffect(
     parameters=(*map(_edge, SUPPORT), *map(table_value, (*TILT, *RATE, *BOTH))),
     law="τ = f(x) + g(v) + h(x, v): smooth tables, zero at rest, constant beyond what was measured",
     source="smoothing splines, Wahba (1990); knots joined by Keys' cubic, IEEE Trans. ASSP 29 (1981)",
-    does="Whatever the data show that no formula of the catalogue does.",
+    does="Whatever the data show beyond the formulas of the catalogue.",
     look_alikes=(),
     experiment="Release from more angles, to both sides: a table knows only where the deck has been.",
     mujoco=AS_TABLE,

@@ -6,7 +6,7 @@ from dataclasses import replace
 from sysid.effects import end_stop
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
-from sysid.effects._mjcf import FAR, add_tendon, rest_of
+from sysid.effects._mjcf import UNREACHABLE_TILT, add_tendon, rest_of
 
 NEAREST = 1e-6
 """Angle of a stop at rest, instead of zero: the range in which the damper sets in is a share of it [rad]."""
@@ -26,7 +26,7 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Write a spring tendon that is slack up to the stop; MuJoCo has no damper that acts on one side only."""
     angle, rest = parameters["angle"], rest_of(spec, joint)
-    slack = (rest - FAR, rest + angle) if angle > 0 else (rest + angle, rest + FAR)
+    slack = (rest - UNREACHABLE_TILT, rest + angle) if angle > 0 else (rest + angle, rest + UNREACHABLE_TILT)
     add_tendon(spec, joint, "one_sided_stop", parameters["stiffness"], slack)
     lines = [f"one-sided-stop: tendon of {parameters['stiffness']:.6g} N*m/rad beyond {angle:+.6g} rad"]
     if parameters["damping"]:

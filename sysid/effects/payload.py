@@ -26,7 +26,7 @@ EFFECT = TorqueEffect(
     parameters=held("N*m"),
     law=f"τ = {FORMULA}, from mass and place",
     source="mj_inverse along the arc of the joint, with the mass and without",
-    does="Adds a pull and an inertia that are known, so that those which were there before get a scale.",
+    does="Adds a torque and an inertia that are known, which gives those of the joint a scale.",
     look_alikes=("gravity", "weight"),
     experiment="Take it off: what changes is known in kg and m.",
     mujoco=MujocoSupport(means="nothing: it was there for the measurement", since="", warp=False),

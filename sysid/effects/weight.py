@@ -56,7 +56,7 @@ EFFECT = TorqueEffect(
     ),
     law=f"τ = s ({FORMULA}), all but s from the masses of a model",
     source="mj_inverse along the arc of the joint; s = 1 unless it is bounded, and then fitted",
-    does="Pulls the joint to where its weight hangs, known in N·m: what is measured against it has a scale.",
+    does="Pulls the joint to where its weight hangs, with a torque known in N·m that gives the others a scale.",
     look_alikes=("gravity", "stiffness of the record"),
     experiment="Measure in another pose or with a known mass added: weight changes as the model says, a spring does not.",
     mujoco=MujocoSupport(means="the masses of the model", since="3.0", warp=True),

@@ -1,1 +1,1 @@
-"""Measurements of a board beside its free decay: tipped, rolling out, loaded."""
+"""Measurements of a board besides its free decay: static tilt, roll-out, added loads."""

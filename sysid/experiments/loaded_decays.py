@@ -33,7 +33,7 @@ class LoadedDecay:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedStiffness:
-    """How the spring grows with the load."""
+    """Stiffness of the spring against load."""
 
     stiffness: tuple[Quantity, ...]
     """Under each of the weights [N*m/rad]."""

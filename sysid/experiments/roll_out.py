@@ -22,7 +22,7 @@ from sysid.roll import Array
 
 GRAVITY = 9.81
 """[m/s^2]"""
-STRETCH = 0.25
+INTERVAL = 0.25
 """Length of the stretches over which speed and heading are compared [s]."""
 BLOCKS = 10
 """Blocks of the jackknife; neighbouring stretches, whose errors go together, are left out together."""
@@ -46,7 +46,7 @@ class RollOut:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rolling:
-    """What roll-outs tell."""
+    """Result of roll-outs."""
 
     rake: Quantity | None
     """λ [rad]; None where the board turned too little to tell."""
@@ -106,7 +106,7 @@ def from_imu(time: Array, forward: Array, yaw_rate: Array, roll: Array, rest: fl
     step = _step(time)
     still = time < time[0] + rest
     rolls = time >= time[0] + free
-    if still.sum() < 10 or rolls.sum() * step < 2 * STRETCH or free < rest:
+    if still.sum() < 10 or rolls.sum() * step < 2 * INTERVAL or free < rest:
         raise SysidError(
             f"--rest {rest:g} --free {free:g}: expected a while of rest first, then of rolling, within the "
             f"{time[-1] - time[0]:.1f} s of the log."
@@ -131,7 +131,7 @@ def roll_out(runs: Sequence[RollOut], wheelbase: Quantity, slope: float = 0.0) -
     turns: list[Array] = []
     losses: list[Array] = []
     for run in runs:
-        every = max(1, round(STRETCH / _step(run.time)))
+        every = max(1, round(INTERVAL / _step(run.time)))
         rates = run.speed, run.speed * np.sin(run.roll)
         path, bent = (cumulative_trapezoid(rate, run.time, initial=0) for rate in rates)
         at = np.arange(0, len(run.time), every)
@@ -142,7 +142,7 @@ def roll_out(runs: Sequence[RollOut], wheelbase: Quantity, slope: float = 0.0) -
     turned, lost = np.concatenate(turns), np.concatenate(losses)
     if len(lost) < BLOCKS:
         raise SysidError(
-            f"{len(lost)} stretches of {STRETCH:g} s in all; it takes {BLOCKS}. Roll longer, or give several logs."
+            f"{len(lost)} stretches of {INTERVAL:g} s in all; it takes {BLOCKS}. Roll longer, or give several logs."
         )
     speeds = np.concatenate([run.speed for run in runs])
     if speeds.mean() < 0.05:

@@ -28,7 +28,7 @@ class Weighing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TiltTest:
-    """What a static tilt test tells."""
+    """Result of a static tilt test."""
 
     stiffness: Quantity
     """k [N*m/rad]."""

@@ -1,4 +1,4 @@
-"""Block bootstrap: intervals that ask the residuals themselves, not a model of them.
+"""Block bootstrap: intervals from the residuals themselves, without a noise model.
 
 With releases enough whole releases are drawn again, so that whatever differs from one to the next (how the
 deck was let go, a bushing that warms up) is in the spread. With few, the fitted motion is kept and blocks of

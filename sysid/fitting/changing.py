@@ -1,4 +1,4 @@
-"""Whether what tables have learned is rather a spring or a damper that changes with time.
+"""Whether a learned torque is better explained by a spring or a damper that changes with time.
 
 Within a release the amplitude falls as time goes on, so a torque of tilt and rate can stand in for one of time, and the other
 way round; releases from several angles tell them apart. A spring and a damper that follow cubics of the time since the
@@ -13,7 +13,7 @@ from sysid.effects._algebra import Algebra, Value, Values
 from sysid.effects._base import JointState, Parameter
 from sysid.effects._unlisted import CLOCK, unlisted
 from sysid.fitting.problem import Problem
-from sysid.fitting.smoothing import FLAT, directions, fit_instead
+from sysid.fitting.smoothing import ZERO_TABLE_WEIGHT, directions, fit_instead
 from sysid.least_squares import Minimum
 
 _NAMES = tuple(f"{what}_{power}" for what in ("stiffness", "damping") for power in (1, 2, 3))
@@ -38,7 +38,7 @@ _EFFECT = unlisted(
 
 def changes_with_time(problem: Problem, minimum: Minimum) -> bool:
     """Return whether a joint that changes during each of several releases explains them better than a problem's tables."""
-    if len(problem.records) < 2 or all(weight == FLAT for weight in problem.smoothing):
+    if len(problem.records) < 2 or all(weight == ZERO_TABLE_WEIGHT for weight in problem.smoothing):
         return False
     held = {"changing.duration": problem.scales.duration, "changing.frequency": problem.scales.frequency}
     rival, other = fit_instead(problem, minimum.point, _EFFECT, problem.parameters(minimum.point), held)

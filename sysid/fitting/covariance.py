@@ -1,4 +1,4 @@
-"""What a fit knows of its own parameters: covariance, intervals, and what the data leave open, in words."""
+"""Covariance and intervals of the fitted parameters, and what the data leave open, in words."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ def total_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
 
 
 def inertia_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
-    """Return what the inertia's uncertainty alone makes of the free parameters, shape (free, free), in their units."""
+    """Return the covariance of the free parameters from the inertia's uncertainty alone, shape (free, free), in their units."""
     parameters = problem.parameters(minimum.point)
     by_inertia = np.array(
         [parameters[n] / board.inertia.value if torque_like(problem, n) else 0.0 for n in problem.names]
@@ -133,7 +133,7 @@ def _stated_noise(record: Record, problem: Problem) -> ResidualNoise | None:
 
 @dataclass(frozen=True, slots=True)
 class Sensitivity:
-    """How the residuals move with all unknowns, in units of their sizes."""
+    """Sensitivity of the residuals to all unknowns, in units of their sizes."""
 
     rows: tuple[Array, ...]
     """Of each record, shape (n, unknowns); zero in columns of other records and of unknowns at a bound."""

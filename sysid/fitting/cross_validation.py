@@ -36,7 +36,7 @@ def heldout_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
 
 
 def surprising_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
-    """Return what is missed of each release whatever the others leave open; of one alone, of each third of it.
+    """Return the prediction errors of each release that the open parameters of the others cannot explain; of one release alone, of each third of it.
 
     Prediction minus measurement [rad or rad/s], shape (n,) for each release.
     """

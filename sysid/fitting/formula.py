@@ -21,7 +21,7 @@ from sysid.fitting.cross_validation import rms
 from sysid.fitting.learned_torque import learned_torque, tables_of
 from sysid.fitting.problem import Problem
 from sysid.fitting.result import JointFit
-from sysid.fitting.smoothing import FLAT, directions, fit_instead
+from sysid.fitting.smoothing import ZERO_TABLE_WEIGHT, directions, fit_instead
 from sysid.joint.trajectory import simulate
 from sysid.least_squares import Minimum
 from sysid.roll import Array
@@ -29,11 +29,11 @@ from sysid.text import display
 
 Law = Callable[[Algebra, Value, Value, float], Value]
 """Of the algebra, tilt [rad], rate [rad/s] and the shape's own width or angle."""
-GOOD = 1.02
+MAX_ERROR_RATIO = 1.02
 """Error of a formula over that of the tables up to which it is as good."""
-HALF = 0.5
+MIN_SHARE = 0.5
 """Share of what was learned up to which the nearest formula is no word for it."""
-ALIKE = 1.1
+SAME_STOP_RATIO = 1.1
 """Ratio of two bumpers' angles up to which they are one stop: each is found to a few percent."""
 CANDIDATES = 5
 """How many of the nearest shapes are fitted."""
@@ -152,7 +152,7 @@ SHAPES: tuple[Shape, ...] = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Formula:
-    """What a learned torque looks like."""
+    """The formula nearest to a learned torque."""
 
     shapes: tuple[Shape, ...]
     coefficients: tuple[float, ...]
@@ -205,7 +205,7 @@ class Formula:
             w for shape, w in zip(self.shapes, self.widths, strict=True) if shape.name.endswith("bumper")
         ]
         if len(bumpers) == len(self.shapes):
-            return max(bumpers) < ALIKE * min(bumpers)
+            return max(bumpers) < SAME_STOP_RATIO * min(bumpers)
         return bool(self.effects)
 
 
@@ -234,7 +234,7 @@ def formula_of(fit: JointFit, *, slides: bool = False) -> Formula | None:
 
     The shapes that come nearest to the tables are fitted to the releases in their place; the best one is taken.
     """
-    if not tables_of(fit) or set(fit.problem.smoothing) == {FLAT}:
+    if not tables_of(fit) or set(fit.problem.smoothing) == {ZERO_TABLE_WEIGHT}:
         return None
     x, v = motion_of(fit)
     torque, _ = learned_torque(fit, x, v)
@@ -264,7 +264,7 @@ def formula_of(fit: JointFit, *, slides: bool = False) -> Formula | None:
         widths=tuple(widths),
         share=share,
         error=rms(problem.residuals(minimum.point)),
-        good=_spread(problem, minimum) <= GOOD * _spread(fit.problem, fit.minimum),
+        good=_spread(problem, minimum) <= MAX_ERROR_RATIO * _spread(fit.problem, fit.minimum),
         text=in_words(parts, share),
         slides=slides,
     )
@@ -273,7 +273,7 @@ def formula_of(fit: JointFit, *, slides: bool = False) -> Formula | None:
 def in_words(parts: Sequence[str], share: float) -> str:
     """Return what goes on after 'it': what the terms of the nearest formula do, and how much of what was learned that is [1]."""
     carries = f"carries {100 * share:.0f} % of what was learned"
-    if share > HALF:
+    if share > MIN_SHARE:
         return f"{' and '.join(parts)}; this formula {carries}"
     return f"is like no formula that is known here: the nearest {carries}"
 

@@ -1,4 +1,4 @@
-"""How far a law that is given misses the measured releases, with only their own starts fitted."""
+"""Residuals of a given law, with only the initial states of the releases fitted."""
 
 from collections.abc import Sequence
 

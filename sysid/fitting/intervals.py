@@ -21,7 +21,7 @@ Trusted = Literal["Jacobian", "profile", "bootstrap"]
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """What the intervals of one parameter say together."""
+    """Agreement of the intervals of one parameter."""
 
     name: str
     trust: Trusted

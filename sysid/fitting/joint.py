@@ -1,4 +1,4 @@
-"""Fit one joint to releases: the search, then the parameters that the data do without, then outliers."""
+"""Fit one joint to releases: the search, then removal of parameters that the data do not need, then outliers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,7 +24,7 @@ from sysid.roll import Release
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitOptions:
-    """How a fit is done."""
+    """Options of a fit."""
 
     bias: Bias = "shared"
     """One sensor zero for all releases, or one each (for integrated gyros)."""
@@ -111,7 +111,7 @@ def record_values(board: Board) -> dict[str, float]:
 
 
 def held_parameters(structure: Structure, board: Board, options: FitOptions) -> tuple[dict[str, float], Bias]:
-    """Return what a fit holds, by the structure's names, and whose zero the sensor has.
+    """Return the parameters that a fit holds, by the structure's names, and whose zero the sensor has.
 
     Beside what the user holds that is what the record knows from elsewhere, the spring of a joint that has none, and the
     rest angle where the zero of the sensor takes its place.
@@ -131,7 +131,7 @@ def held_parameters(structure: Structure, board: Board, options: FitOptions) -> 
 
 
 def priors_of(board: Board, options: FitOptions) -> dict[str, tuple[float, float]]:
-    """Return what the record knows of parameters: value and standard deviation, in their units.
+    """Return the record's priors of parameters: value and standard deviation, in their units.
 
     Raises:
         SysidError: It knows nothing of one, or knows it exactly.

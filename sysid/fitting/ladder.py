@@ -81,5 +81,5 @@ def _without_missing(options: FitOptions, effects: Sequence[str], board: Board) 
 
 
 def rung_name(effects: Sequence[str]) -> str:
-    """Return what a rung with some effects is called."""
+    """Return the label of a model with some effects."""
     return f"+ {effects[-1]}" if effects else PLAIN

@@ -174,7 +174,7 @@ class Problem:
 
     @property
     def n_local(self) -> int:
-        """How many unknowns each record has of its own."""
+        """Number of local unknowns of each record."""
         return self._motion + (self.bias == "per-release")
 
     @cached_property
@@ -223,7 +223,7 @@ class Problem:
 
     @property
     def observed(self) -> list[Array]:
-        """What is fitted of each record: its samples, or means of neighbours [rad or rad/s], shape (n,)."""
+        """The fitted data of each record: its samples, or means of neighbours [rad or rad/s], shape (n,)."""
         return [path.signal for path in self._paths]
 
     def sizes(self) -> Array:

@@ -1,4 +1,4 @@
-"""Profile likelihood: how far each parameter can move while all others follow.
+"""Profile likelihood: the cost along one parameter while all others are refitted.
 
 The interval from the Jacobian takes the cost for a parabola. Where it is none (an effect near zero, a stop
 that is hardly touched, a pair that trades off along a bend) the profile shows the true shape: the
@@ -34,7 +34,7 @@ _FARTHEST = 40.0
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """How the cost rises along one unknown."""
+    """The cost along one unknown."""
 
     best: float
     """Where it is lowest among all points seen."""

@@ -1,4 +1,4 @@
-"""A fitted joint becomes part of the board record: values, deviations, provenance, and a history line."""
+"""Writes a fitted joint into the board record: values, deviations, provenance, and a history line."""
 
 import datetime
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +16,7 @@ from sysid.files import sha256
 from sysid.fitting.covariance import table_values
 from sysid.fitting.initial_state import residuals_of_law
 from sysid.fitting.result import JointFit
-from sysid.fitting.smoothing import FLAT
+from sysid.fitting.smoothing import ZERO_TABLE_WEIGHT
 from sysid.quantity import Quantity, slide_unit
 
 
@@ -31,7 +31,7 @@ def require_usable(fit: JointFit) -> None:
             f"the fit did not converge ({fit.status}); the record is unchanged. Try other effects ("
             "diagnose), or fewer."
         )
-    if fit.problem.smoothing and min(fit.problem.smoothing) >= FLAT:
+    if fit.problem.smoothing and min(fit.problem.smoothing) >= ZERO_TABLE_WEIGHT:
         raise SysidError(
             "these logs show no torque beyond what the record holds: nothing was learned, and the record is unchanged. "
             "Ask diagnose what the logs do show."

@@ -1,4 +1,4 @@
-"""What is fitted of each release: which signal, from when, and until when."""
+"""The data fitted of each release: which signal, from when, and until when."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ def signal_of(releases: Sequence[Release], signal: Signal = "auto") -> SignalOpt
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Record:
-    """What is fitted of one release."""
+    """The fitted data of one release."""
 
     release: Release
     time: Array

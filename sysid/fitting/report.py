@@ -68,7 +68,7 @@ def report(fit: "Fit", width: int = WIDTH) -> str:
 
 
 def learned_lines(fit: "Fit") -> list[str]:
-    """Return what was learned, in words: where, what it looks like, and how to have it as an effect of its own."""
+    """Return the learned torque in words: where, its nearest formula, and how to make it an effect."""
     lines: list[str] = []
     laws = dict(fit.law.effects)
     for part in tables_of(fit.joint):
@@ -185,7 +185,7 @@ def interval_report(
 def interval_json(
     profiles: "Sequence[Profile]", bootstrap: "Bootstrap | None", agreements: "Sequence[Agreement]"
 ) -> dict[str, Any]:
-    """Return what `fit --profile` and `fit --bootstrap` add to the JSON."""
+    """Return the JSON of `fit --profile` and `fit --bootstrap`."""
     return {
         **({"profile": {shape.name: shape.to_json() for shape in profiles}} if profiles else {}),
         **({"bootstrap": bootstrap.to_json()} if bootstrap else {}),

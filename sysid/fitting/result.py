@@ -57,7 +57,7 @@ class JointFit:
 
     @property
     def status(self) -> str:
-        """How the search ended, in words."""
+        """Termination of the search, in words."""
         return f"{self.minimum.status} after {self.evaluations} evaluations"
 
     @property

@@ -1,4 +1,4 @@
-"""Where the best parameters of a joint are: starts, sizes, and a search that rough costs do not catch."""
+"""The parameter search: starting values, scales, and a search that is robust to rough costs."""
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence

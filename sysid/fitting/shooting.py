@@ -1,4 +1,4 @@
-"""One record against one joint: from parameters and start to what the sensor would have read, with slopes."""
+"""Single shooting of one release: from parameters and initial state to sensor readings, with sensitivities."""
 
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,4 +1,4 @@
-"""Fit of torques that are tables: through the motion, as smooth as releases that were left out want them.
+"""Fit of tabulated torques, with smoothness chosen by hold-out error.
 
 The roughness of each table counts in the sum of squares as a measurement would. Its weight is the one with which other motion
 is predicted best, found from the normal equations of each release alone: near a fit everything is linear, and leaving a
@@ -21,9 +21,9 @@ from sysid.least_squares import Minimum, minimise
 from sysid.noise.whiteness import correlation_length
 from sysid.roll import Array
 
-FLAT = 1e12
+ZERO_TABLE_WEIGHT = 1e12
 """Weight of a table that is zero."""
-_WEIGHTS = (FLAT, *(10.0**e for e in (6, 5, 4, 3, 2, 1, 0, -1, -2)))
+_WEIGHTS = (ZERO_TABLE_WEIGHT, *(10.0**e for e in (6, 5, 4, 3, 2, 1, 0, -1, -2)))
 """Weights that are tried, from flat to free, for values in units of a tenth of the spring's torque."""
 _PERIODS = (*(1.25 * 2.0**n for n in range(6)), np.inf)
 """Numbers of periods [1] of each release that are fitted one after another: in the first swings no model is out of step yet."""
@@ -31,17 +31,17 @@ _STRETCHES = 6
 """Of one release alone, each predicted from the others."""
 _FIRST = _PERIODS[:2]
 """Those in which a law of tilt and rate must show, if it makes more than"""
-MUCH = 5.0
+NOISE_MULTIPLE = 5.0
 """times the noise."""
-CLEAR = 6.0
+MIN_GAIN = 6.0
 """Held-out log-likelihood that a learned torque must gain [nats],"""
-LITTLE = 0.02
+MIN_ERROR_SHARE = 0.02
 """share of the squared held-out error that it must take away: steps of a sensor are a function of the angle too, and"""
 _GAIN = 1.0
 """log-likelihood that a weight one step lower must gain [nats]."""
 _ROUNDS, _LAST_ROUNDS = 5, 3
 """In which weights are chosen again, for each stretch of the motion and for the whole."""
-WORSE = 1.01
+MAX_ERROR_RATIO = 1.01
 """Error over that of the joint without tables from which the search for them has lost its way: they can be zero."""
 _COLOURED = 1.5
 """Correlation length of what is left [samples] from which an internal state is tried: noise has one."""
@@ -90,7 +90,7 @@ def learn(
     for horizons in (_PERIODS, _PERIODS[-1:], ()):
         problem, found, more = _learned(first, start, horizons)
         evaluations += more
-        if rms(problem.residuals(found.point)) < WORSE * reached:
+        if rms(problem.residuals(found.point)) < MAX_ERROR_RATIO * reached:
             break
     if (
         remembering
@@ -99,7 +99,7 @@ def learn(
     ):
         richer, there, more = _remembering(problem, found, (*structure.effects, *remembering))
         evaluations += more
-        if richer is not problem and gain(problem, found, richer, there) > CLEAR:
+        if richer is not problem and gain(problem, found, richer, there) > MIN_GAIN:
             problem, found = richer, there
     fine = problem.with_(steps_per_period=steps_per_period, average=1)
     minimum = fine.fitted(found.point, 30)
@@ -115,7 +115,10 @@ def with_structure(
         fixed={**problem.fixed, **(fixed or {})},
         free_states=bool(structure.internal_states) and any(r.release.hold <= 0 for r in problem.records),
         smoothing=tuple(
-            FLAT for part in structure.torques if part.smoothness for _ in part.smoothness().tables
+            ZERO_TABLE_WEIGHT
+            for part in structure.torques
+            if part.smoothness
+            for _ in part.smoothness().tables
         ),
     )
 
@@ -153,7 +156,7 @@ def _learned(
 
 def _in_vain(problem: Problem, cost: float) -> bool:
     """Return whether tables stay flat where there is much to explain: nothing that tilt and rate decide."""
-    return set(problem.smoothing) == {FLAT} and 2 * cost > MUCH**2 * problem.samples
+    return set(problem.smoothing) == {ZERO_TABLE_WEIGHT} and 2 * cost > NOISE_MULTIPLE**2 * problem.samples
 
 
 def fit_instead(
@@ -207,7 +210,7 @@ def _remembering(problem: Problem, found: Minimum, effects: Sequence[str]) -> tu
     ]
     linear, chosen, _ = max(near, key=lambda item: item[2])
     before = _Linearised(problem, found.point).missed(problem.smoothing)
-    if linear.nats(before / linear.missed(chosen)) < CLEAR:
+    if linear.nats(before / linear.missed(chosen)) < MIN_GAIN:
         return problem, found, len(starts)
     return _learned(richer.with_(smoothing=weights), linear.point, _PERIODS[-1:])
 
@@ -225,10 +228,10 @@ def chosen_weights(problem: Problem, point: Array) -> tuple[float, ...]:
     The point is near the problem's minimum, in units of the unknowns' sizes, shape (p,).
     """
     linear = _Linearised(problem, point)
-    flat = (FLAT,) * len(problem.smoothing)
+    flat = (ZERO_TABLE_WEIGHT,) * len(problem.smoothing)
     weights, best = _chosen(linear, flat)
-    enough = linear.missed(weights) < (1 - LITTLE) * linear.missed(flat)
-    return weights if enough and best > linear.score(flat) + CLEAR else flat
+    enough = linear.missed(weights) < (1 - MIN_ERROR_SHARE) * linear.missed(flat)
+    return weights if enough and best > linear.score(flat) + MIN_GAIN else flat
 
 
 def _chosen(linear: "_Linearised", weights: tuple[float, ...]) -> tuple[tuple[float, ...], float]:

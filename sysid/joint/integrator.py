@@ -31,7 +31,7 @@ class Stepper:
 
     @property
     def unknowns(self) -> int:
-        """How many numbers each release has of its own: roll, rate and free internal states."""
+        """Number of local unknowns of each release: roll, rate and free internal states."""
         return 2 + (len(self.structure.internal_states) if self.free_states else 0)
 
     @property

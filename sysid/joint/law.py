@@ -69,7 +69,11 @@ class JointLaw:
         return replace(self, effects=(*others, (name, tuple(values))))
 
     def posed(self, known: Mapping[str, float]) -> Self:
-        """Return the law of a joint in another pose, or with another load: what is `known` there, by the structure's names."""
+        """Return the law in another pose or with another load.
+
+        Args:
+            known: Parameters that differ there, by the structure's names.
+        """
         values = [known.get(name, value) for name, value in self.parameters.items()]
         return type(self).from_vector(self.structure, np.array(values)) if known else self
 
@@ -81,12 +85,12 @@ class JointLaw:
 
     @property
     def stiffness_of_effects(self) -> float:
-        """What effects add to the stiffness at small tilts [N*m/rad]."""
+        """Stiffness that effects add at small tilts [N*m/rad]."""
         return sum(part.stiffness_at(self.rest_angle, values) for part, values in self._torques())
 
     @property
     def inertia_ratio(self) -> float:
-        """By how much effects multiply the roll inertia [1]."""
+        """Factor by which effects multiply the roll inertia [1]."""
         joint = LinearJoint(self.inertia, self.stiffness, self.damping, self.rest_angle)
         for part, values in self._torques():
             joint = joint if part.modifies is None else part.modifies(joint, values)
@@ -94,7 +98,7 @@ class JointLaw:
 
     @property
     def inertia_gain(self) -> float:
-        """By how much effects multiply what is added to the roll inertia [1]."""
+        """Factor by which effects multiply inertia that is added to the roll inertia [1]."""
         return 2 * replace(self, inertia=2 * self.inertia).inertia_ratio - self.inertia_ratio
 
     @property
@@ -103,7 +107,7 @@ class JointLaw:
         return sum(values.get(part.timestep, 0.0) for part, values in self._torques())
 
     def of_joint(self) -> Self:
-        """Return the law without what belongs to the log or to a simulator."""
+        """Return the law without effects of the sensor or of a simulator."""
         return replace(self, effects=tuple(item for item in self.effects if effect(item[0]).part_of_joint))
 
     def _torques(self) -> list[tuple[TorqueEffect, dict[str, float]]]:

@@ -1,4 +1,4 @@
-"""What a simulator's time step makes of a joint: the poles of MuJoCo's step, both ways, and its path.
+"""The joint under a simulator's time step: poles of MuJoCo's discrete map, from and to parameters, and its motion.
 
 Of spring, damper and inertia alone the step is a linear map of (roll, rate). With the metric M = I + h d, which
 'discrete' raises to I + h d + h² k, its determinant is a = I/M and its trace 1 + a - h² k/M. RK4 takes four

@@ -1,4 +1,4 @@
-"""What a sensor makes of a joint's motion: filters, bias, drift and the log's clock.
+"""The sensor model: filter, bias, drift and the log's clock.
 
 A filter has a state, so it is integrated with the joint. Everything else is applied at the samples, after the
 filters. The log's clock counts from the log's first sample; drift grows with it, wherever a release begins.
@@ -42,7 +42,7 @@ def clock_ratio(structure: Structure, parameters: Mapping[str, float]) -> float:
 
 
 def read(law: JointLaw, angle: Array, rate: Array, time: Array) -> Reading:
-    """Return what the sensor of a law makes of samples that have left its filters, shape (n,) each.
+    """Return a law's sensor readings of samples behind its filters, shape (n,) each.
 
     Angles [rad], rates per second of the log's clock [rad/s], and times on that clock [s].
     """

@@ -53,7 +53,7 @@ class Structure:
 
     @property
     def sharpness(self) -> float:
-        """How many times the integration steps of a smooth joint it needs."""
+        """Factor of integration steps against a smooth joint."""
         return max((part.sharpness for part in self.parts), default=1.0)
 
     @property
@@ -80,7 +80,7 @@ class Structure:
 
     @property
     def supports(self) -> tuple[SupportEffect, ...]:
-        """What it stands on: one at most."""
+        """Compliant supports: one at most."""
         return tuple(part for part in self.parts if isinstance(part, SupportEffect))
 
     def layout(self) -> list[tuple[Effect, slice, slice]]:

@@ -1,4 +1,4 @@
-"""What a joint does after it is let go."""
+"""Simulation of a release."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -50,14 +50,14 @@ def simulate(
     hold: float = 1e3,
     begin: float = 0.0,
 ) -> Trajectory:
-    """Let go of the deck and watch it.
+    """Simulate a release.
 
     Args:
         law: The joint, or a board whose joint it is.
         time: Times since the release at which to look [s], shape (n,), ascending, from 0 on.
         angle: Roll at release [rad].
         rate: Roll rate at release [rad/s].
-        hold: For how long the deck was held there before [s]; only rubber that creeps remembers it.
+        hold: Time for which the deck was held there before [s]; matters for creep only.
         begin: The release on the log's clock [s]; only a sensor that drifts counts from there.
 
     Raises:

@@ -1,4 +1,4 @@
-"""A deck that has just come to rest, seen from its rates while they arrive."""
+"""Detection of a deck that has come to rest, from its rates as they arrive."""
 
 from dataclasses import dataclass
 
@@ -6,9 +6,9 @@ import numpy as np
 
 from sysid.roll import Array
 
-STILL = (0.25, 0.4, 0.7)
+REST_TIMES = (0.25, 0.4, 0.7)
 """After how much stillness the log is read: a decay may take a while to be known as ended, and reading costs [s]."""
-QUIET = 0.06
+MAX_REST_RATE = 0.06
 """Rate of rotation below which a deck counts as still, beside the phone's offset [rad/s]."""
 
 
@@ -18,7 +18,7 @@ class Rest:
 
     moved: float = 0.0
     """When it last moved [s]."""
-    looks: int = len(STILL)
+    looks: int = len(REST_TIMES)
     """How often the log was read since."""
 
     def has_come(self, rows: Array) -> bool:
@@ -30,10 +30,10 @@ class Rest:
         if not len(rows):
             return False
         time, rates = rows[:, 0], rows[:, 1:]
-        moves = np.abs(rates - np.median(rates, axis=0)).max(axis=1) > QUIET
+        moves = np.abs(rates - np.median(rates, axis=0)).max(axis=1) > MAX_REST_RATE
         if moves.any():
             self.moved, self.looks = float(time[moves][-1]), 0
-        if self.looks == len(STILL) or time[-1] - self.moved < STILL[self.looks]:
+        if self.looks == len(REST_TIMES) or time[-1] - self.moved < REST_TIMES[self.looks]:
             return False
         self.looks += 1
         return True

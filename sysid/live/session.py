@@ -1,4 +1,4 @@
-"""What a running measurement has shown so far: releases, stiffness and damping, and which release would help most."""
+"""State of a live measurement: releases, stiffness and damping so far, and which release would help most."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,13 +15,13 @@ from sysid.text import DEGREES, display
 
 EACH_SIDE = 3
 """Releases from each side that a diagnosis is well served with: one of them can be left out and two remain."""
-SPREAD = 3.0
+AMPLITUDE_RATIO = 3.0
 """Ratio of the widest to the smallest first amplitude from which what grows with it shows."""
 BEGINNING = 0.3
 """Stretch at the beginning of a log in which nobody has touched the deck yet [s]."""
 SAME_REST = 0.4
 """Share of an amplitude by which two rest levels may differ: friction makes less, a hand that holds the deck all of it."""
-WIDE = np.radians(10.0)
+DEFAULT_ANGLE = np.radians(10.0)
 """Where nobody has released yet [rad]."""
 _NUMBERS = ("no", "one", "two", "three")
 
@@ -100,15 +100,15 @@ def next_release(releases: Sequence[Release], board: Board) -> str:
     needed = EACH_SIDE - counts[side]
     sizes = [r.amplitude for r in releases]
     if not sizes:
-        wide = f"{0.5 * board.tilt['range'].value * show.scale if board.slides else DEGREES * WIDE:.2g}{show.unit}"
+        wide = f"{0.5 * board.tilt['range'].value * show.scale if board.slides else DEGREES * DEFAULT_ANGLE:.2g}{show.unit}"
         if board.geometry:
             return f"Hold the deck still at {wide}, {side} edge down, let go, and leave it until it rests."
         return f"Hold the joint still {wide} from its rest, let go, and leave it until it rests."
     widest, smallest = max(sizes), min(sizes)
-    small = f"{float(f'{show.scale * widest / SPREAD:.1g}'):g}{show.unit}"
+    small = f"{float(f'{show.scale * widest / AMPLITUDE_RATIO:.1g}'):g}{show.unit}"
     if needed > 0:
-        angle = small if widest < SPREAD * smallest else show(widest, 2)
+        angle = small if widest < AMPLITUDE_RATIO * smallest else show(widest, 2)
         return f"{_NUMBERS[needed].capitalize()} more from the {names[side]}, from {angle}."
-    if widest < SPREAD * smallest:
+    if widest < AMPLITUDE_RATIO * smallest:
         return f"One more from {small}: all so far were about as wide, and what grows with amplitude does not show."
     return "Enough for a diagnosis; more releases make it surer."

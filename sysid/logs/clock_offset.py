@@ -6,7 +6,7 @@ from sysid.errors import SysidError
 from sysid.quantity import Quantity, t95
 from sysid.roll import Array, Roll
 
-LARGEST = 60.0
+MAX_OFFSET = 60.0
 """Offsets beyond this are not looked for [s]."""
 LIKENESS = 0.9
 """Least correlation of both records at the best offset. Two sensors on one deck reach 0.99; decays of different
@@ -14,9 +14,9 @@ releases, laid over each other as well as they go, 0.5 to 0.8. With ten samples 
 offset within a fifth of a quarter swing."""
 LEAST_SMOOTH, MOST_SMOOTH = 0.7, 5.0
 """Width of the smoothing, a Gaussian's standard deviation, in samples of the coarser record."""
-UNSEEN = 0.1
+MAX_SMOOTHING = 0.1
 """Smoothing up to this share of a radian of the motion takes 0.5 % of its amplitude."""
-REMEMBERED = 0.12
+MAX_CORRELATION_TIME = 0.12
 """Errors are alike for no longer than this [s]."""
 
 
@@ -89,7 +89,7 @@ def _width(record: Roll, step: float) -> float:
     for _ in range(4):  # from the smoothest on: noise turns faster than any deck
         time, roll, _ = _smooth(record, width)
         turn = float(np.ptp(roll)) / max(float(np.ptp(np.gradient(roll, time))), 1e-12)
-        width = float(np.clip(UNSEEN * turn, LEAST_SMOOTH * step, MOST_SMOOTH * step))
+        width = float(np.clip(MAX_SMOOTHING * turn, LEAST_SMOOTH * step, MOST_SMOOTH * step))
     return width
 
 
@@ -125,7 +125,7 @@ def _offset_std(
     own = slope / noise
     own = own - others @ (others.T @ own)
     count = len(time)
-    lags = min(count // 3, max(1, round(REMEMBERED / float(np.median(np.diff(time))))))
+    lags = min(count // 3, max(1, round(MAX_CORRELATION_TIME / float(np.median(np.diff(time))))))
     taper = 1 - np.arange(lags + 1) / (lags + 1)  # Bartlett's: the sum below is never negative
     alike = _products(residual, lags)
     shape = _products(own, lags)
@@ -158,6 +158,6 @@ def _coarse(one: Roll, other: Roll, step: float) -> float:
     product = np.fft.irfft(np.fft.rfft(rates[0], size) * np.conj(np.fft.rfft(rates[1], size)), size)
     lags = np.arange(size)
     lags = np.where(lags > size // 2, lags - size, lags)
-    allowed = np.abs(lags * step) <= LARGEST
+    allowed = np.abs(lags * step) <= MAX_OFFSET
     best = int(lags[allowed][np.argmax(product[allowed])])
     return float(best * step + one.time[0] - other.time[0])

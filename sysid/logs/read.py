@@ -1,4 +1,4 @@
-"""Logs in: any file that holds a rocking board becomes one `Roll`.
+"""Reads any log or film into one `Roll`.
 
 What is inferred (column, unit, axis, clock) is written into `Roll.notes`, what is wrong with the log into
 `Roll.warnings`, and every inference can be overridden by `LogOptions`.

@@ -1,1 +1,1 @@
-"""What a sensor adds to a measured motion."""
+"""Sensor noise."""

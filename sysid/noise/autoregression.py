@@ -1,4 +1,4 @@
-"""How the residuals of a fit scatter: their size and their memory, as an autoregression.
+"""Noise model of a fit's residuals: an autoregression.
 
 Neighbouring residuals of a real log resemble each other, because a sensor smooths or a model is not
 quite right. Treated as independent they promise intervals that are too narrow. And a fit takes the noise
@@ -63,7 +63,7 @@ class ResidualNoise:
         return np.fft.irfft(power * np.fft.rfft(columns, size, axis=0), size, axis=0)[: len(columns)]
 
     def drawn(self, count: int, rng: np.random.Generator) -> Array:
-        """Return a stretch of such noise, shape (count,), in the signal's unit."""
+        """Draw such noise, shape (count,), in the signal's unit."""
         from scipy.signal import lfilter
 
         lead = 20 * len(self.coefficients) + 200

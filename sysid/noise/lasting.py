@@ -1,4 +1,4 @@
-"""Errors that last: what a film's angle is off by stays until the deck has moved on.
+"""Correlated errors of a film's angle, which last until the deck has moved on.
 
 Compression leaves out motion too small to be drawn, a pattern of pixels shifts an edge. Such an error fades
 as e^(-t/τ) (Ornstein and Uhlenbeck's process, exact at any sampling), so that samples that share it tell

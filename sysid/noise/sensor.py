@@ -17,7 +17,7 @@ _GAIN = 924.0
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """What a sensor adds to a signal."""
+    """Sensor noise of a signal."""
 
     std: float
     """Standard deviation of one sample, in the signal's unit."""

@@ -21,7 +21,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SynthOptions:
-    """How the board is moved and recorded."""
+    """Options of a synthetic recording."""
 
     angles: tuple[float, ...] = (math.radians(10.0),)
     """Roll at each release [rad], right edge down positive."""
@@ -50,7 +50,7 @@ class SynthOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueRelease:
-    """What happened at one release, on the log's clock."""
+    """Truth of one release, on the log's clock."""
 
     start: float
     """Time of letting go [s]."""

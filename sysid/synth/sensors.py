@@ -53,7 +53,7 @@ class Sensor:
 
 
 def measure(time: Array, motion: Array, sensor: Sensor, dialect: Dialect, rng: np.random.Generator) -> Array:
-    """Return what the channels read.
+    """Return the readings of the channels.
 
     Args:
         time: True time [s], shape (n,).

@@ -13,7 +13,7 @@ from scipy.signal import savgol_filter
 from sysid.board import load_board
 from sysid.errors import SysidError
 from sysid.live.phyphox import Phone
-from sysid.live.rest import STILL, Rest
+from sysid.live.rest import REST_TIMES, Rest
 from sysid.live.session import Session
 from sysid.recording import Recording
 from sysid.workspace import shipped_data
@@ -48,7 +48,7 @@ def test_numbers_come_within_a_second_and_the_log_is_seldom_read(tmp_path):
     times, reads = shown(tmp_path / "a.zip", tmp_path / "log", pink, 2)
     ends = (2.06, 5.16)  # the deck is still then: releases at 1.7 and 4.8 s
     assert all(0 < seen - end < 1.0 for seen, end in zip(times, ends, strict=True))
-    assert reads <= 5 * len(STILL)  # where it begins, is tilted, held, let go, tilted again
+    assert reads <= 5 * len(REST_TIMES)  # where it begins, is tilted, held, let go, tilted again
 
 
 @pytest.mark.skipif(not DROPS.is_dir(), reason="the real drops of a servo are not here")

@@ -122,7 +122,9 @@ def test_the_sensor_may_lie_any_way_on_the_deck(tmp_path, mount, flipped):
 def test_silent_units_are_told_by_gravity(tmp_path, rate_unit, accel_unit):
     roll = read_roll(sensor(tmp_path, rate_unit=RATE_UNITS[rate_unit], accel_unit=accel_unit))
     assert worst_deg(roll) < 0.2
-    assert any(rate_unit in text and "turn the accelerometer's vertical" in text for text in roll.warnings)
+    assert any(
+        rate_unit in text and "turning of the accelerometer's vertical" in text for text in roll.warnings
+    )
 
 
 def test_an_upright_axis_is_left_to_the_gyro(tmp_path):

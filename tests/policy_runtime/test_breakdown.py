@@ -47,14 +47,14 @@ def table(tables, start):
     return found
 
 
-def test_an_error_of_speed_shows_in_its_stretch_its_command_and_its_time():
+def test_an_error_of_speed_shows_in_its_phase_its_command_and_its_time():
     speed = rides().speed.copy()
-    later = slice(CLOCK.period, CLOCK.period + 10)  # first eighth of the second pushing stretch
+    later = slice(CLOCK.period, CLOCK.period + 10)  # first eighth of the second pushing phase
     speed[later, 1] -= 0.4
     tables = break_down(rides(speed=speed), CLOCK)
-    by_stretch = table(tables, "speed by pushing stretch")
-    assert by_stretch.mean("stretch 1", "|v-v_cmd|") == 0
-    assert by_stretch.mean("stretch 2", "v-v_cmd") == pytest.approx(-0.4 * 10 / 160)
+    by_phase = table(tables, "speed by pushing phase")
+    assert by_phase.mean("phase 1", "|v-v_cmd|") == 0
+    assert by_phase.mean("phase 2", "v-v_cmd") == pytest.approx(-0.4 * 10 / 160)
     by_command = table(tables, "speed by command")
     assert by_command.mean("0.4-0.8 m/s, later", "|v-v_cmd|") == 0
     assert by_command.mean("0.8-1.2 m/s, later", "|v-v_cmd|") == pytest.approx(0.4 * 10 / 80)
@@ -94,17 +94,17 @@ def test_a_turn_that_comes_short_is_told_from_one_that_goes_too_far():
     assert by_turn.mean("0.2-0.4 rad, at the end", "error along the turn") == pytest.approx(-0.1)
     assert by_turn.mean("0.6-0.8 rad, at the end", "error along the turn") == pytest.approx(0.2)
     assert by_turn.mean("right, at the end", "beyond 0.1 rad") == 1.0
-    by_stretch = table(tables, "heading by steering stretch")
-    assert by_stretch.mean("stretch 2", "|error|") == 0
+    by_phase = table(tables, "heading by steering phase")
+    assert by_phase.mean("phase 2", "|error|") == 0
 
 
-def test_how_far_a_push_turns_the_board_is_told_by_stretch_and_command():
+def test_how_far_a_push_turns_the_board_is_told_by_phase_and_command():
     heading = np.zeros((STEPS, 2))
     heading[: CLOCK.push, 0] = np.linspace(3.1, 3.1 + 0.2, CLOCK.push)  # over the seam at pi
     heading[CLOCK.period : CLOCK.period + CLOCK.push, 1] = np.linspace(0, -0.4, CLOCK.push)
     tables = break_down(rides(heading=heading), CLOCK)
-    turned = table(tables, "how far a pushing stretch turns")
-    assert turned.mean("stretch 1", "to the left") == pytest.approx(0.1)
+    turned = table(tables, "how far a pushing phase turns")
+    assert turned.mean("phase 1", "to the left") == pytest.approx(0.1)
     assert turned.mean("0.8-1.2 m/s", "to the left") == pytest.approx(-0.2)
     assert dict(turned.rows)["all"][0][1] == 4
 
@@ -113,9 +113,9 @@ def test_means_agree_with_the_metrics():
     rng = np.random.default_rng(3)
     noisy = rides(speed=rng.uniform(0, 1, (STEPS, 2)), heading=rng.uniform(-1, 1, (STEPS, 2)))
     tables, errors = break_down(noisy, CLOCK), episode_errors(noisy)
-    by_stretch = table(tables, "speed by pushing stretch")
-    assert by_stretch.mean("all", "|v-v_cmd|") == pytest.approx(errors["E_vel"].mean())
-    assert table(tables, "heading by steering stretch").mean("all", "|error|") == pytest.approx(
+    by_phase = table(tables, "speed by pushing phase")
+    assert by_phase.mean("all", "|v-v_cmd|") == pytest.approx(errors["E_vel"].mean())
+    assert table(tables, "heading by steering phase").mean("all", "|error|") == pytest.approx(
         errors["E_yaw"].mean()
     )
 
@@ -124,7 +124,7 @@ def test_parts_add_up_to_the_whole_even_where_one_ended_early():
     rng = np.random.default_rng(4)
     speed = rng.uniform(0, 1, (STEPS, 2))
     alive = np.ones((STEPS, 2), bool)
-    alive[100:, 1] = False  # the second episode never comes to a second stretch
+    alive[100:, 1] = False  # the second episode never comes to a second phase
     whole = rides(speed=speed, alive=alive)
 
     def one(n):

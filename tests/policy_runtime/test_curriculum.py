@@ -48,7 +48,7 @@ def test_patience_stays_between_the_tasks_own_and_the_longest():
     assert Level(patience=LONGEST - 0.1).after(90.0, own=20).patience == LONGEST
 
 
-def test_a_whole_stretch_in_the_wrong_stance_ends_an_episode_however_patient():
+def test_a_whole_phase_in_the_wrong_stance_ends_an_episode_however_patient():
     assert min(Clock().push, Clock().steer) > LONGEST
 
 

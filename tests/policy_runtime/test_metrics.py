@@ -117,7 +117,7 @@ def test_shapes_that_disagree_are_refused_in_words():
         rides(joints=np.zeros((STEPS, 1, 22)))
 
 
-def test_headings_reached_are_those_of_whole_steering_stretches():
+def test_headings_reached_are_those_of_whole_steering_phases():
     heading = np.zeros((STEPS, 1))
     heading[STEER, 0] = np.linspace(3.1, 3.1 + 0.4, 10)  # through π
     target = np.full((STEPS, 1), 3.1 + 0.5 - 2 * math.pi)

@@ -232,7 +232,7 @@ def test_turns_are_drawn_anew_in_every_cycle():
     recording, ending = run_episode(world, standing(), protocol, np.random.default_rng(5))
     assert ending == "time limit"
     turns = recording.command[:, 1]
-    assert len(np.unique(turns)) == 3  # none until steering begins, then one from each stretch on
+    assert len(np.unique(turns)) == 3  # none until steering begins, then one from each phase on
     assert np.all(np.abs(turns) <= np.pi / 4)
     changes = np.flatnonzero(np.diff(turns)) + 1
     assert (recording.step[changes] % 300 == 150).all()
@@ -444,12 +444,12 @@ def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
     result = json.loads((tmp_path / "e.json").read_text())
     assert result["E_succ"]["value"] == 0
     assert result["E_yaw"]["value"] is None
-    assert "speed by pushing stretch, m/s" in said.out
+    assert "speed by pushing phase, m/s" in said.out
     assert (
         "heading by turn asked for" not in said.out
     )  # no ride lived to steer; a table without rows tells nothing
     first, *_ = result["breakdown"]
-    assert first["rows"]["stretch 1"]["v_cmd"] > 0.1
+    assert first["rows"]["phase 1"]["v_cmd"] > 0.1
     assert (tmp_path / "evaluate-zero-mujoco.png").stat().st_size > 10_000
 
 

@@ -313,7 +313,7 @@ def test_the_discriminator_learns_to_tell_two_styles_apart():
     assert net(policy).mean() < -0.5
 
 
-def test_reference_windows_of_a_batch_are_of_the_stretches_of_the_policys():
+def test_reference_windows_of_a_batch_are_of_the_phases_of_the_policys():
     torch = pytest.importorskip("torch")
     pytest.importorskip("rsl_rl")
     from policy_runtime.learning.amp import AmpOptions, AmpPPO
@@ -322,7 +322,7 @@ def test_reference_windows_of_a_batch_are_of_the_stretches_of_the_policys():
     # Of three kinds, grouped; the first number tells the windows apart.
     kinds = torch.tensor([0, 0, 0, 0, 1, 1, 2])
     reference = torch.cat((torch.arange(7.0)[:, None], torch.eye(3)[kinds]), dim=1)
-    learner = SimpleNamespace(amp=AmpOptions(stretches=3), reference=reference, device="cpu")
+    learner = SimpleNamespace(amp=AmpOptions(phases=3), reference=reference, device="cpu")
     policy = torch.cat((torch.zeros(900, 1), torch.eye(3)[torch.arange(900) % 3]), dim=1)
     chosen = AmpPPO._like(learner, policy)
     torch.testing.assert_close(chosen[:, 1:], policy[:, 1:])

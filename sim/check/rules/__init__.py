@@ -1,4 +1,4 @@
-"""The rules of the gate: one a file, found by being there.
+"""Pass and fail criteria of `check`: one a file, discovered by its file.
 
 Such a file ends in `RULE = Rule(...)`: when it is asked, and what it says of a scene and the decays in it.
 """
@@ -17,7 +17,7 @@ def rules() -> tuple[Rule, ...]:
 
 
 def said(asked: Asked, case: Case) -> tuple[str, ...]:
-    """Return what the rules that are asked now have to say; of one that is the whole answer, only that."""
+    """Return the findings of the rules that are asked now; if one of them is the whole answer, only its own."""
     spoken: list[str] = []
     for rule in rules():
         is_asked = asked in rule.asked and not (rule.of_board and case.parts is None)

@@ -16,7 +16,7 @@ be the cause; where it is one, a warning."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """What is judged."""
+    """The case that the rules judge."""
 
     board: Board
     scene: ClampedScene
@@ -33,7 +33,7 @@ class Case:
 
     @property
     def kind(self) -> str:
-        """What the record is of, in a word."""
+        """The kind of thing the record describes, in a word."""
         return "joint" if self.parts is None else "board"
 
     @property

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from sim.check.rules._base import Case, Rule
 
-APART = 0.05
+MAX_MASS_DIFFERENCE = 0.05
 """Share by which masses may differ (a choice): more than the bolts, bearings and grip tape that a record leaves out, less than
 another pair of trucks. Doubled, a wrong board is named later; no verdict hangs on it, for the rule speaks where the gate has failed."""
 
@@ -12,7 +12,7 @@ another pair of trucks. Doubled, a wrong board is named later; no verdict hangs 
 def _says(case: Case) -> Iterator[str]:
     parts, mass = case.board.mass, case.joint.mass
     expected = parts["deck"].value + 2 * parts["truck"].value + 4 * parts["wheel"].value
-    if abs(mass / expected - 1) > APART:
+    if abs(mass / expected - 1) > MAX_MASS_DIFFERENCE:
         yield f"the board of the scene weighs {mass:.3g} kg, the record says {expected:.3g} kg"
 
 

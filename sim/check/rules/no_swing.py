@@ -1,4 +1,4 @@
-"""The deck of the scene creeps back where the board's swings."""
+"""The scene's deck is overdamped where the board's swings."""
 
 from collections.abc import Iterator
 

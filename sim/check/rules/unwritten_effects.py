@@ -1,4 +1,4 @@
-"""Effects of the record that MuJoCo cannot hold stand in the scene as their substitutes, or lack a part."""
+"""Effects of the record that MuJoCo cannot represent are replaced by substitutes in the scene, or lack a part."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,7 @@
 """The cycle that a skateboarder repeats: push, mount, steer, dismount (HUSKY, section III).
 
-Time alone drives it; contacts never switch a phase. Every policy step is `CONTROL_PERIOD` long, and the
-phase Φ runs from 0 to 1 over one cycle.
+Time alone drives it; contacts never switch it. Every policy step is `CONTROL_PERIOD` long, and the
+cycle phase Φ runs from 0 to 1 over one cycle.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ STILL_SPEED = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """Lengths of the four stretches of the cycle in policy steps."""
+    """Lengths of the four phases of the cycle in policy steps."""
 
     push: int = 120
     """One foot on the board, the other pushes (40 % of the cycle)."""
@@ -33,12 +33,12 @@ class Clock:
         """Length of the cycle in policy steps."""
         return self.push + self.mount + self.steer + self.dismount
 
-    def phase(self, step: Any) -> Any:
+    def cycle_phase(self, step: Any) -> Any:
         """Return Φ in [0, 1) of integer steps since the cycle began, shape (...,)."""
         return (step % self.period) / self.period
 
     def pushing(self, step: Any) -> Any:
-        """Return whether steps lie in the pushing stretch, shape (...,)."""
+        """Return whether steps lie in the pushing phase, shape (...,)."""
         return step % self.period < self.push
 
     def mounting(self, step: Any) -> Any:
@@ -47,7 +47,7 @@ class Clock:
         return (step >= self.push) & (step < self.push + self.mount)
 
     def steering(self, step: Any) -> Any:
-        """Return whether steps lie in the steering stretch, shape (...,)."""
+        """Return whether steps lie in the steering phase, shape (...,)."""
         step = step % self.period
         return (step >= self.push + self.mount) & (step < self.period - self.dismount)
 
@@ -64,6 +64,6 @@ class Clock:
         return namespace(mounted).clip(fraction, 0.0, 1.0)
 
     def steering_time_left(self, step: Any) -> Any:
-        """Return the time until the steering stretch ends [s], zero outside it, shape (...,)."""
+        """Return the time until the steering phase ends [s], zero outside it, shape (...,)."""
         step = step % self.period
         return (self.period - self.dismount - step) * self.steering(step) * CONTROL_PERIOD

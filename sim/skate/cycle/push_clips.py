@@ -1,4 +1,4 @@
-"""Pushing as reference clips have it: which pose belongs to a speed and to a time in the pushing stretch.
+"""Pushing as reference clips have it: which pose belongs to a speed and to a time in the pushing phase.
 
 The clips come from whoever builds the task; here they are plain numbers. Each begins with the left foot's
 touchdown, where dismounting ends, and repeats without a seam.
@@ -48,7 +48,7 @@ class PushReference:
 
         Args:
             speed: Commanded speeds [m/s], shape (n,).
-            time: Times since the pushing stretch began [s], shape (n,).
+            time: Times since the pushing phase began [s], shape (n,).
         """
         xp = namespace(speed)
         if self._placed is None:

@@ -14,7 +14,7 @@ canonical poses it stands on the marker."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """Shares of the episodes that begin rolling in each stretch of the cycle; all others begin it at rest.
+    """Shares of the episodes that begin rolling in each phase of the cycle; all others begin it at rest.
 
     Who begins anywhere in a transition learns what follows it before what precedes it.
     """
@@ -46,14 +46,14 @@ class Start:
         Pushing and steering leave time for some of what they are: 0.2 s of strides, 0.5 s of a turn.
         """
         step = np.arange(clock.period)
-        stretches = (
+        phases = (
             (step > 0) & clock.pushing(step) & clock.pushing(step + 10),
             clock.mounting(step),
             clock.steering(step) & clock.steering(step + 25),
             clock.dismounting(step),
         )
         chances = np.zeros(clock.period)
-        for share, inside in zip(self._shares, stretches, strict=True):
+        for share, inside in zip(self._shares, phases, strict=True):
             chances += share * inside / inside.sum()
         chances[0] = 1 - sum(self._shares)
         return chances

@@ -33,7 +33,7 @@ class TiltGuidance:
     least_time: float = 0.5
     """Floor of the time left [s], so that the last steps of steering ask for no jerk."""
     longest_time: float = 1.2
-    """Ceiling of the time left [s]: spread over the whole stretch, as in the paper (inf), the turn leaves
+    """Ceiling of the time left [s]: spread over the whole phase, as in the paper (inf), the turn leaves
     half the commanded angle as mean heading error; a turn that is done early leaves time to correct it."""
 
     def __post_init__(self) -> None:

@@ -1,7 +1,7 @@
 """Mounting and dismounting: where the key bodies shall be on the way from one pose to the other.
 
 The path starts where the bodies are when the transition begins and ends at the canonical pose of the
-next stretch, both in the frame of the board: Bézier curves for positions, slerp for orientations
+next phase, both in the frame of the board: Bézier curves for positions, slerp for orientations
 (HUSKY, section III-D).
 """
 

@@ -1,5 +1,5 @@
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
-"""What the robot is told to do, and where it is in its cycle: mjlab's command term of the task."""
+"""mjlab's command term of the task: speed and turn, and the position in the cycle."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -53,7 +53,7 @@ class SkateCommandCfg(CommandTermCfg):
     steer_pose: CanonicalPose
     """Where mounting ends."""
     resampling_time_range: tuple[float, float] = (1e9, 1e9)
-    """Speed is drawn once an episode; the turn also at the start of every steering stretch."""
+    """Speed is drawn once an episode; the turn also at the start of every steering phase."""
 
     def build(self, env: "ManagerBasedRlEnv") -> "SkateCommand":
         """Return the term."""
@@ -121,7 +121,7 @@ class SkateCommand(CommandTerm):
         return self._command
 
     def seen(self) -> torch.Tensor:
-        """Return what the actor sees of the command, (n, 2)."""
+        """Return the command as the actor observes it, (n, 2)."""
         if not self._options.turn_feedback:
             return self._command
         turn = still_to_turn(self._command[:, 1], self.headings()[1], self._yaw_then)
@@ -133,11 +133,11 @@ class SkateCommand(CommandTerm):
         return self._once("still", lambda: self._command[:, 0] < STILL_SPEED)
 
     @property
-    def stretches(self) -> tuple[torch.Tensor, ...]:
+    def phases(self) -> tuple[torch.Tensor, ...]:
         """Whether the cycle is in pushing, mounting, steering, dismounting, told to move or not, bool (n,) each."""
         clock, step = self.clock, self.step
         return self._once(
-            "stretches",
+            "phases",
             lambda: (
                 clock.pushing(step),
                 clock.mounting(step),
@@ -149,22 +149,22 @@ class SkateCommand(CommandTerm):
     @property
     def pushing(self) -> torch.Tensor:
         """Whether the robot shall push, bool (n,)."""
-        return self._once("pushing", lambda: self.stretches[0] & ~self.still)
+        return self._once("pushing", lambda: self.phases[0] & ~self.still)
 
     @property
     def steering(self) -> torch.Tensor:
         """Whether the robot shall steer, bool (n,)."""
-        return self._once("steering", lambda: self.stretches[2] & ~self.still)
+        return self._once("steering", lambda: self.phases[2] & ~self.still)
 
     @property
     def transition(self) -> torch.Tensor:
         """Whether the robot mounts or dismounts, bool (n,)."""
-        return self._once("transition", lambda: (self.stretches[1] | self.stretches[3]) & ~self.still)
+        return self._once("transition", lambda: (self.phases[1] | self.phases[3]) & ~self.still)
 
     @property
-    def phase(self) -> torch.Tensor:
+    def cycle_phase(self) -> torch.Tensor:
         """Φ in [0, 1), (n,)."""
-        return self.clock.phase(self.step)
+        return self.clock.cycle_phase(self.step)
 
     def headings(self) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the headings of board and robot [rad], (n,) each."""
@@ -267,7 +267,7 @@ class SkateCommand(CommandTerm):
             advances = (self._env.episode_length_buf > 0) & ~(self._command[:, 0] < STILL_SPEED)
             self.step += advances
             self.refresh()
-            self._enter_stretches(advances)
+            self._enter_phases(advances)
         else:
             self.refresh()
         self._update_path()
@@ -276,7 +276,7 @@ class SkateCommand(CommandTerm):
         """Take a step with or without the left foot on the ground into account and return `air_time`."""
         return self.air_time.copy_(torch.where(left_on_ground, 0.0, self.air_time + CONTROL_PERIOD))
 
-    def _enter_stretches(self, advances: torch.Tensor) -> None:
+    def _enter_phases(self, advances: torch.Tensor) -> None:
         clock, step = self.clock, self.step % self.clock.period
         leaves = advances & ((step == clock.push) | (step == clock.period - clock.dismount))
         positions, quaternions = self.key_bodies
@@ -293,7 +293,7 @@ class SkateCommand(CommandTerm):
 
     def _update_path(self) -> None:
         fraction = self.fraction.copy_(self.clock.transition_fraction(self.step))
-        mounting = self.stretches[1][:, None, None]
+        mounting = self.phases[1][:, None, None]
         ends = torch.where(mounting, self._end_positions[1], self._end_positions[0])
         turned = torch.where(mounting, self._end_quaternions[1], self._end_quaternions[0])
         path = self._path

@@ -1,5 +1,5 @@
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
-"""Joint targets that reach the servos late, as those of a robot behind a network and a bus do."""
+"""Delay of the joint targets, as of a robot behind a network and a bus."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 OBLIQUE = math.radians(70)
 """Largest angle between the way down and where the board points [rad], large ones more often: one wheel goes first then. Where
 it was 60° and even, 7 of 31 crossings by more than 35° ended the ride, of 153 others two."""
-AHEAD = (0.6, 1.0)
+EDGE_DISTANCE = (0.6, 1.0)
 """How far from the middle of the board an edge is laid [m]: beyond nose and pushing foot."""
-BEHIND = 1.0
+PASSED_DISTANCE = 1.0
 """How far behind an edge is out of reach [m]."""
-AWAY = -1000.0
+PARKED_HEIGHT = -1000.0
 """Height at which a slab is out of reach [m]."""
 
 
@@ -49,7 +49,7 @@ class Ledges:
     def clear(self, ids: torch.Tensor) -> None:
         """Put some worlds on level ground at a height of 0."""
         self.height[ids] = 0.0
-        self.slab[ids, 2] = AWAY
+        self.slab[ids, 2] = PARKED_HEIGHT
 
     def roll_on(
         self,
@@ -66,15 +66,15 @@ class Ledges:
             wanted: By whom, bool (n,).
             highest: Ledge to be drawn [m]; at 0 none is laid.
         """
-        behind = (position * self.normal).sum(-1) - self.edge > BEHIND
-        self.slab[:, 2] = torch.where(behind, AWAY, self.slab[:, 2])
-        wanted = wanted & (self.slab[:, 2] < AWAY / 2) & (highest > 0)
+        behind = (position * self.normal).sum(-1) - self.edge > PASSED_DISTANCE
+        self.slab[:, 2] = torch.where(behind, PARKED_HEIGHT, self.slab[:, 2])
+        wanted = wanted & (self.slab[:, 2] < PARKED_HEIGHT / 2) & (highest > 0)
         chance = torch.rand(3, len(heading), device=heading.device)
         aside = 2 * chance[0] - 1
         towards = heading + OBLIQUE * aside.sign() * aside.abs().sqrt()
         cosine, sine = towards.cos(), towards.sin()
         normal = torch.stack((cosine, sine), dim=-1)
-        ahead = AHEAD[0] + (AHEAD[1] - AHEAD[0]) * chance[1]
+        ahead = EDGE_DISTANCE[0] + (EDGE_DISTANCE[1] - EDGE_DISTANCE[0]) * chance[1]
         middle = position + (ahead - LEDGE_SIZE[0])[:, None] * normal
         nothing, one = torch.zeros_like(sine), torch.ones_like(sine)
         axes = torch.stack((cosine, -sine, nothing, sine, cosine, nothing, nothing, nothing, one), dim=-1)

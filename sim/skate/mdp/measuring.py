@@ -10,7 +10,7 @@ from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.mdp import terminations
 from sim.skate.mdp.observations import skate_command
 from sim.skate.mdp.reading import ZONE
-from sim.skate.mdp.rewards._base import Reward, Stretch
+from sim.skate.mdp.rewards._base import Phase, Reward
 from sim.skate.mdp.state import SkateState
 from sim.skate.world import contacts
 
@@ -26,15 +26,15 @@ def measure(env: "ManagerBasedRlEnv") -> SkateState:
     return _measured(env)[0]
 
 
-Measured = tuple[SkateState, "dict[Stretch, torch.Tensor]"]
-"""The state and the stretches that it lies in."""
+Measured = tuple[SkateState, "dict[Phase, torch.Tensor]"]
+"""The state and the phases that it lies in."""
 
 
 def _measured(env: "ManagerBasedRlEnv") -> Measured:
     step, measured = getattr(env, "_skate_state", (None, None))
     if measured is None or step != env.common_step_counter:
         state = _read(env)
-        measured = state, _stretches(state)
+        measured = state, _phases(state)
         keep(env, measured)
     return measured
 
@@ -49,7 +49,7 @@ def kept(env: "ManagerBasedRlEnv") -> Measured:
     return _measured(env)
 
 
-def _stretches(state: SkateState) -> dict[Stretch, torch.Tensor]:
+def _phases(state: SkateState) -> dict[Phase, torch.Tensor]:
     return {
         "push": state.pushing,
         "steer": state.steering,
@@ -62,7 +62,7 @@ def _stretches(state: SkateState) -> dict[Stretch, torch.Tensor]:
 
 
 def pay(env: "ManagerBasedRlEnv", reward: Reward) -> torch.Tensor:
-    """Return a reward's values in the stretch in which it counts, zero elsewhere, (n,)."""
+    """Return a reward's values in the phase in which it counts, zero elsewhere, (n,)."""
     state, active = _measured(env)
     value = reward.value(state, **reward.arguments)
     return value if reward.when == "always" else value * active[reward.when]

@@ -35,7 +35,7 @@ from sim.skate import rotation
 from sim.skate.arrays import wrap_angle
 from sim.skate.mdp.actor_observation import FRAME_SIZE, projected_gravity, raw_frame, scale_frame
 from sim.skate.mdp.commands import SkateCommand
-from sim.skate.mdp.worlds import KNOWN, MEMORY, worlds
+from sim.skate.mdp.worlds import MEMORY, PRIVILEGED_SIZE, worlds
 from sim.skate.robot.g1 import default_pose
 from sim.skate.world import contacts
 
@@ -70,7 +70,7 @@ class ActorFrame:
             reading.joint_position() - self._default,
             reading.joint_velocity(),
             env.action_manager.action,
-            command.phase[:, None],
+            command.cycle_phase[:, None],
         )
 
     def _gravity(self, pelvis: torch.Tensor) -> torch.Tensor:
@@ -117,30 +117,30 @@ class CriticVector(ActorFrame):
             *_board(command),
             *_path(command),
             *_contacts(command),
-            *_stretches(command),
+            *_phases(command),
             *self._hidden(command),
         )
         return torch.cat(parts, dim=-1)
 
     def _hidden(self, command: SkateCommand) -> tuple[torch.Tensor, ...]:
         place, turn = command.foot_place, wrap_angle(command.heading_reference() - command.headings()[0])
-        known = place.new_zeros(len(place), KNOWN) if self._worlds is None else self._worlds.known()
+        known = place.new_zeros(len(place), PRIVILEGED_SIZE) if self._worlds is None else self._worlds.known()
         return 5 * place[:, None], turn[:, None], known
 
 
 def joint_angles(env: "ManagerBasedRlEnv") -> torch.Tensor:
-    """Return what the style discriminator sees of one step: joint positions [rad], (n, 23)."""
+    """Return one step's input of the style discriminator: joint positions [rad], (n, 23)."""
     return skate_command(env).reading.joint_position()
 
 
-def stretch(env: "ManagerBasedRlEnv") -> torch.Tensor:
+def phase_one_hot(env: "ManagerBasedRlEnv") -> torch.Tensor:
     """Return one-hot whether the cycle is in pushing, mounting or dismounting, (n, 3)."""
-    pushing, mounting, _, dismounting = skate_command(env).stretches
+    pushing, mounting, _, dismounting = skate_command(env).phases
     return torch.stack((pushing, mounting, dismounting), dim=-1).float()
 
 
 def style_mask(env: "ManagerBasedRlEnv", pushing: bool = True, transitions: bool = False) -> torch.Tensor:
-    """Return 1 where the last five joint frames are of one episode and of one stretch taught by style, (n, 1).
+    """Return 1 where the last five joint frames are of one episode and of one phase taught by style, (n, 1).
 
     Args:
         pushing: Whether pushing is one.
@@ -150,7 +150,7 @@ def style_mask(env: "ManagerBasedRlEnv", pushing: bool = True, transitions: bool
     clock, step = command.clock, command.step
     within = clock.pushing(step - 4) & command.pushing & pushing
     if transitions:
-        _, mounting, _, dismounting = command.stretches
+        _, mounting, _, dismounting = command.phases
         mounts = clock.mounting(step - 4) & mounting
         dismounts = clock.dismounting(step - 4) & dismounting
         within |= (mounts | dismounts) & ~command.still
@@ -203,6 +203,6 @@ def _contacts(command: SkateCommand) -> tuple[torch.Tensor, ...]:
     )
 
 
-def _stretches(command: SkateCommand) -> tuple[torch.Tensor, ...]:
+def _phases(command: SkateCommand) -> tuple[torch.Tensor, ...]:
     fraction = command.fraction * command.transition
-    return torch.stack(command.stretches, dim=-1).float(), fraction[:, None].float()
+    return torch.stack(command.phases, dim=-1).float(), fraction[:, None].float()

@@ -1,5 +1,5 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
-"""How episodes begin and how worlds differ: mjlab's events of the task (HUSKY, table of randomisation).
+"""mjlab's events of the task: starts of episodes, boards, masses, friction, pushes (HUSKY, table of randomisation).
 
 | what | range | when |
 |---|---|---|
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class FirstState:
-    """What worlds begin an episode with."""
+    """Initial states of an episode."""
 
     qpos: torch.Tensor
     """(n, nq)."""

@@ -1,4 +1,4 @@
-"""What rewards and terminations look at: one control step of many environments as plain arrays."""
+"""The state that rewards and terminations read: one control step of many environments as plain arrays."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,16 +12,16 @@ class SkateState:
     """
 
     pushing: Any
-    """In the pushing stretch and told to move, bool (n,)."""
+    """In the pushing phase and told to move, bool (n,)."""
     transition: Any
     """Mounting or dismounting and told to move, bool (n,)."""
     steering: Any
-    """In the steering stretch and told to move, bool (n,)."""
+    """In the steering phase and told to move, bool (n,)."""
     still: Any
     """Told to stand still, bool (n,)."""
 
     time_in_push: Any
-    """Time since the pushing stretch began [s], (n,)."""
+    """Time since the pushing phase began [s], (n,)."""
 
     commanded_speed: Any
     """[m/s], (n,)."""

@@ -1,5 +1,5 @@
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
-"""What acts before every simulation step and takes nothing from the policy: an mjlab action of size zero."""
+"""A hook before every simulation step: an mjlab action of size zero."""
 
 from typing import TYPE_CHECKING
 

@@ -1,5 +1,5 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
-"""How worlds differ: every world's own place within `sim.skate.options.Variation`, led by one strength.
+"""Domain randomisation: every world's own place within `sim.skate.options.Variation`, scaled by one strength.
 
 The places are drawn once and kept, so that raising the strength from 0 to 1 moves every world gradually from
 the nominal one to its own, between two iterations and without a reset.
@@ -28,18 +28,18 @@ if TYPE_CHECKING:
 MEMORY = 3
 """Policy steps that delays reach over, the present one included."""
 LEVEL_SHARE, ASCENT_SHARE, DESCENT_SHARE = 0.3, 0.35, 0.2
-"""Shares of the stretches of ground that are level, long ways up and short ways down; the others are long ways down, on which
+"""Shares of the segments of ground that are level, long ways up and short ways down; the others are long ways down, on which
 nobody fell. Of the way, a third is level: a rider who hardly sees the slope must not take every ground for one."""
 LONG, SHORT = (3.0, 20.0), (1.0, 4.0)
-"""How long stretches of ground are, evenly spread in the logarithm: level ones and long slopes, short ways down [m]."""
+"""How long segments of ground are, evenly spread in the logarithm: level ones and long slopes, short ways down [m]."""
 LEDGE_EVERY = 5.0
-"""Mean way from one ledge to where the next comes up [m]: as on the suite's ground. At the ends of stretches alone they came
+"""Mean way from one ledge to where the next comes up [m]: as on the suite's ground. At the ends of segments alone they came
 half as often, and training on higher ones left what lasted on them as it was."""
-OBLIQUE = math.pi / 4
+MAX_SLOPE_ANGLE = math.pi / 4
 """Largest angle between a slope and where the board points at its beginning [rad]."""
 EDGE = 0.1
-"""Way within which the ground goes over from one stretch to the next [m]."""
-KNOWN = 7
+"""Way within which the ground goes over from one segment to the next [m]."""
+PRIVILEGED_SIZE = 7
 """Numbers that tell the critic what world it is in."""
 _SENSORS = ("angular_velocity", "gravity", "joint_position", "joint_velocity")
 """Parts of the actor's frame that sensors measure."""
@@ -99,7 +99,7 @@ class Worlds:
         self._coming = torch.zeros_like(self.slope)
         """The gradient that it goes over to within `EDGE`."""
         self._remaining = torch.zeros(n, device=device)
-        """Length of the present stretch of ground that is left [m], (n,)."""
+        """Length of the present segment of ground that is left [m], (n,)."""
         self.ledges = Ledges(env) if LEDGE in (model.geom(i).name for i in range(model.ngeom)) else None
         """None where the ground has a form of its own."""
         self._board_q = model.joint("board/board_free_joint").qposadr[0]
@@ -141,8 +141,8 @@ class Worlds:
         sim.recompute_constants(RecomputeLevel.set_const)
 
     def draw_slope(self, ids: torch.Tensor) -> None:
-        """Put some worlds at the beginning of a new stretch of ground."""
-        gradient, length = self._stretch()
+        """Put some worlds at the beginning of a new segment of ground."""
+        gradient, length = self._segment()
         for kept, new in ((self.slope, gradient), (self._coming, gradient), (self._remaining, length)):
             kept[ids] = new[ids]
         if self.ledges is not None:
@@ -155,7 +155,7 @@ class Worlds:
         # What has broken down is about to begin anew.
         way = CONTROL_PERIOD * torch.nan_to_num(velocity.norm(dim=-1))
         self._remaining -= way
-        over, (gradient, length) = self._remaining < 0, self._stretch()
+        over, (gradient, length) = self._remaining < 0, self._segment()
         self._coming.copy_(torch.where(over[:, None], gradient, self._coming))
         self._remaining.copy_(torch.where(over, length, self._remaining))
         if self.ledges is not None:
@@ -164,12 +164,12 @@ class Worlds:
         self.slope += (way / EDGE).clamp(max=1.0)[:, None] * (self._coming - self.slope)
         self._gravity.copy_(-self._weight * self.up())
 
-    def _stretch(self) -> tuple[torch.Tensor, torch.Tensor]:
-        """Draw gradient [rad], (n, 2), and length [m], (n,), of a stretch of ground for every world."""
+    def _segment(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """Draw gradient [rad], (n, 2), and length [m], (n,), of a segment of ground for every world."""
         n, device = len(self.slope), self.slope.device
         chance, drawn, aside, far = torch.rand(4, n, device=device)
         level, descent = chance < LEVEL_SHARE, chance > 1 - DESCENT_SHARE
-        towards = self._board()[1] + OBLIQUE * (2 * aside - 1)
+        towards = self._board()[1] + MAX_SLOPE_ANGLE * (2 * aside - 1)
         ahead = torch.stack((towards.cos(), towards.sin()), dim=-1)
         steepness = drawn.sqrt()  # the steeper, the more often: they are harder
         steepest = torch.where(descent, self.variation.descent, self.variation.slope)
@@ -201,7 +201,7 @@ class Worlds:
         return actions[steps_back(self.action_lag, substep), self._world]
 
     def sensed(self, frames: torch.Tensor) -> torch.Tensor:
-        """Return what the sensors tell the policy: late, off by their bias; what the policy told itself, at once.
+        """Return the sensor readings of the policy, delayed and with bias; its own last action and command without delay.
 
         Args:
             frames: The last three true frames, newest first, (3, n, 78).
@@ -212,7 +212,7 @@ class Worlds:
         return torch.where(self._measured, late, frames[0]) + self.bias
 
     def known(self) -> torch.Tensor:
-        """Return what the critic is told of its world, about within ±1, (n, `KNOWN`)."""
+        """Return the privileged numbers of each world for the critic, about within ±1, (n, `PRIVILEGED_SIZE`)."""
         lag = self.action_lag * (TIMESTEP / CONTROL_PERIOD) - 1
         friction = self._env.sim.model.geom_friction[:, self._sole, 0]
         one = (lag, self.sensor_lag, self.rolling, friction - 1, 5 * self.mass)
@@ -237,7 +237,7 @@ def worlds(env: "ManagerBasedRlEnv") -> Worlds | None:
 
 
 def draw_slope(env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None) -> None:
-    """Begin on a new stretch of ground."""
+    """Begin on a new segment of ground."""
     _there(env).draw_slope(torch.arange(env.num_envs, device=env.device) if env_ids is None else env_ids)
 
 

@@ -38,7 +38,7 @@ SENSORS = ("imu_ang_vel", "imu_lin_vel")
 EXTENT = 2.0
 """Size of what a camera looks at [m]; from the lane's own, MuJoCo would cut the robot off as too near."""
 
-BESIDE = (-0.03, 0.10)
+STANDING_PELVIS = (-0.03, 0.10)
 """Where the pelvis of a robot that stands with one foot on the deck is, from the board's middle, forward and left [m]."""
 DECK_TOP = 0.11
 """Height of the deck's upper face over the ground [m]."""
@@ -48,7 +48,7 @@ ROBOT, BOARD = "robot/", "board/"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneOptions:
-    """What can be chosen about the scene."""
+    """Options of the scene."""
 
     coupling: Coupling = "equality"
     """How tilt steers the trucks."""
@@ -116,7 +116,7 @@ def standing_state(model: mujoco.MjModel) -> Array:
     """
     qpos = model.qpos0.copy()
     robot = model.joint(f"{ROBOT}floating_base_joint").qposadr[0]
-    qpos[robot : robot + 7] = (*BESIDE, standing_height(), 1.0, 0.0, 0.0, 0.0)
+    qpos[robot : robot + 7] = (*STANDING_PELVIS, standing_height(), 1.0, 0.0, 0.0, 0.0)
     qpos[robot + 7 : robot + 30] = g1.default_pose()
     return qpos
 
@@ -166,7 +166,7 @@ def mjlab_scene(board: Board, options: SceneOptions, environments: int) -> "Scen
     robot = EntityCfg(
         spec_fn=_robot_child,
         init_state=EntityCfg.InitialStateCfg(
-            pos=(*BESIDE, standing_height()),
+            pos=(*STANDING_PELVIS, standing_height()),
             joint_pos=dict(zip(g1.JOINTS, g1.default_pose().tolist(), strict=True)),
         ),
         articulation=EntityArticulationInfoCfg(actuators=actuators, soft_joint_pos_limit_factor=0.9),

@@ -1,4 +1,4 @@
-"""The formats of logs: one a file of this folder, found by being there.
+"""Registry of log formats: one a file of this folder, discovered by its file.
 
 Such a file ends in `FORMAT = Format(...)`. A log is opened by the first format, in their order, that knows it
 by its first bytes, whatever its name ends in.

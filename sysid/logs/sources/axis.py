@@ -10,7 +10,7 @@ from sysid.roll import Array
 
 ONE_AXIS = 0.8
 """Share of the rotation about one axis from which on a motion counts as one-axis."""
-UPRIGHT = 0.8
+VERTICAL_COSINE = 0.8
 """Cosine between roll axis and vertical beyond which gravity tells too little of roll."""
 
 
@@ -65,7 +65,7 @@ def angle_about(axis: Array, up: Array) -> tuple[Array, Remarks] | None:
         up: Unit vectors against gravity in sensor axes, shape (n, 3).
     """
     mean = up.mean(axis=0)
-    if np.median(np.abs(up @ axis)) > UPRIGHT:
+    if np.median(np.abs(up @ axis)) > VERTICAL_COSINE:
         return None
     square = np.eye(3) - np.outer(axis, axis)
     facing = (square @ mean) / np.linalg.norm(square, axis=0).clip(1e-9)

@@ -18,17 +18,17 @@ from sysid.roll import Array
 
 TRIAD_UNITS = ("rad/s", "deg/s", "mrad/s", "mdeg/s")
 """Units that three-axis gyros write; a speed in rpm is that of a wheel, and its column says so."""
-STRETCH = 10.0
+RECORD_PART = 10.0
 """So much of the record about its liveliest second is looked at [s]."""
 WINDOW = 1.0
 """Over this long the gyro's offset turns gravity by a straight line [s]."""
 BANDWIDTH = 400.0
 """Faster records are averaged down to about this rate [Hz]: no deck turns within 5 ms."""
-EXPLAINED = 0.5
+MAX_LEFT_SHARE = 0.5
 """Share of the change of the accelerations that a unit leaves at most, to be the right one."""
-CLEARER = 1.2
+MIN_ERROR_RATIO = 1.2
 """By this factor the second best unit leaves more: with a longer arm, a smaller unit takes up all but the centripetal part."""
-LIKELIER = 50.0
+MIN_LIKELIHOOD_GAIN = 50.0
 """And twice its log likelihood is lower by this much: once in e^25 by chance."""
 LONGEST_ARM = 0.5
 """No sensor sits farther from the axis that a board rocks about [m]."""
@@ -55,7 +55,7 @@ def scale_by_gravity(time: Array, rates: Array, accel: Array) -> tuple[float, Re
         if beside < min(named) or not _clear(named, still, noise, accel.size):
             return None
         return RATE_UNITS[unit], warning(
-            f"rates taken as {unit}, because so they turn the accelerometer's vertical; no name says it. Say it with --unit"
+            f"rates taken as {unit}, as they match the turning of the accelerometer's vertical; no name gives their unit (else --unit)"
         )
     tried = [_left(time, size * rates, accel) for size in COUNTS]
     best = int(np.argmin(tried))
@@ -80,19 +80,19 @@ def _clear(left: Sequence[float], still: float, noise: float, count: int) -> boo
     """
     first, second = sorted(left)[:2]
     beyond = max(first - noise, 0.0)
-    surely = second - first > LIKELIER * first / count
-    return beyond < EXPLAINED * (still - noise) and second - noise > CLEARER * beyond and surely
+    surely = second - first > MIN_LIKELIHOOD_GAIN * first / count
+    return beyond < MAX_LEFT_SHARE * (still - noise) and second - noise > MIN_ERROR_RATIO * beyond and surely
 
 
 def _liveliest(time: Array, rates: Array, accel: Array) -> tuple[Array, Array, Array]:
-    """Return the liveliest `STRETCH` of a record, averaged down to about `BANDWIDTH`."""
+    """Return the liveliest `RECORD_PART` of a record, averaged down to about `BANDWIDTH`."""
     period = float(np.median(np.diff(time)))
     size = max(1, round(1 / (BANDWIDTH * period)))
     count = time.size // size
     time, rates, accel = (
         values[: count * size].reshape(count, size, -1).mean(axis=1) for values in (time, rates, accel)
     )
-    width = min(count, round(STRETCH / (size * period)))
+    width = min(count, round(RECORD_PART / (size * period)))
     energy = np.concatenate(([0.0], np.cumsum(np.sum(rates**2, axis=1))))
     start = int(np.argmax(energy[width:] - energy[:-width]))
     return time[start : start + width, 0], rates[start : start + width], accel[start : start + width]

@@ -1,4 +1,4 @@
-"""Roll from accelerometer and gyro together: gravity tells roll, the gyro bridges what shakes it."""
+"""Roll from accelerometer and gyro together: gravity gives the angle, the gyro its changes."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""The kinds of sensor that roll can be made from: one a file of this folder, found by being there.
+"""Registry of sensor kinds from which roll can be made: one a file of this folder, discovered by its file.
 
 Such a file ends in `SOURCE = Source(...)`. What a kind of sensor means for whoever uses the roll (whether its
 zero is known, what it measures) is written into the `Roll`, so that nobody need ask for the kind.
@@ -25,11 +25,11 @@ from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.logs.table.rows import LARGEST
 from sysid.roll import Array, Roll
 
-HARDLY, ALIKE = 0.2, 0.5
+MIN_MOTION_SHARE, MIN_CORRELATION = 0.2, 0.5
 """A column that turns less than this share of another, with less than this correlation, is not the deck's."""
-SAME = 0.9
+DUPLICATE_CORRELATION = 0.9
 """Correlation [1] from which two columns whose sizes agree as well are one motion written twice."""
-AVERAGED = (1, 4, 16)
+AVERAGED_ROWS = (1, 4, 16)
 """Rows that are averaged before two rates are compared: the slope of an angle is mostly noise from row to row."""
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
 """Units of a slide, whose position in m is what an angle in rad is of a hinge: only where the user says so, for other columns
@@ -162,11 +162,13 @@ def _that_moves(
     for source, choice in rivals:
         assert source.turning is not None
         turning.append(source.turning(choice, [data[name][sound] for name in choice.columns], period))
-    smooth = [[np.convolve(rate, np.ones(rows) / rows, "valid") for rate in turning] for rows in AVERAGED]
+    smooth = [
+        [np.convolve(rate, np.ones(rows) / rows, "valid") for rate in turning] for rows in AVERAGED_ROWS
+    ]
     sizes = np.array([[float(np.std(rate)) for rate in rates] for rates in smooth])
     best = int(np.argmax(np.median(sizes, axis=0)))
-    hardly = np.any(sizes[:, 0] < HARDLY * sizes[:, best])
-    if not hardly or max(_likeness(rates[0], rates[best]) for rates in smooth) > ALIKE:
+    hardly = np.any(sizes[:, 0] < MIN_MOTION_SHARE * sizes[:, best])
+    if not hardly or max(_likeness(rates[0], rates[best]) for rates in smooth) > MIN_CORRELATION:
         rates = {
             choice.columns[0]: rate
             for (_, choice), rate in zip(rivals, zip(*smooth, strict=True), strict=True)
@@ -187,14 +189,16 @@ def _with_rival(choice: Choice, rates: Mapping[str, Sequence[Array]]) -> Choice:
 
     Args:
         choice: As the names have it.
-        rates: Of every column [rad/s], averaged over `AVERAGED` rows, shape (n,) each.
+        rates: Of every column [rad/s], averaged over `AVERAGED_ROWS` rows, shape (n,) each.
     """
     (name, *_), degree = choice.columns, ANGLE_UNITS["deg"]
     for rival in choice.rivals:
         pairs = list(zip(rates[name], rates[rival], strict=True))
         times = float(np.median([np.std(other) / np.std(own) for own, other in pairs]))
-        as_far = any(abs(times * unit - 1) < 1 - SAME for unit in (1.0, degree, 1 / degree))
-        if times > HARDLY and not (as_far and max(_likeness(*pair) for pair in pairs) > SAME):
+        as_far = any(abs(times * unit - 1) < 1 - DUPLICATE_CORRELATION for unit in (1.0, degree, 1 / degree))
+        if times > MIN_MOTION_SHARE and not (
+            as_far and max(_likeness(*pair) for pair in pairs) > DUPLICATE_CORRELATION
+        ):
             told = f"roll is made from '{name}', but '{rival}' is as good by its name and turns {times:.2g} times as much"
             return choice.with_remarks(warning(f"{told}: --column '{rival}' takes that"))
     return choice

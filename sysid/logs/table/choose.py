@@ -15,7 +15,7 @@ AXIS_NAMES = {"roll": "x", "pitch": "y", "yaw": "z", "x": "x", "y": "y", "z": "z
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """Where roll is in a log."""
+    """The columns of time and roll in a log."""
 
     columns: tuple[str, ...]
     """One angle or rate; three rates x, y, z; three rates and three accelerations; or a quaternion w, x, y, z."""

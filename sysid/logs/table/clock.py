@@ -24,7 +24,7 @@ DAY, HOUR = 86400.0, 3600.0
 OWN_TIMES = 1e5
 """Times are kept as the log has them up to here [s], a day and a bit; later ones (since the epoch, since a robot was
 switched on last week) have too many digits to be typed, and count from the first sample."""
-SURE = 0.4
+MAX_STEP_ERROR = 0.4
 """Share [1] of a sample by which a step may be off a whole number of them that it surely spans."""
 WINDOW = 64
 """Rows over which the step of the stamps is averaged before it is judged: longer than most bursts."""
@@ -279,7 +279,7 @@ def _even_times(time: Array) -> Array | None:
     lengths = steps / float(np.median(steps) or np.inf)
     whole = np.round(lengths)
     # Each step says how many samples it spans, unless more are lost than are there: those come in bursts.
-    if whole.min() > 0 and whole.sum() < 2 * count and np.abs(lengths - whole).max() < SURE:
+    if whole.min() > 0 and whole.sum() < 2 * count and np.abs(lengths - whole).max() < MAX_STEP_ERROR:
         index = np.append(0.0, np.cumsum(whole))
         period, start = np.polyfit(index, time, 1)
         return start + period * index

@@ -1,4 +1,4 @@
-"""Columns without names: what the numbers themselves say."""
+"""Columns without names: their quantity from the numbers themselves."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What a column's name says: quantity, axis and unit.
+"""Quantity, axis and unit from a column's name.
 
 Names come from phones, robots and spreadsheets: `roll_deg`, `gyroX (rad/s)`, `angular_velocity.x`,
 `Gyroscope x (rad/s)`, `ax`. A name is cut into words, its unit is taken off, and the words that are

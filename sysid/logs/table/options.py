@@ -1,4 +1,4 @@
-"""What the user says about a log instead of leaving it to inference."""
+"""Options with which the user overrides what is inferred of a log."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from sysid.video.options import VideoOptions
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogOptions:
-    """What the user says about a log instead of leaving it to inference."""
+    """Options with which the user overrides what is inferred of a log."""
 
     column: str | None = None
     """The column to read roll from: its name, or its number counted from 1."""

@@ -11,23 +11,23 @@ from sysid.noise.sensor import quantisation_step
 from sysid.roll import Array, shown
 from sysid.text import count
 
-SIDE = 4
+NEIGHBOURS = 4
 """Neighbours on either side that say where a sample belongs: a parabola through eight leaves five degrees of freedom."""
-NEAR = 5
+PAIR_ROWS = 5
 """Two outliers within so many rows are tested together, or each would hide the other; three may be a motion."""
-FAR = 15.0
+MIN_DISTANCE = 15.0
 """Studentised distance from the neighbours' parabola from which a sample is an outlier [1]. Swings with 2.5 samples a period or
 more, kinks, steps and jittering clocks stay below 7; so do the knocks of all logs at hand, and noise, which is measured over
 the whole log as well, never comes near."""
-SPARSE = 1.5
+MAX_GAP_RATIO = 1.5
 """Neighbours may last this many times as long as without a lost row; what lies alone in a gap may well be a motion."""
-BEND = 0.6745 * 70**0.5
+FOURTH_DIFFERENCE = 0.6745 * 70**0.5
 """Median size of the fourth difference of white noise [its standard deviation]: the squares of its coefficients add up to 70."""
-FINEST = 1e-6
+ROUNDING_SHARE = 1e-6
 """Share of the motion that rounding may make even of a log without noise."""
 CHUNK = 50_000
 """Rows tested at a time: bounds the memory."""
-SHOWN = 5
+MAX_LISTED = 5
 """Outliers told one by one."""
 
 
@@ -47,8 +47,8 @@ def measured_motion(
         distance = lone_outliers(time, signal, rate=rates)
         rows = np.flatnonzero(distance)
         if rows.size:
-            told = [f"{distance[row]:+.3g} at {shown(float(time[row]))}" for row in rows[:SHOWN]]
-            told += [f"and {rows.size - SHOWN} more"] if rows.size > SHOWN else []
+            told = [f"{distance[row]:+.3g} at {shown(float(time[row]))}" for row in rows[:MAX_LISTED]]
+            told += [f"and {rows.size - MAX_LISTED} more"] if rows.size > MAX_LISTED else []
             remarks += warning(
                 f"{count(rows.size, 'lone sample')} of '{name}' far beside the neighbours "
                 f"({', '.join(told)}{f'; {unit}' if unit else ''}): no motion does that, left out. "
@@ -70,25 +70,25 @@ def lone_outliers(time: Array, signal: Array, *, rate: bool) -> Array:
         rate: Whether it is a rate: two rows in a row may be half a swing from rest to rest; of an angle they would be a whole one.
     """
     found = np.zeros(signal.size)
-    if signal.size < 2 * SIDE + NEAR:
+    if signal.size < 2 * NEIGHBOURS + PAIR_ROWS:
         return found
     # 6 times the distance of one outlier; of two that are close it may be nothing in one of them
     bends = np.zeros(signal.size)
     bends[2:-2] = np.abs(np.diff(signal, 4))
     low, high = np.percentile(signal, (1, 99))
-    noise = float(np.median(bends)) / BEND
-    scale = max(noise, quantisation_step(np.diff(signal)), FINEST * float(high - low))
-    suspect = bends > FAR * scale
-    for apart in (0, *range(2 if rate else 1, NEAR)):
-        outliers = np.unique((0, apart)) + SIDE
-        first = np.arange(signal.size - 2 * SIDE - apart)
+    noise = float(np.median(bends)) / FOURTH_DIFFERENCE
+    scale = max(noise, quantisation_step(np.diff(signal)), ROUNDING_SHARE * float(high - low))
+    suspect = bends > MIN_DISTANCE * scale
+    for apart in (0, *range(2 if rate else 1, PAIR_ROWS)):
+        outliers = np.unique((0, apart)) + NEIGHBOURS
+        first = np.arange(signal.size - 2 * NEIGHBOURS - apart)
         first = first[np.logical_or.reduce([suspect[first + place] for place in outliers])]
         for rows in np.array_split(first, range(CHUNK, first.size, CHUNK)):
-            window = rows[:, None] + np.arange(2 * SIDE + apart + 1)
+            window = rows[:, None] + np.arange(2 * NEIGHBOURS + apart + 1)
             lasting = time[window[:, -1]] - time[window[:, 0]]
-            window = window[lasting <= SPARSE * (window.shape[1] - 1) * usual_step(time)]
+            window = window[lasting <= MAX_GAP_RATIO * (window.shape[1] - 1) * usual_step(time)]
             distance, studentised = _beside(time[window], signal[window], outliers, scale)
-            far = studentised.min(axis=1) > FAR
+            far = studentised.min(axis=1) > MIN_DISTANCE
             found[window[far][:, outliers]] = distance[far]
     return found
 

@@ -1,4 +1,4 @@
-"""What reading a log has to say: what was inferred, and what is wrong."""
+"""Notes and warnings of reading a log: what was inferred, and what is wrong."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Which rows of a log are measurements: those with numbers in them that are no glitches and stand for nothing else."""
+"""Which rows of a log are measurements: those with numbers that are neither glitches nor placeholders."""
 
 from collections.abc import Mapping
 
@@ -11,7 +11,7 @@ from sysid.roll import Array
 
 LARGEST, LARGEST_STAMP = 1e12, 1e21
 """Beyond these a signal or a time stamp is damage, not a number [the log's unit]; nanoseconds since 1970 are 1.8e18."""
-APART = 3.0
+MAX_RANGE_RATIO = 3.0
 """What lies farther from all other values than this many times their whole range is no motion of the same deck: the
 first swing after a hold at rest is at most once as far away as the hold."""
 GLITCHES, GLITCH_SHARE = 10, 1 / 500
@@ -89,7 +89,7 @@ def _far(signal: Array) -> npt.NDArray[np.intp]:
     low, high = float(signal.min()), float(signal.max())
     inner = np.percentile(signal[:: max(1, count // SAMPLE)], (1, 99))
     stand_ins = low in STAND_INS or high in STAND_INS
-    if not stand_ins and max(inner[0] - low, high - inner[1]) <= APART * (inner[1] - inner[0]):
+    if not stand_ins and max(inner[0] - low, high - inner[1]) <= MAX_RANGE_RATIO * (inner[1] - inner[0]):
         return none  # the usual case, told from a few thousand values
     missing = np.zeros(count, dtype=np.bool_)
     for value in STAND_INS:
@@ -106,7 +106,7 @@ def _far(signal: Array) -> npt.NDArray[np.intp]:
     for start, end in zip(edges[::2], edges[1::2], strict=True):
         if end - start > GLITCH_ROWS and not missing[start:end].all():
             far[start:end] = False
-    reach = APART * (high - low)
+    reach = MAX_RANGE_RATIO * (high - low)
     far &= (signal < low - reach) | (signal > high + reach)
     return np.flatnonzero(far)
 
@@ -121,7 +121,7 @@ def _dense_range(signal: Array, most: int) -> tuple[float, float]:
     while grown and high > low:
         grown = False
         for tail in (below, above):
-            while tail and max(low - tail[0], tail[0] - high) <= APART * (high - low):
+            while tail and max(low - tail[0], tail[0] - high) <= MAX_RANGE_RATIO * (high - low):
                 low, high, grown = min(low, tail[0]), max(high, tail[0]), True
                 tail.pop(0)
     return (low, high) if high > low else (float(signal.min()), float(signal.max()))

@@ -75,14 +75,14 @@ def test_the_cycle_is_40_10_45_5_percent_of_six_seconds():
     assert np.all(together == 1)
 
 
-def test_half_of_the_episodes_begin_at_rest_and_the_others_in_each_stretch_alike():
+def test_half_of_the_episodes_begin_at_rest_and_the_others_in_each_phase_alike():
     clock, steps = Clock(mount=24), np.arange(294)
     chances = Start().chances(clock)
     assert chances[0] == pytest.approx(0.5)
     assert np.all(chances >= 0)
     rolls = steps > 0
-    for stretch in (clock.pushing, clock.mounting, clock.steering, clock.dismounting):
-        assert chances[stretch(steps) & rolls].sum() == pytest.approx(0.125)
+    for phase in (clock.pushing, clock.mounting, clock.steering, clock.dismounting):
+        assert chances[phase(steps) & rolls].sum() == pytest.approx(0.125)
     assert np.all(chances[clock.mounting(steps) | clock.dismounting(steps)] > 0)
     assert AT_REST.chances(clock)[0] == 1.0
     for shares in ({"steering": -0.1}, {"mounting": 0.7}):

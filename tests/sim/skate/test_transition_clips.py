@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from transition_check import transition_facts
 
-from policy_runtime.learning.style_reference import STRETCHES, style_reference, transition_folder
+from policy_runtime.learning.style_reference import PHASES, style_reference, transition_folder
 from policy_runtime.motion.motions import load_motions
 from sim.skate.cycle.clock import CONTROL_PERIOD, Clock
 from sim.skate.options import SkateOptions
@@ -86,17 +86,17 @@ def test_files_are_what_the_script_makes(model):
         np.testing.assert_allclose(made.joints, stored.joints, atol=2e-3)
 
 
-def test_reference_windows_say_their_stretch_where_more_than_one_is_taught_by_style():
+def test_reference_windows_say_their_phase_where_more_than_one_is_taught_by_style():
     plain = style_reference(SkateOptions())
     assert plain.shape[1] == 115
     both = style_reference(SkateOptions(transition="style"))
     assert both.shape[1] == 118
     np.testing.assert_array_equal(both[: len(plain), :115], plain)
-    of = [STRETCHES[i] for i in both[:, 115:].argmax(axis=1)]
-    assert of == sorted(of, key=STRETCHES.index)  # grouped, as the learner samples them
+    of = [PHASES[i] for i in both[:, 115:].argmax(axis=1)]
+    assert of == sorted(of, key=PHASES.index)  # grouped, as the learner samples them
     np.testing.assert_array_equal(both[:, 115:].sum(axis=1), 1)
     lengths = {name: len(clip.joints) - 4 for name, clip in CLIPS.items()}
-    for stretch in ("mount", "dismount"):
-        assert of.count(stretch) == sum(n for name, n in lengths.items() if name.startswith(stretch))
+    for phase in ("mount", "dismount"):
+        assert of.count(phase) == sum(n for name, n in lengths.items() if name.startswith(phase))
     alone = style_reference(SkateOptions(pushing="gait", transition="style"))
     assert set(alone[:, 115:].argmax(axis=1)) == {1, 2}

@@ -83,7 +83,7 @@ def test_pushing_by_tracking_follows_the_clip_nearest_in_speed():
         pass
 
 
-def test_transitions_by_style_have_windows_of_every_stretch_and_no_path():
+def test_transitions_by_style_have_windows_of_every_phase_and_no_path():
     import torch
 
     from policy_runtime.learning.style_reference import style_reference
@@ -222,19 +222,19 @@ def test_fused_rewards_are_mjlabs_to_the_last_bit(monkeypatch):
         env.step(torch.zeros(WORLDS, 23))
 
 
-@pytest.mark.parametrize(("stretch", "before"), [("mounting", 0), ("dismounting", 1)])
-def test_who_begins_in_a_transition_is_where_the_clip_is(stretch, before):
+@pytest.mark.parametrize(("phase", "before"), [("mounting", 0), ("dismounting", 1)])
+def test_who_begins_in_a_transition_is_where_the_clip_is(phase, before):
     import torch
 
     from sim.skate.mdp.measuring import measure
     from sim.skate.mdp.observations import skate_command
     from sim.skate.world.cycle import load_cycle
 
-    start = replace(AT_REST, **{stretch: 1.0}, speed=(1.0, 1.0), position_noise=0.0, joint_noise=0.0)
+    start = replace(AT_REST, **{phase: 1.0}, speed=(1.0, 1.0), position_noise=0.0, joint_noise=0.0)
     with worlds(start=start, speed=(0.5, 1.5), pushes=0.0) as env:
         command, reading = skate_command(env), skate_command(env).reading
-        index = ("pushing", "mounting", "steering", "dismounting").index(stretch)
-        assert command.stretches[index].all()
+        index = ("pushing", "mounting", "steering", "dismounting").index(phase)
+        assert command.phases[index].all()
         robot = env.sim.data.qpos[:, reading.robot_q : reading.robot_q + 30].clone()
         robot[:, 2] -= reading.axis_height
         clip = torch.tensor(load_cycle(command.clock), dtype=torch.float)[command.step]
@@ -262,8 +262,8 @@ def test_episodes_begin_where_the_shares_have_them():
         clock, begin = skate_command(env).clock, env.event_manager.get_term_cfg("begin")
         step = torch.stack([begin.func.draw().step for _ in range(1000)])
         assert 0.47 < float((step == 0).float().mean()) < 0.53
-        for stretch in (clock.pushing, clock.mounting, clock.steering, clock.dismounting):
-            assert 0.11 < float((stretch(step) & (step > 0)).float().mean()) < 0.14
+        for phase in (clock.pushing, clock.mounting, clock.steering, clock.dismounting):
+            assert 0.11 < float((phase(step) & (step > 0)).float().mean()) < 0.14
 
 
 def test_until_a_turn_is_told_the_course_is_straight_on_seen_and_paid_for():
@@ -403,7 +403,7 @@ def test_perturbed_transitions_on_the_other_board():
 
         # All begin within mounting or steering, these in the perturbed pose, and everything rolls along.
         steers = command.steering
-        assert (steers | command.stretches[1]).all()
+        assert (steers | command.phases[1]).all()
         offset = reading.joint_position()[steers].numpy() - load_poses()["steer"].joints
         assert np.abs(offset - 0.05).max() <= 0.01 + 1e-6
         speed = reading.board_velocity()[:, 0]

@@ -101,7 +101,7 @@ def test_ground_is_level_sloped_or_goes_down_ahead_for_a_while(env, worlds):
     worlds._env.sim.data.qpos[:, worlds._board_q + 3] = math.cos(0.15)
     worlds._env.sim.data.qpos[:, worlds._board_q + 6] = math.sin(0.15)
     gradient, length = (
-        torch.cat(parts) for parts in zip(*(worlds._stretch() for _ in range(60)), strict=True)
+        torch.cat(parts) for parts in zip(*(worlds._segment() for _ in range(60)), strict=True)
     )
     env.reset()
     level = (gradient == 0).all(dim=-1)
@@ -211,7 +211,7 @@ def test_one_in_six_is_told_to_stand_and_three_in_ten_to_go_slowly_by_the_streng
 
 
 @pytest.mark.slow
-def test_the_ground_goes_over_to_the_next_stretch_at_an_edge(env, worlds):
+def test_the_ground_goes_over_to_the_next_segment_at_an_edge(env, worlds):
     env.reset()
     worlds.slope.zero_()
     worlds._coming.zero_()
@@ -219,7 +219,7 @@ def test_the_ground_goes_over_to_the_next_stretch_at_an_edge(env, worlds):
     down = torch.tensor([-0.1, 0.0]).expand(32, 2), torch.full((32,), 9.0)
     velocity = env.sim.data.qvel
     velocity[:, worlds._board_v : worlds._board_v + 2] = torch.tensor([0.6, -0.8])  # 2 cm a step
-    worlds._stretch = lambda: down
+    worlds._segment = lambda: down
     try:
         worlds.roll_on()
         assert not worlds.slope.any()
@@ -229,7 +229,7 @@ def test_the_ground_goes_over_to_the_next_stretch_at_an_edge(env, worlds):
         for _ in range(100):
             worlds.roll_on()
     finally:
-        del worlds._stretch
+        del worlds._segment
     assert (worlds.slope[:, 0] < -0.099).all()
     gravity = worlds._gravity
     torch.testing.assert_close(

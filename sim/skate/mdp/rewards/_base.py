@@ -1,4 +1,4 @@
-"""What a reward is: a function of the state, where in the cycle it counts, and how much."""
+"""A reward term: a function of the state, the phase of the cycle in which it counts, and its weight."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -8,13 +8,13 @@ from sim.skate.arrays import namespace
 from sim.skate.cycle.push_clips import PushClip
 from sim.skate.options import SkateOptions
 
-Stretch = Literal["push", "steer", "transition", "not-push", "not-steer", "moving", "still", "always"]
+Phase = Literal["push", "steer", "transition", "not-push", "not-steer", "moving", "still", "always"]
 """When a reward counts. 'not-steer' includes standing still."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
-    """What weights and arguments may hang on."""
+    """What weights and arguments may depend on."""
 
     options: SkateOptions
     """The variant of the task."""
@@ -31,10 +31,10 @@ class Reward:
     """One term of the sum."""
 
     name: str
-    """In curves and messages: stretch/what."""
+    """In curves and messages: phase/what."""
     value: Callable[..., Any]
     """The state (`SkateState`) and `arguments` to what is paid before weight and time step, shape (n,)."""
-    when: Stretch
+    when: Phase
     weight: float
     """Per second."""
     arguments: Mapping[str, Any] = field(default_factory=dict[str, Any])

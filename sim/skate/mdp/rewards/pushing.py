@@ -16,7 +16,7 @@ def board_velocity(state: SkateState, tolerance: float = 0.25) -> Any:
 
 
 def speed_error(state: SkateState, most: float = 2.0) -> Any:
-    """How far the board's speed is from what was told [m/s], up to `most`: it pays to brake however fast one is."""
+    """Error of the board's speed [m/s], up to `most`: braking pays at any speed below that."""
     xp = namespace(state.tilt)
     return xp.clip(xp.abs(state.board_velocity[..., 0] - state.commanded_speed), None, most)
 
@@ -32,7 +32,7 @@ def air_time(state: SkateState, shortest: float = 0.1, longest: float = 0.5) -> 
 
 
 def hasty_swing(state: SkateState, too_fast: float = 0.05) -> Any:
-    """What a swing earns where the board is faster than told by more than `too_fast` [m/s]: braking shall cost none.
+    """Reward of a swing while the board is over `too_fast` [m/s] too fast, to be taken back: braking costs nothing.
 
     Where braking was paid like a swing, policies rode 0.1 m/s too fast to be paid for both; with 0.1 m/s they
     rode 0.08 too fast.

@@ -1,4 +1,4 @@
-"""In every stretch: the board rolls on its wheels, the robot stands where it shall and moves no more than it must."""
+"""In every phase: the board rolls on its wheels, the robot stands where it shall and moves no more than it must."""
 
 from collections.abc import Iterator
 from typing import Any
