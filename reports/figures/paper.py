@@ -9,6 +9,9 @@ from reports.figures.palette import BAD, SERIES, SIM
 from sysid.files import write_figure
 from sysid.roll import Array
 
+DASHES = ("-", "--", ":")
+"""Of lines, once all colours are taken."""
+
 
 def trajectories_figure(panels: Sequence[tuple[str, Sequence[Array]]], path: Path) -> None:
     """Draw paths of the board, one panel for each policy and board: x [m], y [m] and heading [rad], shape (t, 3) each."""
@@ -44,13 +47,16 @@ def curves_figure(
     for axis, (column, title, unit) in zip(axes.flat, columns, strict=True):
         for i, (name, rows) in enumerate(curves.items()):
             values = np.array([[row["iteration"], row.get(column, np.nan)] for row in rows])
-            axis.plot(*values.T, color=SERIES[i % len(SERIES)], lw=1.1, label=name)
+            dashes = DASHES[i // len(SERIES) % len(DASHES)]
+            axis.plot(*values.T, dashes, color=SERIES[i % len(SERIES)], lw=1.1, label=name)
         axis.set_title(title if unit == "1" else f"{title} [{unit}]", loc="left", fontsize=10)
         axis.grid(alpha=0.3)
         axis.set_ylim(0, None)
     for axis in axes[-1]:
         axis.set_xlabel("iteration")
-    axes.flat[0].legend(fontsize=8, frameon=False)
+    figure.legend(
+        *axes.flat[0].get_legend_handles_labels(), loc="outside right center", fontsize=8, frameon=False
+    )
     write_figure(path, figure, dpi=120)
 
 
