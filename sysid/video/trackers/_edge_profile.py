@@ -12,6 +12,9 @@ PIECES = 16
 """Points along an edge that are told apart."""
 MIN_WIDTH = 0.5
 """Least standard deviation of a step of brightness: no lens is sharper than its pixels [px]."""
+MIN_APART, HALO = 2.0, 0.3
+"""Distance of a step that rises and one that falls below which neither shows where it is [px], and how much of the stronger one the other
+must be: where it is less it is the halo by which cameras sharpen an edge."""
 ROUNDS = 4
 """Times that a step is looked for about where it was found."""
 
@@ -47,7 +50,11 @@ def find_pieces(
     profile = seen.astype(np.float64).reshape(len(ends), PIECES, profiles, -1).mean(axis=2)
     step, offset = np.array(ways)[:, None, None, None] * np.diff(profile, axis=2), offset[:-1] + 0.5
     place, rise = _steepest(step, offset, window)
-    place = np.where((rise < faintest) | (np.abs(place) > reach), np.nan, place)
+    faint = (rise < faintest) | (np.abs(place) > reach)
+    if len(ways) > 1:
+        blended = np.ptp(np.where(faint, np.nan, place), axis=0) < MIN_APART
+        faint |= blended & (HALO * rise < rise.min(axis=0))
+    place = np.where(faint, np.nan, place)
     return feet.reshape(len(ends), PIECES, profiles, 2).mean(axis=2) + place[..., None] * normal
 
 

@@ -13,7 +13,16 @@ import numpy as np
 
 from sysid.roll import Array
 from sysid.video.film.survey import Survey
-from sysid.video.trackers.edge.brightness_steps import Steps, leave_out_still, scale_of, steps_of
+from sysid.video.trackers.edge.brightness_steps import (
+    ATTITUDE_STEP,
+    MAX_SLOPE,
+    Steps,
+    leave_out_still,
+    scale_of,
+    steps_of,
+    turned,
+)
+from sysid.video.trackers.edge.sides import axis_vanishes_at
 from sysid.video.types import Box, Image, Rows
 
 Grid = tuple[Array, Array]
@@ -23,15 +32,10 @@ MIN_LENGTH = 0.06
 """Shortest edge that is followed, as a share of the picture's width."""
 MAX_EDGES = 4
 """Edges that are followed at most."""
-MAX_SLOPE = 8.0
-"""Slope of brightness beyond which more is no better [grey levels/px]: the deck's end against its own upper side
-tells as much as against a bright wall."""
 STRAIGHT_LENGTH = 15
 """Length over which brightness must step alike, so that it is an edge rather than texture [px]."""
 PIVOT_GRID = (9.0, 18.0)
 """How near to the pivot, across and down, pictures turned back begin to coincide, in small pictures [px]."""
-ATTITUDE_STEP = np.radians(3.0)
-"""Turns within this are one attitude [rad]."""
 GRID_ACROSS, GRID_DOWN = 3.0, 1.0
 """Steps of the grid that turns with the deck [px]."""
 COARSER = 3
@@ -68,6 +72,8 @@ class DeckEnd:
     """Left and right end of each [px], from the pivot, shape (E, 2, 2)."""
     turns: Array
     """Slope of the lines in each picture [rad]."""
+    vanishing: Array | None = None
+    """Where the axis that they turn about vanishes [px], shape (2,); None where no long sides show that."""
 
 
 def find_deck_end(look: Survey) -> DeckEnd | None:
@@ -117,7 +123,10 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
             shown = shown_on(grid)
         turns = turns + _own_turns(shown, mean)
     ends = _lines(_in_most_attitudes(shown_on(grid), turns), *grid, MIN_LENGTH * width)
-    return DeckEnd(pivot, ends, turns) if len(ends) else None
+    if not len(ends):
+        return None
+    vanishing = axis_vanishes_at(every, pivot + shifts, ends, turns, np.array(look.moving.shape[::-1]))
+    return DeckEnd(pivot, ends, turns, vanishing)
 
 
 def _rough_slopes(every: list[Steps], box: Box) -> Array:
@@ -173,17 +182,6 @@ def _attitudes(turns: Array) -> Array:
     number = np.round((turns - turns.min()) / ATTITUDE_STEP).astype(int)
     weight = 1 / np.sqrt(np.bincount(number)[number])
     return weight / weight.sum()
-
-
-def turned(place: Array, turn: Array | float) -> Array:
-    """Turn places [px], shape (..., 2), about the origin, clockwise in the picture.
-
-    Args:
-        place: [px], shape (..., 2).
-        turn: [rad], of a shape that broadcasts with places' axes but the last, as shape (m,) with (m, 2).
-    """
-    z = (place[..., 0] + 1j * place[..., 1]) * np.exp(1j * np.asarray(turn))
-    return np.stack([z.real, z.imag], axis=-1)
 
 
 def _grid(half: Array, step: Array) -> Grid:
