@@ -20,7 +20,13 @@ ROUNDS = 4
 
 
 def find_pieces(
-    frame: Frame, ends: Array, reach: float, faintest: float, window: float, ways: tuple[int, ...] = (1,)
+    frame: Frame,
+    ends: Array,
+    reach: float,
+    faintest: float,
+    window: float,
+    ways: tuple[int, ...] = (1,),
+    bends: Array | None = None,
 ) -> Array:
     """Move points evenly along edges onto the brightness steps nearby that rise across them.
 
@@ -33,6 +39,7 @@ def find_pieces(
         window: Width of what tells where a step is, in widths of the step: 1 is best against noise, more where contrast leaves that
             small beside what the pixels' grid does to an edge along it.
         ways: 1 for steps that rise, -1 for those that fall.
+        bends: How far beside the line between the ends each piece is, against the normal [px], shape (m, PIECES).
 
     Returns:
         Shape (ways, m, PIECES, 2) [px]; NaN where there is no such step.
@@ -43,6 +50,10 @@ def find_pieces(
     share = (np.arange(PIECES * profiles)[:, None] + 0.5) / (PIECES * profiles)
     feet = ends[:, None, 0] + share * along
     normal = along[..., ::-1] * [1, -1] / length
+    if bends is not None:
+        middles = (np.arange(PIECES) + 0.5) / PIECES
+        beside = np.array([np.interp(share[:, 0], middles, one) for one in bends])
+        feet = feet - beside[..., None] * normal
     offset = np.arange(-np.ceil(reach) - 1, np.ceil(reach) + 2)
     samples = feet[:, :, None] - frame.corner + offset[:, None] * normal[:, :, None]
     x, y = np.moveaxis(samples.astype(np.float32).reshape(-1, len(offset), 2), 2, 0)

@@ -63,11 +63,11 @@ class EdgeFollower:
         fits = np.zeros(self.points, bool)
         for reach in (2 * EDGE_REACH, EDGE_REACH, EDGE_REACH):
             place = centre + turned(self.end.ends + np.array([0.0, shift]), turn)
-            steps = find_pieces(frame, place, reach, MIN_CONTRAST, 1.0, (1, -1))
+            steps = find_pieces(frame, place, reach, MIN_CONTRAST, 1.0, (1, -1), self.end.bends)
             x, y = np.moveaxis(turned(steps - centre, -turn), -1, 0)
             x, y = np.stack(2 * [np.fmax(*x)]), np.stack([np.fmax(*y), np.fmin(*y)])
             points = centre + turned(np.stack([x, y], axis=-1), turn)
-            off = y - self.end.ends[:, :1, 1] - shift
+            off = y - self.end.ends[:, :1, 1] - self.end.bends - shift
             more, further, fits = _line(x.ravel(), off.ravel())
             turn, shift = turn + more, shift + further
             if reach == EDGE_REACH and abs(further) + abs(more) * radius < CONVERGED:
@@ -105,6 +105,8 @@ class EdgeFollower:
         """How much of the edges a picture shows at some turns and shifts, shape (T, S)."""
         share = np.linspace(0.0, 1.0, EDGE_SAMPLES)[:, None]
         line = self.end.ends[:, None, 0] + share * (self.end.ends[:, 1] - self.end.ends[:, 0])[:, None]
+        middles = (np.arange(PIECES) + 0.5) / PIECES
+        line[..., 1] += np.array([np.interp(share[:, 0], middles, one) for one in self.end.bends])
         moved = line + shifts[:, None, None, None] * [0.0, 1.0]  # (S, E, P, 2)
         every = turns[:, None, None, None]
         step = steps.across(centre + turned(moved, every), every)
