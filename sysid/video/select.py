@@ -242,7 +242,7 @@ def _fault(one: Followed) -> str | None:
     state = one.found.camera_state
     if np.any(np.abs(state.value - one.before.value)[:2] > MAX_ASIDE * one.before.std[:2]):
         return f"{what} turns about an axis that no camera behind a board looks along"
-    if one.target.shows_body and one.found.noise > MAX_NOISE:
+    if one.target.shows_body and not one.target.shows_level and one.found.noise > MAX_NOISE:
         return f"{what} lies at several depths or bends: its points are {one.found.noise:.1f} px off when it rests"
     if one.target.shows_body and _strays(one.track, one.found.angle):
         return f"{what} moves along rather than turns about a point: a foot, a hand, or a camera that moves"

@@ -5,7 +5,7 @@ body it lies and however that is turned; the middle of the picture would be ther
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -101,9 +101,10 @@ def axis_vanishes_at(
         return None
     sides = REACH * float(size.max()) * np.linspace(-1, 1, COUNT)
     tried = (size - 1) / 2 + np.stack(np.meshgrid(sides, sides), -1)
-    score = np.array([
-        [np.sqrt(lines.both(there, WIDTHS[0])).mean() for there in row] for row in tried
-    ]).astype(np.float32)  # fmt: skip
+    few = replace(lines, place=lines.place[::3], normal=lines.normal[::3], group=lines.group[::3])
+    score = np.array(
+        [[np.sqrt(few.both(there, WIDTHS[0])).mean() for there in row] for row in tried], np.float32
+    )
     tops = np.where(score == cv2.dilate(score, np.ones((3, 3))), score, 0).ravel()
     best, place = -1.0, tried[0, 0]
     for number in np.argsort(-tops)[:CANDIDATES]:
@@ -141,12 +142,9 @@ def _lines(every: Sequence[Steps], pivots: Array, ends: Array, turns: Array) -> 
 
 def _in_most(cell: Array, attitude: Rows, attitudes: int) -> Mask:
     """Return of which of m steps of brightness the cell, shape (m, 2) [1], holds one in most attitudes."""
+    if not len(cell):
+        return np.zeros(0, np.bool_)
     column, row = (cell - cell.min(axis=0)).astype(int).T
     code = column + (column.max() + 1) * row
-    seen = (
-        np.bincount(attitudes * code + attitude, minlength=attitudes * (code.max() + 1)).reshape(
-            -1, attitudes
-        )
-        > 0
-    )
-    return np.asarray(seen.mean(axis=1)[code] > ALWAYS, np.bool_)
+    steps = np.bincount(attitudes * code + attitude, minlength=attitudes * (code.max() + 1))
+    return np.asarray((steps.reshape(-1, attitudes) > 0).mean(axis=1)[code] > ALWAYS, np.bool_)
