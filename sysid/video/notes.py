@@ -51,11 +51,11 @@ def inferred(
     camera = found.camera_state
     if options.camera_angle is not None:
         yield "axis: its direction as given"
-    elif target.finds_direction:
+    elif target.direction_from:
         yaw, pitch = np.degrees(camera.value[:2])
         yield (
             f"axis: {yaw:+.1f}° to the right of and {pitch:+.1f}° below the line of sight "
-            f"(± {2 * np.degrees(camera.std[:2].max()):.1f}°), from how the points move"
+            f"(± {2 * np.degrees(camera.std[:2].max()):.1f}°), from {target.direction_from}"
         )
     if track.shake.found and track.shake.significant:
         yield f"shake: {np.degrees(track.shake.size):.2g}° of the camera's, taken out by the background"

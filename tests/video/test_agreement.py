@@ -101,21 +101,22 @@ def test_an_angle_that_contradicts_itself_or_is_vague_is_none():
     assert "the edge tells the angle to ±20° only" in fault(ROLL, np.radians(10.0))
 
 
-def test_what_is_carried_past_is_no_board():
+def test_what_is_carried_past_or_lies_at_several_depths_is_no_board():
     turned = np.exp(1j * ROLL)[:, None] * np.array([150 + 20j, -150 + 10j])
     passing = 200 * np.sin(3 * TIME)[:, None] + 0.1 * turned
-    for path, fault in (
-        (turned, None),
-        (turned + 4 * np.sin(5 * TIME)[:, None], None),
-        (passing, "moves along"),
+    for path, noise, fault in (
+        (turned, 0.2, None),
+        (turned + 4 * np.sin(5 * TIME)[:, None], 0.2, None),
+        (passing, 0.2, "moves along"),
+        (turned, 0.4, "several depths"),
     ):
         points = np.stack([path.real + 640, path.imag + 360], axis=-1).astype(np.float32)
         track = Track(TIME, points, still(90, 1000.0, 640 + 360j), np.arange(90), 0)
         one = Followed(
-            SimpleNamespace(what="texture", shows_body=True),
+            SimpleNamespace(what="texture", shows_body=True, shows_level=False),
             track,
             CAMERA,
-            SimpleNamespace(angle=ROLL, std=np.full(90, 0.01), camera_state=CAMERA),
+            SimpleNamespace(angle=ROLL, std=np.full(90, 0.01), camera_state=CAMERA, noise=noise),
         )
         assert (_fault(one) is None) if fault is None else fault in _fault(one)
 

@@ -11,7 +11,7 @@ from sysid.video.film.track import Track
 from sysid.video.pose.angle import fit_angle
 from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.prior import BodyPrior
-from sysid.video.pose.rectify import rectify
+from sysid.video.pose.rectify import project, rectify, upright
 from sysid.video.pose.view import View
 from sysid.video.trackers.dots import fit_pivot
 
@@ -208,3 +208,17 @@ def test_a_second_release_hides_no_swing_that_is_too_fast(fps):
     assert frames_per_period(time, roll, np.full(len(time), 1e-3)) == pytest.approx(
         2 * np.pi / 40 * fps, rel=0.05
     )
+
+
+def test_what_is_level_stays_level_for_a_camera_that_pans_and_tilts():
+    """Half of yaw times pitch is the turn about the line of sight that the shortest way to the axis would leave: 0.6° here."""
+    pan, tilt = 0.17, 0.12
+    turn_aside = np.array([[np.cos(pan), 0, -np.sin(pan)], [0, 1, 0], [np.sin(pan), 0, np.cos(pan)]])
+    turn_down = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
+    camera = turn_down @ turn_aside
+    axis = camera @ [0, 0, 1]
+    off = np.arccos(axis[2]) / np.hypot(*axis[:2]) * axis[:2]
+    matrix = np.array([[900.0, 0, 320], [0, 900, 180], [0, 0, 1]])
+    edge = np.array([[-1.0, 0.5, 5.0], [1.0, 0.5, 5.0]]) @ camera.T @ matrix.T
+    left, right = project(upright(matrix, np.array([*off, 0.0])), edge[:, :2] / edge[:, 2:])
+    assert np.degrees(np.arctan2(*(right - left)[::-1])) == pytest.approx(0, abs=1e-9)

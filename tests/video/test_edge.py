@@ -1,5 +1,7 @@
 """The deck's edges: what turns as one about a point is the deck's end, and tells the turn; nothing else does."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -9,7 +11,9 @@ from sysid.video.film.shake import still
 from sysid.video.film.survey import Survey
 from sysid.video.film.track import Track
 from sysid.video.pose.camera_state import CameraState
+from sysid.video.pose.rectify import project, upright
 from sysid.video.pose.view import View
+from sysid.video.trackers._base import DIRECTION_STD, UNSEEN_DIRECTION_STD
 from sysid.video.trackers._edge_profile import PIECES
 from sysid.video.trackers.edge.body import fit_edges
 from sysid.video.trackers.edge.find import find_deck_end
@@ -59,6 +63,17 @@ def test_points_that_do_not_turn_with_the_deck_are_not_believed():
     assert np.degrees(np.abs(straight)) > 0.5  # what a line through all of them would make of it
 
 
+def test_a_concave_edge_turns_as_its_deck_does():
+    """Its points are evenly spaced about a pivot 60 px beside the true one: they move along the edge as it turns, and it is steeper there."""
+    beside = -60j
+    body = np.tile(np.linspace(-90, 90, PIECES), 2) + np.real(np.exp(-1j * ROLL)[:, None] * beside)
+    height = np.where(EDGE == 0, 80, 100) - 2 * (body / 90) ** 2
+    noise = 0.1 * np.random.default_rng(0).normal(size=height.shape)
+    z = PIVOT + np.exp(1j * ROLL)[:, None] * (body + 1j * (height + noise))
+    found = fit_edges(z, EDGE, PIVOT + beside)
+    assert np.std(error_of(found.angle)) < 0.05
+
+
 def film_of(z):
     points = np.stack([z.real, z.imag], axis=-1).astype(np.float32)
     track = Track(TIME, points, still(len(TIME), 1000.0, 0j), np.arange(len(TIME)), 0)
@@ -82,7 +97,36 @@ def test_a_rolling_shutter_is_taken_out_by_the_turn_about_the_pivot():
     assert errors[1] > 0.1
 
 
-def picture(roll):
+def test_where_the_axis_vanishes_tells_how_a_slanted_view_squeezes_the_turn():
+    matrix = np.array([[900.0, 0, 320], [0, 900, 180], [0, 0, 1]])
+    focal = 1.15  # of the camera, in the lens's
+    aside = np.linalg.inv(upright(matrix, np.array([0.25, -0.1, np.log(focal)])))
+    z = turned_edges(ROLL)
+    seen = project(aside, np.stack([z.real, z.imag], axis=-1)) @ [1, 1j]
+    vanishing = project(aside, np.array([[320.0, 180.0]]))[0]
+    pivot = project(aside, np.array([[330.0, 190.0]]))[0]
+    view = film_of(np.concatenate([seen, seen], axis=1))
+    straight, slanted = (
+        fit_direction(
+            view,
+            matrix,
+            CameraState(np.zeros(4), np.diag([std, std, 0.25, 0.0]) ** 2),
+            pivot=pivot,
+            vanishing=place,
+        )
+        for std, place in ((UNSEEN_DIRECTION_STD, None), (DIRECTION_STD, vanishing))
+    )
+    assert np.std(error_of(slanted.angle)) < 0.35 * np.std(error_of(straight.angle))
+    assert np.max(slanted.std) < 0.5 * np.max(straight.std)
+    assert np.mean(np.abs(error_of(slanted.angle)) < 2 * np.degrees(slanted.std)) > 0.95
+    # A longer lens sees the same place at a smaller angle: what is known of both goes together.
+    state = slanted.camera_state
+    there = project(np.linalg.inv(upright(matrix, state.value)), np.array([[320.0, 180.0]]))[0]
+    assert there == pytest.approx(vanishing, abs=10)
+    assert state.covariance[0, 2] < 0 < state.covariance[1, 2]
+
+
+def picture(roll, *, upper_side=True):
     """A deck's end with its upper side, its wheels and the horizon behind it."""
     image = np.full((HEIGHT, WIDTH), 130, np.uint8)
     image[200:] = 70
@@ -91,7 +135,7 @@ def picture(roll):
     cv2.rectangle(image, (270, 225), (370, 240), 110, -1)
     end = np.array([-90 - 10j, 90 - 10j, 90 + 10j, -90 + 10j]) * np.exp(1j * roll) + 320 + 200j
     far = (end[:2] - 320 - 150j) * 0.6 + 320 + 150j  # farther from the camera, which looks down a little
-    for shape, shade in (([end[0], end[1], far[1], far[0]], 45), (end, 60)):
+    for shape, shade in (([end[0], end[1], far[1], far[0]], 45), (end, 60))[not upper_side :]:
         corners = np.round(16 * np.array([[p.real, p.imag] for p in shape])).astype(np.int32)
         cv2.fillPoly(image, [corners], shade, cv2.LINE_AA, shift=4)
     noise = np.random.default_rng(int(1e4 * abs(roll))).normal(0, 1.5, image.shape)
@@ -151,6 +195,20 @@ def test_the_deck_end_is_what_coincides_when_pictures_are_turned_back(swing):
     assert np.ptp(end.ends[..., 0], axis=1).max() > 140
     off = np.degrees(end.turns - rolls)
     assert np.abs(off - np.median(off)).max() < 0.6
+
+
+def test_its_long_sides_show_where_the_axis_vanishes(swing):
+    end = find_deck_end(swing[1])
+    assert end is not None
+    assert end.vanishing == pytest.approx(np.array([320.0, 150.0]), abs=3)
+
+
+def test_no_place_is_where_the_axis_vanishes_if_no_long_sides_show(swing):
+    _, look = swing
+    plain = tuple(frame_of(n, n / 60, picture(roll, upper_side=False)) for n, roll in enumerate(swing[0]))
+    end = find_deck_end(replace(look, frames=plain))
+    assert end is not None
+    assert end.vanishing is None
 
 
 def test_its_edges_are_followed_into_attitudes_that_were_not_looked_at(swing):

@@ -32,3 +32,15 @@ def test_both_sides_of_a_stripe_are_found_by_how_brightness_steps():
     rises, falls = find_pieces(frame_of(0, 0.0, picture), along, 8.0, 8.0, 1.0, (1, -1))[:, 0, :, 1]
     assert rises == pytest.approx(24.5, abs=0.05)  # the normal of the way to the right is up
     assert falls == pytest.approx(34.5, abs=0.05)
+
+
+def test_an_edge_that_the_camera_sharpened_is_found_beside_its_halo():
+    """Sharpening makes brightness overshoot beside an edge: that is a step the other way, a pixel or two beside it."""
+    soft = np.tile(
+        np.repeat([20.0, 110.0, 200.0], [30, 1, 29])[:, None], (1, 200)
+    )  # it lies in the middle of row 30
+    sharp = np.clip(soft + 0.5 * (soft - cv2.GaussianBlur(soft, (0, 0), 1.2)), 0, 255).astype(np.uint8)
+    along = np.array([[[20.0, 30.0], [180.0, 30.0]]])
+    rises, falls = find_pieces(frame_of(0, 0.0, sharp), along, 2.5, 8.0, 1.0, (1, -1))[:, 0, :, 1]
+    assert falls == pytest.approx(30.0, abs=0.1)
+    assert np.isnan(rises).all()

@@ -1,7 +1,7 @@
 """What is not known of camera and lens, before and after the film was looked at."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,6 +49,36 @@ class CameraState:
     def readout(self) -> float:
         """Time from the sensor's first to its last row [s]."""
         return float(self.value[READOUT])
+
+    @property
+    def apart(self) -> tuple[Array, Array]:
+        """The covariance, shape (4, 4), but for what a known focal length would leave open of the direction, and that [rad], shape (2,).
+
+        A direction that little is known of squeezes the picture by its square: that is no matter of a derivative.
+        """
+        focal = self.covariance[2, 2]
+        tied = np.outer(self.covariance[:2, 2], self.covariance[2, :2]) / (focal if focal > 0 else 1.0)
+        rest = self.covariance.copy()
+        rest[:2, :2] = tied
+        return rest, np.sqrt(np.diag(self.covariance[:2, :2] - tied))
+
+    def facing(self, place: Array, std: float) -> "CameraState":
+        """Return what is known once the axis is seen to vanish somewhere in the picture.
+
+        Args:
+            place: From the picture's middle, in focal lengths of the lens [1], shape (2,).
+            std: Standard deviation of its direction [rad].
+        """
+        length = max(float(np.hypot(*place)), 1e-9) * np.exp(-self.value[2])
+        unit = place / max(float(np.hypot(*place)), 1e-9)
+        # The direction, and how it changes with the focal length: yaw + slope * logarithm is seen.
+        off = np.arctan(length) * unit - self.value[:2]
+        seen = np.eye(2, 4)
+        seen[:, 2] = unit * length / (1 + length**2)
+        gain = self.covariance @ seen.T @ np.linalg.inv(seen @ self.covariance @ seen.T + std**2 * np.eye(2))
+        return replace(
+            self, value=self.value + gain @ off, covariance=self.covariance - gain @ seen @ self.covariance
+        )
 
     def within(self, value: Array) -> Array:
         """Return values [rad, rad, 1, s], shape (4,), within the limits."""

@@ -7,21 +7,23 @@ from sysid.video.types import Complex
 
 
 def upright(matrix: Array, camera: Array) -> Array:
-    """Return the homographies, shape (..., 3, 3) [px], to pictures of the same camera that looks along the axis.
+    """Return the homographies, shape (..., 3, 3) [px], to pictures of the same level camera that looks along the axis.
 
     Args:
         matrix: Camera matrix [px], shape (3, 3).
         camera: Yaw and pitch of the axis, to the right of and down from the line of sight [rad], and the logarithm by which the
             focal length is longer than the matrix's; shape (..., 3) or longer.
     """
-    yaw, pitch, longer = (camera[..., number, None, None] for number in range(3))
-    scaled = matrix * np.where(np.diag([1.0, 1.0, 0.0]) > 0, np.exp(longer), 1.0)
-    right, down = np.zeros((3, 3)), np.zeros((3, 3))
-    right[0, 2], right[2, 0], down[1, 2], down[2, 1] = 1.0, -1.0, 1.0, -1.0
+    yaw, pitch, longer = (camera[..., number] for number in range(3))
+    scaled = matrix * np.where(np.diag([1.0, 1.0, 0.0]) > 0, np.exp(longer)[..., None, None], 1.0)
     turn = np.hypot(yaw, pitch)
-    cross = yaw * right + pitch * down
-    # Rodrigues' formula, for no turn as well.
-    look = np.eye(3) + np.sinc(turn / np.pi) * cross + 0.5 * np.sinc(turn / (2 * np.pi)) ** 2 * cross @ cross
+    away = np.sinc(turn / np.pi)
+    axis = np.stack([away * yaw, away * pitch, np.cos(turn)], axis=-1)
+    # The axis is level, and so are both cameras: no turn about it, nor about the line of sight, is left open.
+    down = np.stack([np.zeros_like(yaw), axis[..., 2], -axis[..., 1]], axis=-1)
+    down = down / np.linalg.norm(down, axis=-1, keepdims=True)
+    across = np.asarray(np.cross(down, axis), np.float64)
+    look = np.stack([across, down, axis], axis=-1)
     return scaled @ np.swapaxes(look, -1, -2) @ np.linalg.inv(scaled)
 
 

@@ -53,8 +53,8 @@ class Target:
     zero_note: str
     shows_level: bool = True
     """Whether zero is a horizontal, rather than where the board rests or runs by chance."""
-    finds_direction: bool = True
-    """Whether the points show from where the camera looks."""
+    direction_from: str = "how the points move"
+    """What shows from where the camera looks; empty where nothing does."""
     warnings: tuple[str, ...] = ()
     shows_body: bool = True
     """Whether two or more of its points stay where they are on the board, so that they tell how all of it moved."""
@@ -64,7 +64,7 @@ class Target:
     @property
     def direction_std(self) -> float:
         """Standard deviation of yaw and pitch before the film is looked at [rad]."""
-        return DIRECTION_STD if self.finds_direction else UNSEEN_DIRECTION_STD
+        return DIRECTION_STD if self.direction_from else UNSEEN_DIRECTION_STD
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

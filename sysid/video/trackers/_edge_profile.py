@@ -12,12 +12,21 @@ PIECES = 16
 """Points along an edge that are told apart."""
 MIN_WIDTH = 0.5
 """Least standard deviation of a step of brightness: no lens is sharper than its pixels [px]."""
+MIN_APART, HALO = 2.0, 0.3
+"""Distance of a step that rises and one that falls below which neither shows where it is [px], and how much of the stronger one the other
+must be: where it is less it is the halo by which cameras sharpen an edge."""
 ROUNDS = 4
 """Times that a step is looked for about where it was found."""
 
 
 def find_pieces(
-    frame: Frame, ends: Array, reach: float, faintest: float, window: float, ways: tuple[int, ...] = (1,)
+    frame: Frame,
+    ends: Array,
+    reach: float,
+    faintest: float,
+    window: float,
+    ways: tuple[int, ...] = (1,),
+    bends: Array | None = None,
 ) -> Array:
     """Move points evenly along edges onto the brightness steps nearby that rise across them.
 
@@ -30,6 +39,7 @@ def find_pieces(
         window: Width of what tells where a step is, in widths of the step: 1 is best against noise, more where contrast leaves that
             small beside what the pixels' grid does to an edge along it.
         ways: 1 for steps that rise, -1 for those that fall.
+        bends: How far beside the line between the ends each piece is, against the normal [px], shape (m, PIECES).
 
     Returns:
         Shape (ways, m, PIECES, 2) [px]; NaN where there is no such step.
@@ -40,6 +50,10 @@ def find_pieces(
     share = (np.arange(PIECES * profiles)[:, None] + 0.5) / (PIECES * profiles)
     feet = ends[:, None, 0] + share * along
     normal = along[..., ::-1] * [1, -1] / length
+    if bends is not None:
+        middles = (np.arange(PIECES) + 0.5) / PIECES
+        beside = np.array([np.interp(share[:, 0], middles, one) for one in bends])
+        feet = feet - beside[..., None] * normal
     offset = np.arange(-np.ceil(reach) - 1, np.ceil(reach) + 2)
     samples = feet[:, :, None] - frame.corner + offset[:, None] * normal[:, :, None]
     x, y = np.moveaxis(samples.astype(np.float32).reshape(-1, len(offset), 2), 2, 0)
@@ -47,7 +61,11 @@ def find_pieces(
     profile = seen.astype(np.float64).reshape(len(ends), PIECES, profiles, -1).mean(axis=2)
     step, offset = np.array(ways)[:, None, None, None] * np.diff(profile, axis=2), offset[:-1] + 0.5
     place, rise = _steepest(step, offset, window)
-    place = np.where((rise < faintest) | (np.abs(place) > reach), np.nan, place)
+    faint = (rise < faintest) | (np.abs(place) > reach)
+    if len(ways) > 1:
+        blended = np.ptp(np.where(faint, np.nan, place), axis=0) < MIN_APART
+        faint |= blended & (HALO * rise < rise.min(axis=0))
+    place = np.where(faint, np.nan, place)
     return feet.reshape(len(ends), PIECES, profiles, 2).mean(axis=2) + place[..., None] * normal
 
 

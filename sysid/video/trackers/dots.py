@@ -349,7 +349,7 @@ def _find(reel: Reel) -> Target | None:
         f"{np.degrees(MAX_ASIDE):.0f}° about that; else where it is at the end of the film",
         shows_level=False,
         shows_body=False,
-        finds_direction=False,
+        direction_from="",
     )
 
 

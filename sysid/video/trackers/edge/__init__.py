@@ -18,7 +18,7 @@ def _find(reel: Reel) -> Target | None:
     count = len(end.ends)
     lengths = ", ".join(f"{right - left:.0f}" for left, right in end.ends[..., 0])
     warnings: tuple[str, ...] = ()
-    if reel.options.camera_angle is None:
+    if reel.options.camera_angle is None and end.vanishing is None:
         warnings = (
             "an edge does not show from where the camera looks: it is taken to look along the board's axis "
             "to within 5 degrees (say otherwise with --camera-angle)",
@@ -27,11 +27,11 @@ def _find(reel: Reel) -> Target | None:
         follower=EdgeFollower(end, look.frames[0].box),
         what="the deck's edge",
         why=f"{count} straight edge{'s' if count > 1 else ''} ({lengths} px long)",
-        solve=partial(fit_direction, pivot=end.pivot),
+        solve=partial(fit_direction, pivot=end.pivot, vanishing=end.vanishing),
         zero=partial(level_angle, direction=1 + 0j, symmetry=2),
         zero_note="where the edge is level in the picture",
         joined=tuple((point, point + 1) for point in range(2 * PIECES * count) if (point + 1) % PIECES),
-        finds_direction=False,
+        direction_from="" if end.vanishing is None else "where the deck's long sides run to",
         shows_body=False,
         warnings=warnings,
     )

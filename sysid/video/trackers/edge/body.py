@@ -69,7 +69,8 @@ def fit_edges(z: Complex, edge: Edge, pivot: complex) -> EdgeBody:
             centre, height = _body(np.exp(-1j * angle)[:, None] * place, angle, weight, edge)
             for _ in range(2):
                 turned = np.exp(-1j * angle)[:, None] * (place - centre)
-                along, rest = turned.real, turned.imag - shift[:, None] - height
+                along = turned.real
+                rest = turned.imag - shift[:, None] - height - _further_along(along, height, weight, edge)
                 weight = seen / (1 + (rest / scale) ** 2) ** 2
                 more, further = _turn_step(rest, along, shift, weight, edge)
                 angle, shift = angle + more, shift + further
@@ -145,6 +146,22 @@ def _turn_step(rest: Array, along: Array, shift: Array, weight: Array, edge: Edg
     p, q = pull + (trust * x * y).sum(axis=1), (trust * y).sum(axis=1) - tight * shift
     determinant = np.maximum(a * d - b**2, 1e-6)
     return np.clip((d * p - b * q) / determinant, -0.02, 0.02), np.clip((a * q - b * p) / determinant, -2, 2)
+
+
+def _further_along(along: Array, height: Array, weight: Array, edge: Edge) -> Array:
+    """How much lower a concave edge is where its points are seen, further along it than usual [px], shape (n, M).
+
+    Points are evenly spaced about a pivot that is roughly known: about the right one they move along the edge as it turns.
+    """
+    usual = (weight * along).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-9)
+    bent = np.zeros(len(edge))
+    for one in range(edge.max() + 1):
+        own = edge == one
+        x = usual[own] - usual[own].mean()
+        some = weight[:, own].sum(axis=0) + 1e-9
+        curve = np.polynomial.Polynomial.fit(x, height[own], 2, w=np.sqrt(some))
+        bent[own] = curve.deriv()(x) - float(np.average(curve.deriv()(x), weights=some))
+    return bent * (along - usual)
 
 
 def _slope(along: Array, height: Array, weight: Array, edge: Edge) -> float:

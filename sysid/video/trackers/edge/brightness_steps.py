@@ -11,6 +11,11 @@ from sysid.video.types import Box, Image
 
 STEPS_SIDE = 640
 """Longer side of the pictures in which edges are looked for [px]."""
+MAX_SLOPE = 8.0
+"""Slope of brightness beyond which more is no better [grey levels/px]: the deck's end against its own upper side
+tells as much as against a bright wall."""
+ATTITUDE_STEP = np.radians(3.0)
+"""Turns within this are one attitude [rad]."""
 MOVING_RATIO = 1.5
 """Ratio by which what is seen in one picture must be stronger than what is seen there in all of them."""
 
@@ -34,6 +39,13 @@ class Steps:
     def here(self, place: Array) -> Array:
         """Return where the small picture shows places of the film, both [px], shape (m, 2) or with more axes before."""
         return (place - self.corner + 0.5) * self.scale - 0.5
+
+    def steepest(self, least: float) -> tuple[Array, Array]:
+        """Return where in the film brightness changes by `least` [grey levels/px] or more [px], and its direction [1], both of shape (m, 2)."""
+        amount = self.amount
+        rows, columns = np.nonzero(amount >= least)
+        place = (np.stack([columns, rows], axis=1, dtype=np.float64) + 0.5) / self.scale - 0.5 + self.corner
+        return place, (self.slopes[rows, columns] / amount[rows, columns, None]).astype(np.float64)
 
     def across(self, place: Array, turn: Array) -> Array:
         """Slope of brightness across lines [grey levels/px], of the shape of `place` without its last axis.
@@ -65,6 +77,17 @@ class Steps:
             self.slopes, move, (len(x), len(y)), flags=flags, borderMode=cv2.BORDER_REPLICATE
         )
         return np.asarray(cv2.transform(seen, np.array([[-sine, cosine]])), np.float32)
+
+
+def turned(place: Array, turn: Array | float) -> Array:
+    """Turn places [px], shape (..., 2), about the origin, clockwise in the picture.
+
+    Args:
+        place: [px], shape (..., 2).
+        turn: [rad], of a shape that broadcasts with places' axes but the last, as shape (m,) with (m, 2).
+    """
+    z = (place[..., 0] + 1j * place[..., 1]) * np.exp(1j * np.asarray(turn))
+    return np.stack([z.real, z.imag], axis=-1)
 
 
 def scale_of(box: Box) -> float:

@@ -13,7 +13,17 @@ import numpy as np
 
 from sysid.roll import Array
 from sysid.video.film.survey import Survey
-from sysid.video.trackers.edge.brightness_steps import Steps, leave_out_still, scale_of, steps_of
+from sysid.video.trackers._edge_profile import PIECES
+from sysid.video.trackers.edge.brightness_steps import (
+    ATTITUDE_STEP,
+    MAX_SLOPE,
+    Steps,
+    leave_out_still,
+    scale_of,
+    steps_of,
+    turned,
+)
+from sysid.video.trackers.edge.sides import axis_vanishes_at
 from sysid.video.types import Box, Image, Rows
 
 Grid = tuple[Array, Array]
@@ -23,15 +33,10 @@ MIN_LENGTH = 0.06
 """Shortest edge that is followed, as a share of the picture's width."""
 MAX_EDGES = 4
 """Edges that are followed at most."""
-MAX_SLOPE = 8.0
-"""Slope of brightness beyond which more is no better [grey levels/px]: the deck's end against its own upper side
-tells as much as against a bright wall."""
 STRAIGHT_LENGTH = 15
 """Length over which brightness must step alike, so that it is an edge rather than texture [px]."""
 PIVOT_GRID = (9.0, 18.0)
 """How near to the pivot, across and down, pictures turned back begin to coincide, in small pictures [px]."""
-ATTITUDE_STEP = np.radians(3.0)
-"""Turns within this are one attitude [rad]."""
 GRID_ACROSS, GRID_DOWN = 3.0, 1.0
 """Steps of the grid that turns with the deck [px]."""
 COARSER = 3
@@ -54,6 +59,8 @@ ALWAYS_THERE = 0.2
 """Quantile of the pictures that tells what lines are in nearly all of them: a share."""
 HALF_RIDGE = 3
 """Half the width of the ridge that an edge is when all pictures are laid on each other, in steps of the grid."""
+STRAIGHT_ON = np.array([0.0, 1e-6, 0.0])
+"""What makes a ridge that is lost go on in its row."""
 MIN_SPACING = 4
 """Distance of two edges [px]."""
 
@@ -66,8 +73,12 @@ class DeckEnd:
     """What they turn about [px], shape (2,)."""
     ends: Array
     """Left and right end of each [px], from the pivot, shape (E, 2, 2)."""
+    bends: Array
+    """How far below the line between its ends each piece of an edge is [px], shape (E, PIECES)."""
     turns: Array
     """Slope of the lines in each picture [rad]."""
+    vanishing: Array | None = None
+    """Where the axis that they turn about vanishes [px], shape (2,); None where no long sides show that."""
 
 
 def find_deck_end(look: Survey) -> DeckEnd | None:
@@ -116,8 +127,11 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
             ])  # fmt: skip
             shown = shown_on(grid)
         turns = turns + _own_turns(shown, mean)
-    ends = _lines(_in_most_attitudes(shown_on(grid), turns), *grid, MIN_LENGTH * width)
-    return DeckEnd(pivot, ends, turns) if len(ends) else None
+    ends, bends = _edges(_in_most_attitudes(shown_on(grid), turns), *grid, MIN_LENGTH * width)
+    if not len(ends):
+        return None
+    vanishing = axis_vanishes_at(every, pivot + shifts, ends, turns, np.array(look.moving.shape[::-1]))
+    return DeckEnd(pivot, ends, bends, turns, vanishing)
 
 
 def _rough_slopes(every: list[Steps], box: Box) -> Array:
@@ -173,17 +187,6 @@ def _attitudes(turns: Array) -> Array:
     number = np.round((turns - turns.min()) / ATTITUDE_STEP).astype(int)
     weight = 1 / np.sqrt(np.bincount(number)[number])
     return weight / weight.sum()
-
-
-def turned(place: Array, turn: Array | float) -> Array:
-    """Turn places [px], shape (..., 2), about the origin, clockwise in the picture.
-
-    Args:
-        place: [px], shape (..., 2).
-        turn: [rad], of a shape that broadcasts with places' axes but the last, as shape (m,) with (m, 2).
-    """
-    z = (place[..., 0] + 1j * place[..., 1]) * np.exp(1j * np.asarray(turn))
-    return np.stack([z.real, z.imag], axis=-1)
 
 
 def _grid(half: Array, step: Array) -> Grid:
@@ -284,26 +287,45 @@ def _turned_on(shown: Sequence[Image] | Image, rows: Rows, columns: Rows, turn: 
     return np.array(seen, np.float32)
 
 
-def _lines(mean: Image, x: Array, y: Array, shortest: float) -> Array:
-    """Ridges of the mean picture: left and right end of each."""
+def _edges(mean: Image, x: Array, y: Array, shortest: float) -> tuple[Array, Array]:
+    """Return the ridges of the mean picture, concave as decks are.
+
+    Left and right end of each, shape (E, 2, 2), and how far below the line between them its pieces are, shape (E, PIECES), both in px.
+    """
     ridge = _ridges(mean)
-    strength = ridge.mean(axis=1)
-    ridge = np.maximum(ridge, np.maximum(np.roll(ridge, 1, axis=0), np.roll(ridge, -1, axis=0)))
-    found: list[Array] = []
-    for row in np.argsort(-strength):
-        rows = slice(max(0, row - MIN_SPACING), row + MIN_SPACING + 1)
-        if (
-            strength[row] < strength[rows].max()
-            or strength[row] < MIN_STRENGTH * strength.max()
-            or len(found) == MAX_EDGES
-        ):
-            continue
-        there = np.flatnonzero(ridge[row] > MIN_ALONG_SHARE * np.quantile(ridge[row], 0.9))
+    usual = MIN_STRENGTH * ridge.mean(axis=1).max()
+    ends: list[Array] = []
+    bends: list[Array] = []
+    for _ in range(2 * MAX_EDGES):
+        strength = ridge.mean(axis=1)
+        row = int(np.argmax(strength))
+        if strength[row] < usual or len(ends) == MAX_EDGES:
+            break
+        rows, along = _traced(ridge, row)
+        there = np.flatnonzero(along > MIN_ALONG_SHARE * np.quantile(along, 0.9))
+        for column, at in enumerate(rows):
+            ridge[max(0, at - MIN_SPACING) : at + MIN_SPACING + 1, column] = 0.0
         if len(there) < 2:
             continue
         a, b = np.quantile(there, [0.02, 0.98]).astype(int)
-        if x[b] - x[a] >= shortest:
-            before, most, after = strength[row - 1 : row + 2]
-            top = y[row] + 0.5 * (y[1] - y[0]) * (before - after) / (before - 2 * most + after)
-            found.append(np.array([[x[a], top], [x[b], top]]))
-    return np.array(found).reshape(-1, 2, 2)
+        if x[b] - x[a] < shortest:
+            continue
+        middles = x[a] + (x[b] - x[a]) * (np.arange(PIECES) + 0.5) / PIECES
+        height = np.interp(middles, x[a : b + 1], y[rows[a : b + 1]])
+        level = float(height.mean())
+        ends.append(np.array([[x[a], level], [x[b], level]]))
+        bends.append(height - level)
+    return np.array(ends).reshape(-1, 2, 2), np.array(bends).reshape(-1, PIECES)
+
+
+def _traced(ridge: Image, row: int) -> tuple[Rows, Image]:
+    """Return in which row a ridge is in each column, from where it is highest in one on to both sides, and how high, both of shape (X,)."""
+    begin = int(np.argmax(ridge[row]))
+    rows = np.full(ridge.shape[1], row, np.intp)
+    for way in (range(begin + 1, len(rows)), range(begin - 1, -1, -1)):
+        at = row
+        for column in way:
+            near = ridge[at - 1 : at + 2, column]
+            at = min(max(at - 1 + int(np.argmax(near + STRAIGHT_ON)), 1), len(ridge) - 2)
+            rows[column] = at
+    return rows, ridge[rows, np.arange(len(rows))]

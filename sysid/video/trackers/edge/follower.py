@@ -8,8 +8,8 @@ import numpy.typing as npt
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
 from sysid.video.trackers._edge_profile import PIECES, find_pieces
-from sysid.video.trackers.edge.brightness_steps import Steps, scale_of, steps_of
-from sysid.video.trackers.edge.find import MAX_SLOPE, DeckEnd, turned
+from sysid.video.trackers.edge.brightness_steps import MAX_SLOPE, Steps, scale_of, steps_of, turned
+from sysid.video.trackers.edge.find import DeckEnd
 from sysid.video.types import Box
 
 EDGE_SAMPLES = 24
@@ -30,8 +30,6 @@ CONVERGED = 0.1
 """Edges are measured once more where that moves their ends by more than this [px]."""
 EDGE_REACH = 2.5
 """Distance from where the deck's turn puts an edge within which it is looked for at last [px]."""
-MIN_APART = 2.0
-"""Distance of two steps of brightness below which neither shows where it is [px]."""
 MIN_CONTRAST = 8.0
 """Least contrast of an edge [grey levels]."""
 MIN_FITTING_SHARE = 0.35
@@ -65,12 +63,11 @@ class EdgeFollower:
         fits = np.zeros(self.points, bool)
         for reach in (2 * EDGE_REACH, EDGE_REACH, EDGE_REACH):
             place = centre + turned(self.end.ends + np.array([0.0, shift]), turn)
-            steps = find_pieces(frame, place, reach, MIN_CONTRAST, 1.0, (1, -1))
+            steps = find_pieces(frame, place, reach, MIN_CONTRAST, 1.0, (1, -1), self.end.bends)
             x, y = np.moveaxis(turned(steps - centre, -turn), -1, 0)
-            y = np.where(np.abs(y[0] - y[1]) < MIN_APART, np.nan, y)
             x, y = np.stack(2 * [np.fmax(*x)]), np.stack([np.fmax(*y), np.fmin(*y)])
             points = centre + turned(np.stack([x, y], axis=-1), turn)
-            off = y - self.end.ends[:, :1, 1] - shift
+            off = y - self.end.ends[:, :1, 1] - self.end.bends - shift
             more, further, fits = _line(x.ravel(), off.ravel())
             turn, shift = turn + more, shift + further
             if reach == EDGE_REACH and abs(further) + abs(more) * radius < CONVERGED:
@@ -108,6 +105,8 @@ class EdgeFollower:
         """How much of the edges a picture shows at some turns and shifts, shape (T, S)."""
         share = np.linspace(0.0, 1.0, EDGE_SAMPLES)[:, None]
         line = self.end.ends[:, None, 0] + share * (self.end.ends[:, 1] - self.end.ends[:, 0])[:, None]
+        middles = (np.arange(PIECES) + 0.5) / PIECES
+        line[..., 1] += np.array([np.interp(share[:, 0], middles, one) for one in self.end.bends])
         moved = line + shifts[:, None, None, None] * [0.0, 1.0]  # (S, E, P, 2)
         every = turns[:, None, None, None]
         step = steps.across(centre + turned(moved, every), every)

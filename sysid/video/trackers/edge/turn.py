@@ -25,22 +25,29 @@ SEVERAL_EDGES = 1.3
 """So many edges a frame [1], each as it counts, tell how far edges turn from each other."""
 SLANT_NODES, SLANT_WEIGHTS = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0]), np.array([1.0, 4.0, 1.0]) / 6
 """Slants at which an unknown direction is tried, in its standard deviations, and their weights."""
+PARALLEL = np.radians(1.5)
+"""Standard deviation of the angle between the long sides of a deck and its axis: they taper [rad]."""
 SHUTTER_ROUNDS = 2
 """Times that the shutter's correction is made, the second time with the turn that is known by then."""
 
 
-def fit_direction(view: View, matrix: Array, before: CameraState, *, pivot: Array) -> AngleTrack:
+def fit_direction(
+    view: View, matrix: Array, before: CameraState, *, pivot: Array, vanishing: Array | None = None
+) -> AngleTrack:
     """Turn of the edges of the deck's end, as seen along its axis.
 
     Lines across the axis show neither its direction nor focal length nor read-out: they stay as they are
-    known beforehand.
+    known beforehand, unless the deck's long sides show its direction.
 
     Args:
         view: Points along each edge.
         matrix: Camera matrix [px], shape (3, 3).
         before: What is known of camera and lens.
         pivot: What the deck turns about in the picture, roughly [px].
+        vanishing: Where the axis vanishes in the picture [px], shape (2,), if that is seen.
     """
+    if vanishing is not None and {0, 1} <= set(before.free):
+        before = before.facing((view.straighten(vanishing[None])[0] - matrix[:2, 2]) / matrix[0, 0], PARALLEL)
     time = view.time(before.readout)
     z = rectify(view.points, matrix, before.value)
     about = complex(rectify(pivot[None], matrix, before.value)[0])
@@ -56,11 +63,10 @@ def fit_direction(view: View, matrix: Array, before: CameraState, *, pivot: Arra
         return body.angle + _turned(place - _moved(body, place, time, late * value[READOUT]), edge, body)
 
     seen = angle_at(before.value)
-    doubt = before.covariance.copy()
-    doubt[:2], doubt[:, :2] = 0.0, 0.0  # of the direction: that is no matter of a derivative
+    doubt, slant = before.apart
     readout = READOUT if READOUT in before.free else None
     unknown = spread_by(before.value, doubt, seen, angle_at, time, view.share, readout)
-    unknown += _slant_spread(before, seen, angle_at)
+    unknown += _slant_spread(before, slant, seen, angle_at)
     noise = _variance(body, edge)
     trusted = body.weight.sum(axis=1)
     wrong = trusted < max(MIN_POINTS, MIN_USUAL_SHARE * float(np.median(trusted)))
@@ -107,13 +113,15 @@ def _turned(z: Complex, edge: Edge, body: EdgeBody) -> Array:
     return (xy - x * y / total).sum(axis=1) / np.maximum((xx - x**2 / total).sum(axis=1), 1e-9)
 
 
-def _slant_spread(before: CameraState, angle: Array, angle_at: Callable[[Array], Array]) -> Array:
-    """What a direction that is not known leaves open of an angle, less what it does at rest [rad²], shape (n,).
+def _slant_spread(
+    before: CameraState, slant: Array, angle: Array, angle_at: Callable[[Array], Array]
+) -> Array:
+    """What yaw and pitch of some standard deviations, shape (2,), leave open of an angle, less what they do at rest [rad²], shape (n,).
 
     A slant squeezes the picture by its square: the derivative where a camera looks along the axis shows
     nothing of it. So the mean square is taken over the directions themselves, by Gauss and Hermite's rule.
     """
-    yaw, pitch = before.std[:2]
+    yaw, pitch = slant
     square = np.zeros(len(angle))
     if yaw == 0 and pitch == 0:
         return square
