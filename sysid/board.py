@@ -196,6 +196,12 @@ class Board:
         """Whether the joint slides: its units are then m, N/m and kg."""
         return self.inertia.unit == "kg"
 
+    @property
+    def error_unit(self) -> str:
+        """Unit of the errors of its fits: of the signal that they were fitted to."""
+        unit = str(self.fit.get("unit", "rad"))
+        return slide_unit(unit) if self.slides else unit
+
     def of_slide(self) -> Self:
         """Return the record with the units of a slide."""
 
