@@ -12,7 +12,7 @@ from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import SHORT, parse_bounds, parse_fixed
 from sysid.cli.subject import Subject
-from sysid.files import refuse_overwriting, write_atomically, write_figure
+from sysid.files import refuse_overwriting, require_writable, write_atomically, write_figure
 from sysid.quantity import Z95
 
 if TYPE_CHECKING:
@@ -68,6 +68,7 @@ def fit(
 
     printer = Printer(common)
     record = subject.load(common, printer)
+    require_writable(common.space.boards / f"{record.name}.toml")
     effect = (*effect, *(name for name in common.own_effects() if name not in effect))
     check_effects(effect, [part.name for part in record.effects])
     fixed, bounds = parse_fixed(fix), parse_bounds(bound)
