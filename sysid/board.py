@@ -161,6 +161,11 @@ class Board:
         Raises:
             SysidError: Geometry or masses are missing; the message says what they are needed for.
         """
+        if self.model:
+            raise SysidError(
+                f"'{self.name}' is the {self.description}, and {purpose} is of a skateboard. `husky-sysid fit` writes the joint "
+                "into a copy of its model (-o FILE)."
+            )
         if missing := [f"[{name}]" for name in ("geometry", "mass") if not getattr(self, name)]:
             raise SysidError(
                 f"the record of '{self.name}' has no {' and no '.join(missing)}: {purpose} needs them. Measure them with a tape "
@@ -249,7 +254,7 @@ def find_record(name: str, workspace: Path) -> Path:
     names = record_names(workspace)
     raise SysidError(
         f"unknown board '{name}'.{did_you_mean(name, names)} Known boards: {', '.join(names)}. "
-        f"A new one is a file {own / f'{name}.toml'}."
+        f"A new one is a file {own / f'{name}.toml'}; `husky-sysid new` writes it."
     )
 
 
