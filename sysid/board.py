@@ -394,6 +394,8 @@ class _Reader:
                     f"{self.path}: field '{where}.{key}' is {items!r}; expected an array of {kind}."
                 )
         if where == "fit":
+            if "reading" in raw:
+                self._text(raw, "reading", "fit.reading")
             for i, log in enumerate(raw.get("logs", ())):
                 self._text(log, "path", f"fit.logs[{i}].path")
         if where == "model":

@@ -102,10 +102,10 @@ def _show(space: Workspace, name: str, printer: Printer) -> None:
             printer.table(("quantity", "value ± 95 %"), rows, title)
     for title, content in (("fit", board.fit), ("check", board.check)):
         if content:
-            printer.table(("field", "value"), [(key, str(value)) for key, value in content.items()], title)
+            printer.table(("field", "value"), [(key, _told(value)) for key, value in content.items()], title)
     if board.history:
         keys = list(dict.fromkeys(key for line in board.history for key in line))
-        printer.table(keys, [[str(line.get(key, "")) for key in keys] for line in board.history], "history")
+        printer.table(keys, [[_told(line.get(key, "")) for key in keys] for line in board.history], "history")
     printer.say(f"check: {verdict(board)}")
     printer.result(
         {
@@ -223,6 +223,17 @@ def _bare(quantity: Quantity, board: Board) -> str:
     """The value with its 95 % interval, without the unit that the column's head names; a slide has another."""
     unit = quantity.unit if board.slides else "1"
     return str(Quantity(quantity.value, quantity.std, unit, interval=quantity.interval))
+
+
+def _told(value: Any) -> str:
+    """Return a value of a record as it is read: a number to four digits, of a log its path."""
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_told, value)) or "none"
+    if isinstance(value, Mapping):
+        return _told(
+            value["path"] if "path" in value else [f"{key} {_told(own)}" for key, own in value.items()]
+        )
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _json(quantities: Mapping[str, Quantity]) -> dict[str, object]:
