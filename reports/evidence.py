@@ -107,7 +107,7 @@ def find_logs(board: Board, given: Sequence[Path], space: Workspace) -> list[Log
 
 
 def _recorded(name: str, digest: str, space: Workspace) -> LogFile:
-    there = [path for path in (space.root / name, Path(name)) if name and path.exists()]
+    there = [path for path in (space.recorded(name), Path(name)) if name and path.exists()]
     digests = [_digest(path) for path in there]
     if digest in digests:
         path = there[digests.index(digest)]

@@ -291,7 +291,7 @@ def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story
     effects = tuple(part.name for part in board.effects if not effect(part.name).is_known)
     steps = [
         Step(
-            REFITTED if rung.label == PLAIN else rung.label, rung.rmse / floor,
+            REFITTED if rung.label == PLAIN and not evidence.stood.effects else rung.label, rung.rmse / floor,
             rung.heldout_rmse / floor if np.isfinite(rung.heldout_rmse) else None,
         )
         for rung in evidence.ladder

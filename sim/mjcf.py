@@ -62,6 +62,11 @@ def board_mjcf(
     Raises:
         SysidError: The board cannot be built so, or `export` does not go with `kind`.
     """
+    if board.slides:
+        raise SysidError(
+            f"'{board.name}' slides, and a {kind} is made with a hinge. `husky-sysid fit` writes the joint into a copy of its model "
+            "(-o FILE)."
+        )
     export = export or default_export(kind, timestep)
     if export == "in-scene" and kind == "bench":
         raise SysidError(

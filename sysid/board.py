@@ -161,6 +161,11 @@ class Board:
         Raises:
             SysidError: Geometry or masses are missing; the message says what they are needed for.
         """
+        if self.model:
+            raise SysidError(
+                f"'{self.name}' is the {self.description}, and {purpose} is of a skateboard. `husky-sysid fit` writes the joint "
+                "into a copy of its model (-o FILE)."
+            )
         if missing := [f"[{name}]" for name in ("geometry", "mass") if not getattr(self, name)]:
             raise SysidError(
                 f"the record of '{self.name}' has no {' and no '.join(missing)}: {purpose} needs them. Measure them with a tape "
@@ -195,6 +200,12 @@ class Board:
     def slides(self) -> bool:
         """Whether the joint slides: its units are then m, N/m and kg."""
         return self.inertia.unit == "kg"
+
+    @property
+    def error_unit(self) -> str:
+        """Unit of the errors of its fits: of the signal that they were fitted to."""
+        unit = str(self.fit.get("unit", "rad"))
+        return slide_unit(unit) if self.slides else unit
 
     def of_slide(self) -> Self:
         """Return the record with the units of a slide."""
@@ -243,7 +254,7 @@ def find_record(name: str, workspace: Path) -> Path:
     names = record_names(workspace)
     raise SysidError(
         f"unknown board '{name}'.{did_you_mean(name, names)} Known boards: {', '.join(names)}. "
-        f"A new one is a file {own / f'{name}.toml'}."
+        f"A new one is a file {own / f'{name}.toml'}; `husky-sysid new` writes it."
     )
 
 
@@ -383,6 +394,8 @@ class _Reader:
                     f"{self.path}: field '{where}.{key}' is {items!r}; expected an array of {kind}."
                 )
         if where == "fit":
+            if "reading" in raw:
+                self._text(raw, "reading", "fit.reading")
             for i, log in enumerate(raw.get("logs", ())):
                 self._text(log, "path", f"fit.logs[{i}].path")
         if where == "model":

@@ -81,6 +81,27 @@ def atomic_path(path: Path, *, is_record: bool = False) -> Generator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def require_writable(path: Path) -> None:
+    """Make sure, before minutes are spent on what it shall hold, that a file can be written; nothing is made.
+
+    Raises:
+        SysidError: It is a folder, or its folder cannot be made or written to.
+    """
+    try:
+        target = path.resolve()
+        if target.is_dir():
+            raise IsADirectoryError(None, "it is a folder")
+        if target.exists() and not target.is_file():
+            return  # a device or a pipe
+        there = next(parent for parent in target.parents if parent.exists())
+        if not there.is_dir():
+            raise NotADirectoryError(None, f"{there} is a file, no folder")
+        if not os.access(there, os.W_OK | os.X_OK):
+            raise PermissionError(None, f"{there} is not yours to write into")
+    except (OSError, RuntimeError) as error:
+        raise _unwritable(path, error) from error
+
+
 def _unwritable(path: Path, error: OSError | RuntimeError) -> SysidError:
     return SysidError(
         f"{path}: cannot write there ({getattr(error, 'strerror', None) or error}). Choose a folder you may write "

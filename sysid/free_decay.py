@@ -150,7 +150,13 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
             *odd,
             *decay.warnings,
             *period_warnings(decay.numbers.omega_n.value, board, log=log),
-            *record_warnings(decay.numbers, board, log=log, linear=decay.linear),
+            *record_warnings(
+                decay.numbers,
+                board,
+                log=log,
+                linear=decay.linear,
+                one_sided=len({release.side for release in releases}) == 1,
+            ),
         )
     return replace(
         decay,

@@ -86,8 +86,8 @@ class Quantity:
 
 
 def slide_unit(unit: str) -> str:
-    """Return the unit that a hinge's unit is for a slide, e.g. 'N/m' for 'N*m/rad'."""
-    return unit.replace("N*m", "N").replace("kg*m^2", "kg").replace("rad", "m")
+    """Return the unit that a hinge's unit is for a slide, e.g. 'N/m' for 'N*m/rad'; also amid a sentence."""
+    return re.sub(r"\brad\b", "m", unit.replace("N*m", "N").replace("kg*m^2", "kg"))
 
 
 def round_to_error(value: float, error: float) -> tuple[str, str]:

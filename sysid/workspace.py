@@ -146,9 +146,16 @@ class Workspace:
     def named(self, path: Path) -> str:
         """Return how a record of this workspace names a file: from the workspace on, so that it is found from anywhere.
 
-        An absolute path stays as it is.
+        An absolute path stays as it is. Folders count where they really are: `..` out of a linked workspace leads there.
         """
-        return str(path) if path.is_absolute() else Path(os.path.relpath(path, self.root)).as_posix()
+        if path.is_absolute():
+            return str(path)
+        return Path(os.path.relpath(path.parent.resolve() / path.name, self.root.resolve())).as_posix()
+
+    def recorded(self, name: str) -> Path:
+        """Return the file that a record of this workspace names so, as seen from the current folder."""
+        path = self.root / name
+        return path if path.is_absolute() else Path(os.path.relpath(path.parent.resolve() / path.name))
 
     def outputs(self, board: str) -> Path:
         """Return the folder for a board's outputs; it is made when something is written to it."""

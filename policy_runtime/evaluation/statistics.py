@@ -6,6 +6,7 @@ import numpy as np
 
 from sysid.quantity import Z95, Quantity
 from sysid.roll import Array
+from sysid.text import count
 
 
 def proportion(successes: int, trials: int) -> Quantity:
@@ -17,7 +18,7 @@ def proportion(successes: int, trials: int) -> Quantity:
     half = Z95 / (1 + z2 / trials) * math.sqrt(share * (1 - share) / trials + z2 / (4 * trials**2))
     std = math.sqrt(max(share * (1 - share), 0.0) / trials)
     low, high = max(0.0, centre - half), min(1.0, centre + half)
-    return Quantity(share, std, "1", f"Wilson, {trials} episodes", (low, high))
+    return Quantity(share, std, "1", f"Wilson, {count(trials, 'episode')}", (low, high))
 
 
 def mean_over(values: list[Array], unit: str) -> Quantity:

@@ -120,6 +120,6 @@ def scripted(name: str) -> Policy:
     if name not in SCRIPTS:
         raise SysidError(
             f"unknown script '{name}'.{did_you_mean(name, SCRIPTS)} Scripted policies: {', '.join(SCRIPTS)}; "
-            "anything else must be an ONNX file."
+            "anything else must be an ONNX file or an exported folder, and there is none of this name."
         )
     return SCRIPTS[name]()

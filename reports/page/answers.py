@@ -24,7 +24,7 @@ def four_answers(
     return [
         ("Does the model match?", *_match(board, evidence)),
         ("What is missing?", missing, mark),
-        ("How sure is that?", _sure(board, diagnosis), ""),
+        ("How sure is that?", how_sure(board, diagnosis), ""),
         ("What to do next?", next_step(board, evidence, diagnosis, files, space), ""),
     ]
 
@@ -67,12 +67,16 @@ def _missing(board: Board, diagnosis: LastDiagnosis | None) -> tuple[str, str]:
             return f"Something that no effect of the catalogue explains.{nearest}", "bad"
 
 
+UNSURE = "Not known: the record's numbers come without intervals; a fit finds them."
+
+
 def titled(names: Sequence[str]) -> str:
     """Return effects as 'coulomb (dry friction) and …'."""
     return " and ".join(f"{name} ({effect(name).title})" for name in names)
 
 
-def _sure(board: Board, diagnosis: LastDiagnosis | None) -> str:
+def how_sure(board: Board, diagnosis: LastDiagnosis | None) -> str:
+    """Return the confidence of a current diagnosis, and the 95 % intervals of the record's numbers that have one."""
     parts = []
     if diagnosis is not None and diagnosis.is_current:
         parts.append(f"confidence {percent(diagnosis.content['verdict']['confidence'])}")
@@ -82,8 +86,9 @@ def _sure(board: Board, diagnosis: LastDiagnosis | None) -> str:
         for part in board.effects
         if not effect(part.name).is_known
     }
-    shares = [f"{name} to {_share(quantity)}" for name, quantity in known.items() if quantity.value]
-    return "; ".join([*parts, *([f"{', '.join(shares)}, 95 %"] if shares else [])]) + "."
+    shares = [f"{name} to {_share(q)}" for name, q in known.items() if q.value and q.ci95[0] < q.ci95[1]]
+    parts += [f"{', '.join(shares)}, 95 %"] if shares else []
+    return f"{'; '.join(parts)}." if parts else UNSURE
 
 
 def _share(quantity: Quantity) -> str:

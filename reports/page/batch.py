@@ -7,7 +7,7 @@ from typing import Any
 from reports.figures.batch import batch_figure
 from reports.figures.svg import figure_to_svg, page_style
 from reports.page.page import Page, figure, paragraph, table, verdict, warning_list
-from sysid.batch.jobs import column
+from sysid.batch.jobs import QUANTITIES, column, failure, with_interval
 
 SHOWN = {
     "job": "job",
@@ -30,7 +30,7 @@ CAPTION = "With 95 % intervals, by board; hollow: the decay is not linear, so th
 def batch_page(name: str, rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the page of a batch as HTML, from rows of its table, by `sysid.batch.jobs.COLUMNS`."""
     done = [row for row in rows if row["state"] == "done"]
-    failed = [f"{row['job']}: {row['message']}" for row in rows if row["state"] != "done"]
+    failed = [failure(row) for row in rows if row["state"] != "done"]
     page = Page(title=f"Batch {name}", subtitle=f"{len(rows)} jobs, {date.today().isoformat()}")
     result = f"{len(done)} of {len(rows)} jobs done, {len(failed)} failed."
     page.section("Result", verdict(result, good=not failed))
@@ -40,7 +40,11 @@ def batch_page(name: str, rows: Sequence[Mapping[str, Any]]) -> str:
             if found:
                 page.section(title, figure(figure_to_svg(batch_figure(found, key), key, title), CAPTION))
     columns = {key: head for key, head in SHOWN.items() if any(key in row for row in done)}
-    cells = [[_cell(row.get(key, "")) for key in columns] for row in done]
+    measured = {column(name): name for name in QUANTITIES}
+    cells = [
+        [with_interval(row, measured[key]) if key in measured else _cell(row.get(key, "")) for key in columns]
+        for row in done
+    ]
     page.section("Table", table(list(columns.values()), cells) if done else paragraph("Nothing was done."))
     page.section("Failed", warning_list(failed))
     return page.render()

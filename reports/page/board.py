@@ -37,7 +37,7 @@ from sysid.decay.report import inertia_share
 from sysid.diagnosis.signatures import ALIKE, SEEN, LookAlikes
 from sysid.effects import effect
 from sysid.fitting.covariance import correlation_of
-from sysid.quantity import Quantity
+from sysid.quantity import Quantity, slide_unit
 from sysid.text import count, display, percent
 from sysid.workspace import Workspace
 
@@ -246,7 +246,7 @@ def _where(evidence: Evidence) -> list[str]:
 def _history(board: Board) -> str:
     if not board.history:
         return paragraph("The record holds no fit yet: its numbers come from its source.")
-    show = display(is_rate=board.fit.get("unit") in ("rad/s", "m/s"), slides=board.slides)
+    show = display(is_rate=board.error_unit in ("rad/s", "m/s"), slides=board.slides)
     rows: list[tuple[str, ...]] = []
     for line in board.history:
         told = (line.get(key) for key in ("rmse_before", "rmse", "heldout_rmse", "noise_floor"))
@@ -265,7 +265,7 @@ def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
     for i, name in enumerate(alike.names):
         shown, others = f"{name}{' (in the law)' if name in own else ''}", alike.alike(name)
         experiment = effect(name).experiment if others else ""
-        rows.append((shown, _weakest(alike, i), ", ".join(others) or "-", experiment))
+        rows.append((shown, _weakest(alike, i, slides=board.slides), ", ".join(others) or "-", experiment))
     weak = [row for row in rows if row[1] == TOO_WEAK]
     twins = {tuple(sorted((name, other))) for name in alike.names for other in alike.alike(name)}
     hidden = "Every effect would show"
@@ -281,7 +281,7 @@ def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
     ]
 
 
-def _weakest(alike: LookAlikes, index: int) -> str:
+def _weakest(alike: LookAlikes, index: int, *, slides: bool) -> str:
     """Return the strength at which an effect would be seen: its signature is taken as proportional to it."""
     share = SEEN / float(alike.visibility[index])
     parameters = effect(alike.names[index]).parameters
@@ -293,6 +293,7 @@ def _weakest(alike: LookAlikes, index: int) -> str:
     if share > MAX_STRENGTH_RATIO:
         return TOO_WEAK
     weakest = abs(value) * share
+    unit = slide_unit(unit) if slides else unit
     return pretty(
         f"{name.replace('_', ' ')} {weakest:.{2 if weakest < 100 else 3}g} {unit.replace('*', '·')}"
     )
@@ -347,8 +348,8 @@ def _frequency_response(board: Board) -> str:
     return _figure(
         bode_figure(board, board_figures.WIDTH),
         "bode",
-        "How far the deck tilts under a torque, and how late: spring, damper and inertia, with the 95 % band of their "
-        "uncertainty. Other effects are left out.",
+        f"How far the {'joint moves under a force' if board.slides else 'deck tilts under a torque'}, and how late: spring, damper "
+        "and inertia, with the 95 % band of their uncertainty. Other effects are left out.",
     )
 
 
@@ -357,9 +358,8 @@ def _check(board: Board, files: "Sequence[LogFile]", space: Workspace) -> list[s
     if not check:
         found = [file.found for file in files if file.found is not None]
         command = space.command("check", *board.options, logs=found)
-        text = (
-            f"Not checked yet. {command} releases the deck in the scene that policies train in, and compares."
-        )
+        scene = "the joint in its model" if board.model else "the deck in the scene that policies train in"
+        text = f"Not checked yet. {command} releases {scene}, and compares."
         return [verdict(text, good=False)]
     if board.check_is_stale:
         text = "Out of date: the record was changed since it was checked. Check it again."

@@ -57,7 +57,10 @@ class Verdict:
         decays, joint = self.case.decays, self.case.parts
         rows: list[tuple[str, ...]] = []
         for one in decays.releases:
-            errors = f"{100 * one.nrmse:.2f} %", f"{1e3 * one.rmse:.2f} mrad"
+            errors = (
+                f"{100 * one.nrmse:.2f} %",
+                f"{1e3 * one.rmse:.2f} {'mm' if self.case.board.slides else 'mrad'}",
+            )
             measured, length = one.release, one.release.time[-1] - one.release.time[0]
             rows.append((measured.log, str(measured.number), one.side, f"{length:.2f} s", *errors))
         held = "all but the joint" if joint is None else "the chassis"

@@ -21,6 +21,7 @@ from sysid.board import Board
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.files import write_atomically
+from sysid.quantity import slide_unit
 
 ATTRIBUTES = {
     "stiffness": "stiffness", "damping": "damping", "springref": "springref", "armature": "armature",
@@ -168,7 +169,8 @@ def _write(setup: Setup, spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Boa
         found = effect(part.name)
         values = {name: quantity.value for name, quantity in part.parameters.items()}
         if not found.is_known:
-            remarks += found.to_mjcf(spec, joint, values, native=True)
+            told = found.to_mjcf(spec, joint, values, native=True)
+            remarks += map(slide_unit, told) if board.slides else told
         elif values.get("scale", 1.0) != 1.0:
             remarks.append(
                 f"the weight on the joint is {values['scale']:.4g} times what the masses of the model make; they are left as "

@@ -12,6 +12,7 @@ from sysid.batch.manifest import Job
 from sysid.board import find_record, load_named
 from sysid.errors import SysidError
 from sysid.files import sha256
+from sysid.quantity import Quantity
 
 QUANTITIES = {
     "stiffness": "nm_rad",
@@ -87,6 +88,20 @@ def _result(job: Job, workspace: Path) -> Mapping[str, Any]:
     from sysid.diagnosis.diagnose import diagnose
 
     return diagnose(recordings, board).to_json()
+
+
+def failure(row: Mapping[str, Any]) -> str:
+    """Return which job failed and why; a message begins with the log as a rule, which may be the job's name."""
+    begin = f"{row['job']}: "
+    return begin + row["message"].removeprefix(begin)
+
+
+def with_interval(row: Mapping[str, Any], name: str) -> str:
+    """Return 'value ± half-width of the 95 % interval' of a quantity in a row of the table; '-' where it is not there."""
+    if column(name) not in row:
+        return "-"
+    value, low, high = (row[column(name, end)] for end in ENDS)
+    return str(Quantity(value, 0.0, "1", interval=(low, high)))
 
 
 def table_row(row: Mapping[str, Any]) -> dict[str, Any]:

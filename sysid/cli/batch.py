@@ -35,7 +35,7 @@ def batch(
             instead; it must see the logs under the same paths.
     """
     from reports.page.batch import batch_page
-    from sysid.batch.jobs import COLUMNS, run_job, table_row, unfinished
+    from sysid.batch.jobs import COLUMNS, failure, run_job, table_row, unfinished
     from sysid.batch.manifest import read_manifest
     from sysid.batch.runner import read_rows, run_all
     from sysid.cli.bars import bar
@@ -55,7 +55,7 @@ def batch(
                 rows.append(dict(row))
                 progress.advance(task)
                 if row["state"] == "failed":
-                    printer.warn(f"{row['job']}: {row['message']}")
+                    printer.warn(failure(row))
     place = {job.name: number for number, job in enumerate(jobs)}
     rows.sort(key=lambda row: place[row["job"]])
     table = [table_row(row) for row in rows]
@@ -79,13 +79,7 @@ def _csv(columns: Sequence[str], table: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _shown(row: Mapping[str, Any]) -> dict[str, str]:
-    from sysid.batch.jobs import ENDS, column
-
-    def interval(name: str) -> str:
-        if column(name) not in row:
-            return "-"
-        value, low, high = (row[column(name, end)] for end in ENDS)
-        return f"{value:.4g} ± {(high - low) / 2:.2g}"
+    from sysid.batch.jobs import with_interval
 
     frequency = f"{row['omega_n_rad_s'] / 6.283185307179586:.3g}" if "omega_n_rad_s" in row else "-"
     said = " ".join(filter(None, (row.get("verdict"), row.get("effects")))) or row["state"]
@@ -93,8 +87,8 @@ def _shown(row: Mapping[str, Any]) -> dict[str, str]:
         "job": row["job"],
         "task": row["task"],
         "board": row.get("board", "-"),
-        "k [N·m/rad]": interval("stiffness"),
-        "d [N·m·s/rad]": interval("damping"),
+        "k [N·m/rad]": with_interval(row, "stiffness"),
+        "d [N·m·s/rad]": with_interval(row, "damping"),
         "f [Hz]": frequency,
         "verdict": said if row["state"] == "done" else "failed",
     }

@@ -48,11 +48,11 @@ def _list(space: Workspace, printer: Printer) -> None:
         [
             (
                 board.name,
-                _bare(board.tilt["stiffness"]),
-                _bare(board.tilt["damping"]),
-                _bare(board.inertia),
-                f"{damping_ratio(board):.3f}",
-                f"{natural_frequency(board):.2f}",
+                _bare(board.tilt["stiffness"], board),
+                _bare(board.tilt["damping"], board),
+                _bare(board.inertia, board),
+                "-" if (ratio := damping_ratio(board)) is None else f"{ratio:.3f}",
+                "-" if (frequency := natural_frequency(board)) is None else f"{frequency:.2f}",
                 ", ".join(effect.name for effect in board.effects) or "none",
                 provenance(board),
                 verdict(board),
@@ -102,10 +102,10 @@ def _show(space: Workspace, name: str, printer: Printer) -> None:
             printer.table(("quantity", "value ± 95 %"), rows, title)
     for title, content in (("fit", board.fit), ("check", board.check)):
         if content:
-            printer.table(("field", "value"), [(key, str(value)) for key, value in content.items()], title)
+            printer.table(("field", "value"), [(key, _told(value)) for key, value in content.items()], title)
     if board.history:
         keys = list(dict.fromkeys(key for line in board.history for key in line))
-        printer.table(keys, [[str(line.get(key, "")) for key in keys] for line in board.history], "history")
+        printer.table(keys, [[_told(line.get(key, "")) for key in keys] for line in board.history], "history")
     printer.say(f"check: {verdict(board)}")
     printer.result(
         {
@@ -163,14 +163,14 @@ def derivation_line(board: Board) -> str:
     return line
 
 
-def damping_ratio(board: Board) -> float:
-    """Return ζ = d / (2 √(k I))."""
-    return board.damping / (2 * math.sqrt(board.stiffness * board.inertia.value))
+def damping_ratio(board: Board) -> float | None:
+    """Return ζ = d / (2 √(k I)); None for a joint without a spring, which only its weight pulls back."""
+    return board.damping / (2 * math.sqrt(board.stiffness * board.inertia.value)) if board.stiffness else None
 
 
-def natural_frequency(board: Board) -> float:
-    """Return √(k/I) / 2π [Hz]."""
-    return math.sqrt(board.stiffness / board.inertia.value) / (2 * math.pi)
+def natural_frequency(board: Board) -> float | None:
+    """Return √(k/I) / 2π [Hz]; None for a joint without a spring."""
+    return math.sqrt(board.stiffness / board.inertia.value) / (2 * math.pi) if board.stiffness else None
 
 
 def provenance(board: Board) -> str:
@@ -178,7 +178,7 @@ def provenance(board: Board) -> str:
     if board.fit:
         logs = board.fit.get("logs", ())
         rmse = board.fit.get("rmse")
-        error = f", rmse {1e3 * rmse:.3g} mrad" if isinstance(rmse, int | float) else ""
+        error = f", rmse {1e3 * rmse:.3g} m{board.error_unit}" if isinstance(rmse, int | float) else ""
         return f"fitted to {len(logs)} log{'s' if len(logs) != 1 else ''}{error}"
     return "period and two peaks" if board.decay else "entered by hand"
 
@@ -219,9 +219,21 @@ def summary(space: Workspace, board: Board) -> dict[str, Any]:
     }
 
 
-def _bare(quantity: Quantity) -> str:
-    """The value with its 95 % interval, without the unit that the column's head names."""
-    return str(Quantity(quantity.value, quantity.std, "1", interval=quantity.interval))
+def _bare(quantity: Quantity, board: Board) -> str:
+    """The value with its 95 % interval, without the unit that the column's head names; a slide has another."""
+    unit = quantity.unit if board.slides else "1"
+    return str(Quantity(quantity.value, quantity.std, unit, interval=quantity.interval))
+
+
+def _told(value: Any) -> str:
+    """Return a value of a record as it is read: a number to four digits, of a log its path."""
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_told, value)) or "none"
+    if isinstance(value, Mapping):
+        return _told(
+            value["path"] if "path" in value else [f"{key} {_told(own)}" for key, own in value.items()]
+        )
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _json(quantities: Mapping[str, Quantity]) -> dict[str, object]:

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from sysid.cli.streams import one_line
 from sysid.errors import SysidError
-from sysid.files import refuse_overwriting, write_json
+from sysid.files import refuse_overwriting, require_writable, write_json
 from sysid.quantity import Quantity
 from sysid.text import table
 from sysid.workspace import Workspace
@@ -81,6 +81,8 @@ class Printer:
         """Take up effects of the user's own, and open both consoles."""
         self.common.own_effects()
         quiet = self.common.json == "-"
+        if self.common.json is not None and not quiet:
+            require_writable(Path(self.common.json))
         # A terminal breaks a line wherever it is full; we break between words. A pipe gets whole lines.
         out, err = sys.stdout.isatty(), sys.stderr.isatty()
         stdout = Console(

@@ -9,7 +9,7 @@ from sysid.cli.console import FIT, Common, FitTexts, Printer
 from sysid.cli.log_options import LogArguments, load_recordings, space_of
 from sysid.cli.parameter_options import parse_fixed
 from sysid.cli.subject import Subject
-from sysid.files import write_figure, write_json
+from sysid.files import require_writable, write_figure, write_json
 
 
 def diagnose(
@@ -40,6 +40,8 @@ def diagnose(
 
     printer = Printer(common)
     record = subject.load(common, printer)
+    folder = common.space.outputs(record.name)
+    require_writable(folder / "diagnose.json")
     each, setups = subject.logs(logs)
     record, recordings = subject.posed(record, load_recordings(each, arguments, printer), setups)
     with told_bar(printer) as progress:
@@ -47,7 +49,6 @@ def diagnose(
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width, space_of(common, arguments), logs))
     content = result.to_json()
-    folder = common.space.outputs(record.name)
     write_json(folder / "diagnose.json", {**content, **for_report(result, record)})
     picture = story_figure(story_of_diagnosis(result, record), f"{record.name}: {headline(result)}")
     write_figure(folder / "diagnose.png", picture, dpi=110)

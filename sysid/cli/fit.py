@@ -1,5 +1,6 @@
 """`husky-sysid fit`: the tilt joint that decays like the board, saved in its record."""
 
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,10 +10,10 @@ from cyclopts import Parameter
 from sysid.board import Board
 from sysid.cli.console import FIT, Common, FitFlag, FitTexts, Output, Printer
 from sysid.cli.fit_intervals import show_intervals
-from sysid.cli.log_options import LogArguments, load_recordings
+from sysid.cli.log_options import LogArguments, load_recordings, space_of
 from sysid.cli.parameter_options import SHORT, parse_bounds, parse_fixed
 from sysid.cli.subject import Subject
-from sysid.files import refuse_overwriting, write_atomically, write_figure
+from sysid.files import refuse_overwriting, require_writable, write_atomically, write_figure
 from sysid.quantity import Z95
 
 if TYPE_CHECKING:
@@ -68,6 +69,7 @@ def fit(
 
     printer = Printer(common)
     record = subject.load(common, printer)
+    require_writable(common.space.boards / f"{record.name}.toml")
     effect = (*effect, *(name for name in common.own_effects() if name not in effect))
     check_effects(effect, [part.name for part in record.effects])
     fixed, bounds = parse_fixed(fix), parse_bounds(bound)
@@ -103,6 +105,8 @@ def fit(
     with working(printer):
         with stage(0.0, 0.3, "predicting releases that are left out"):
             new = result.updated_board({common.space.named(log): log for log in logs})
+        if read := space_of(common, arguments).reading:
+            new = replace(new, fit={**new.fit, "reading": shlex.join(read)})
         if in_scene:
             from sim.compensation.scene import compensate_in_scene
 

@@ -18,9 +18,8 @@ def history(*, board: BoardName, common: Common = Common()) -> int:
     )
     if record.history:
         errors = ("rmse_before", "rmse", "heldout_rmse", "noise_floor")
-        unit = record.fit.get("unit", "rad")
         printer.table(
-            ("date", "effects", f"error before [{unit}]", "after", "held out", "noise floor"),
+            ("date", "effects", f"error before [{record.error_unit}]", "after", "held out", "noise floor"),
             [
                 (
                     str(line.get("date", "-")),

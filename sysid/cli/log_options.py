@@ -1,6 +1,7 @@
 """Options of every command that takes a log."""
 
 import math
+import shlex
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_type_hi
 
 from cyclopts import Parameter
 
+from sysid.board import Board
 from sysid.cli.console import FILM, LOG, Common, Flag, Printer
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
@@ -113,6 +115,32 @@ class LogArguments:
 def space_of(common: Common, arguments: LogArguments) -> Workspace:
     """Return the workspace of a command; commands that it prints read the logs as this one did."""
     return Workspace(common.workspace, tuple(_typed(arguments)))
+
+
+def as_fitted(record: Board, logs: Sequence[Path], arguments: LogArguments, printer: Printer) -> LogArguments:
+    """Return how the logs that a record was fitted to were read, where neither they nor options were given again.
+
+    Raises:
+        SysidError: The record's options are none.
+    """
+    words = record.fit.get("reading", "")
+    if logs or arguments != LogArguments() or not words:
+        return arguments
+    from cyclopts import App, CycloptsError
+
+    def command(*, arguments: LogArguments = LogArguments()) -> LogArguments:
+        return arguments
+
+    app = App(default_command=command)
+    try:
+        found = app(shlex.split(words), exit_on_error=False, print_error=False, result_action="return_value")
+    except (CycloptsError, ValueError) as error:
+        raise SysidError(
+            f"record '{record.name}': field 'fit.reading' is {words!r}; expected options that read a log. Name the logs here, "
+            "with what they need."
+        ) from error
+    printer.note(f"logs read as they were fitted: {words}")
+    return found
 
 
 def _typed(group: LogArguments | VideoArguments) -> Iterator[str]:

@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Common, Output, Printer
-from sysid.cli.log_options import LogArguments, space_of
+from sysid.cli.log_options import LogArguments, as_fitted, space_of
 from sysid.cli.subject import Subject
 from sysid.cli.view import logs_of, no_logs, read_logs
 from sysid.errors import SysidError
@@ -42,8 +42,9 @@ def report(
     from sysid.progress import stage
 
     printer = Printer(common)
-    space = space_of(common, arguments)
     record = subject.load(common, printer)
+    arguments = as_fitted(record, logs, arguments, printer)
+    space = space_of(common, arguments)
     files = logs_of(record, logs, arguments, printer, output)
     material = read_logs(files, arguments, printer)
     provenance = Provenance(

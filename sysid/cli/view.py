@@ -11,6 +11,7 @@ from sysid.board import Board
 from sysid.cli.console import Common, Output, Printer
 from sysid.cli.log_options import (
     LogArguments,
+    as_fitted,
     load_roll,
     reading,
     recording_of,
@@ -46,6 +47,7 @@ def view(
     """
     printer = Printer(common)
     record = subject.load(common, printer)
+    arguments = as_fitted(record, logs, arguments, printer)
     files = logs_of(record, logs, arguments, printer, output)
     if not any(file.found for file in files):
         raise SysidError(no_logs(record, space_of(common, arguments)))

@@ -52,11 +52,14 @@ def amplitude_warnings(releases: Sequence[Release], board: Board | None) -> list
     return []
 
 
-def record_warnings(numbers: DecayNumbers, board: Board, *, log: str, linear: bool) -> list[str]:
+def record_warnings(
+    numbers: DecayNumbers, board: Board, *, log: str, linear: bool, one_sided: bool = False
+) -> list[str]:
     """Hold stiffness and damping of a decay against what the board's record states.
 
     Args:
         numbers: From the decay, with the record's inertia.
+        one_sided: All releases were to one side: dry friction, which stops them alike, passes for another rest angle.
 
     Returns:
         One warning that names all that lies outside, or none.
@@ -78,6 +81,9 @@ def record_warnings(numbers: DecayNumbers, board: Board, *, log: str, linear: bo
         f"the damping ratio agrees, and only the period is {1 / ratio:.3g} times the record's: is the unit of time right, "
         "or the sampling rate (--rate)?"
         if linear and same_shape and abs(math.log(ratio)) > 0.2
+        else "dry friction hides in releases to one side, where it stops all of them alike: release to the other side as well. If k "
+        "and d stay, is it this board, with this roll inertia, and is the time right?"
+        if linear and one_sided
         else "is it this board, with this roll inertia, and is the time right?"
         if linear
         else "the linear decay is the wrong model, so keep the record until `husky-sysid diagnose` has named what "

@@ -15,6 +15,7 @@ from sysid.errors import SysidError
 from sysid.inertia import GRAVITY
 from sysid.quantity import Quantity, propagate, t95
 from sysid.roll import Array
+from sysid.text import count
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +72,7 @@ def loaded_stiffness(readings: Sequence[LoadedDecay], inertia: Quantity) -> Load
     """
     if len(readings) < 3:
         raise SysidError(
-            f"{len(readings)} decays (--reading); a line with a check needs at least 3: the bare deck and two weights, say."
+            f"{count(len(readings), 'decay')} (--reading); a line with a check needs at least 3: the bare deck and two weights, say."
         )
     gravity = GRAVITY.value
 

@@ -105,10 +105,10 @@ def _without_outliers(
     """Drop lone samples that no motion explains, from the clock too, and say where they were."""
     motion = {name: data[name] for name in choice.columns[: source.moving]}
     if source.turn is not None:  # an angle that wraps jumps by a whole turn, and back
-        turns = {name: source.turn(choice, column) for name, column in motion.items()}
+        turns = [source.turn(choice, column) for column in motion.values()]
         motion = {
-            name: np.unwrap(column, discont=0.75 * turns[name], period=turns[name])
-            for name, column in motion.items()
+            name: np.unwrap(column, discont=0.75 * turn, period=turn) if np.isfinite(turn) else column
+            for (name, column), turn in zip(motion.items(), turns, strict=True)
         }
     kept, remarks = measured_motion(motion, clock.time, choice.unit, rates=source.quantity == "rate")
     if kept is not None:

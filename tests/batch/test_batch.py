@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 from command_line import husky
 
-from sysid.batch.jobs import COLUMNS, job_key
+from sysid.batch.jobs import COLUMNS, failure, job_key, with_interval
 from sysid.batch.manifest import read_manifest
 from sysid.batch.runner import read_rows, run_all
 from sysid.errors import SysidError
@@ -46,6 +46,15 @@ def both(folder):
         '[[job]]\nname = "both"\nboard = "black"\nlogs = ["black-1.csv", "black-2.csv"]\ntogether = true\n'
         '[[job]]\nname = "broken"\nlogs = ["notes.csv"]\n',
     )
+
+
+def test_a_row_is_shown_as_other_numbers_are():
+    row = {"job": "a.csv", "message": "a.csv: the file is empty."}
+    assert failure(row) == "a.csv: the file is empty."
+    assert failure({**row, "job": "both"}) == "both: a.csv: the file is empty."
+    row = {"stiffness_nm_rad": 26.83, "stiffness_low_nm_rad": 21.9, "stiffness_high_nm_rad": 31.7}
+    assert with_interval(row, "stiffness") == "26.8 ± 4.9"
+    assert with_interval(row, "damping") == "-"
 
 
 def test_one_table_and_one_page(logs, tmp_path):

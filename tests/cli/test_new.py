@@ -1,6 +1,7 @@
 """`new` writes the smallest record, and what it lacks is said where it is needed."""
 
 import builtins
+import json
 import sys
 
 import pytest
@@ -24,6 +25,16 @@ def test_a_pendulum_is_its_mass_and_arm(tmp_path):
     assert pull["sine"].value == pytest.approx(-0.49 * 9.80665 * 0.1)
     assert board.stiffness == 0.0
     assert not board.geometry
+
+
+def test_a_pendulum_stands_in_the_list_of_boards(tmp_path):
+    """It has no spring to make a damping ratio with."""
+    assert husky("new", "arm", "--mass", "0.49", "--arm", "0.1", "--workspace", tmp_path).returncode == 0
+    done = husky("boards", "--workspace", tmp_path, "--json", "-")
+    assert done.returncode == 0, done.stderr
+    listed = {entry["board"]: entry for entry in json.loads(done.stdout)["boards"]}
+    assert listed["arm"]["damping_ratio"] is listed["arm"]["natural_frequency_hz"] is None
+    assert listed["pink"]["damping_ratio"] == pytest.approx(0.563, abs=1e-3)
 
 
 def test_a_rig_is_its_inertia(tmp_path):

@@ -11,6 +11,7 @@ from command_line import husky as in_process
 from sysid.cli import build_app
 from sysid.cli.log_options import LogArguments, VideoArguments, unused_options
 from sysid.errors import SysidError
+from sysid.files import require_writable
 from sysid.workspace import shipped_data
 
 PINK = shipped_data() / "decays" / "pink.csv"
@@ -132,3 +133,22 @@ def test_a_message_is_one_line_whatever_a_cell_holds(tmp_path):
     assert len(done.stderr.splitlines()) == 1
     assert "line 41" in done.stderr
     assert "\x1b" not in done.stderr
+
+
+@pytest.mark.parametrize("command", ["diagnose", "fit"])
+@pytest.mark.parametrize(
+    "where", [("--workspace", "a_file"), ("--json", "a_file/x.json"), ("--json", ".")], ids="/".join
+)
+def test_what_cannot_be_written_is_said_before_anything_is_computed(tmp_path, command, where):
+    (tmp_path / "a_file").touch()
+    done = in_process(command, str(PINK), "--board", "pink", *where, cwd=tmp_path)
+    assert done.returncode == 1
+    assert "cannot write there" in done.stderr
+    assert "samples" not in done.stderr  # no log was read
+    assert not done.stdout
+
+
+def test_a_folder_that_will_be_made_can_be_written(tmp_path):
+    require_writable(tmp_path / "to" / "be" / "made" / "x.json")
+    assert not (tmp_path / "to").exists()
+    require_writable(Path(os.devnull))

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import stdtrit
 
+from sysid.board import Board
 from sysid.decay.linear_fit import decay_basis, fit_traces
 from sysid.decay.nonlinearity import find_nonlinearities
 from sysid.decay.numbers import decay_numbers, numbers_from_decrement
@@ -18,8 +19,10 @@ from sysid.decay.peaks import Peak, find_peaks, fit_peak_line
 from sysid.errors import SysidError
 from sysid.free_decay import decay_from_peaks, fit_decay, log_decrement_two_peaks
 from sysid.quantity import Quantity, t95
+from sysid.recording import Recording
 from sysid.releases import find_releases, settling_time
 from sysid.roll import Release, Roll
+from sysid.workspace import shipped_data
 
 INERTIA = Quantity(8.70e-3, 0.0, "kg*m^2", "known")
 PINK, BLACK = (41.083, 0.56265), (69.815, 0.54088)
@@ -522,3 +525,13 @@ def test_peaks_of_which_noise_leaves_one_each_make_no_line():
     assert line is not None
     assert line.log_decrement.value == pytest.approx(2 * math.log(5), rel=0.01)
     assert math.isnan(line.intercepts[0])
+
+
+def test_a_release_to_one_side_may_hide_dry_friction():
+    """Its rest aside passes for a zero of the sensor, and the rest of it for a stiffer spring."""
+    hidden = shipped_data() / "decays" / "pink_hidden.csv"
+    one = fit_decay(Recording.read(hidden, stop=3.0), board=Board.load("pink"))
+    assert one.linear
+    assert one.numbers.stiffness.ci95[0] > 20
+    assert any("dry friction hides" in warning for warning in one.warnings)
+    assert not fit_decay(Recording.read(hidden), board=Board.load("pink")).linear

@@ -92,5 +92,8 @@ def test_what_lies_outside_the_record_is_said_with_its_likely_cause(board):
     (stiff,) = record_warnings(numbers(1.4 * omega, 0.3), board, log="x", linear=True)
     assert "k = " in stiff
     assert "is it this board" in stiff
+    assert "dry friction" not in stiff
+    (stuck,) = record_warnings(numbers(1.4 * omega, 0.8), board, log="x", linear=True, one_sided=True)
+    assert "release to the other side" in stuck
     (wrong,) = record_warnings(numbers(1.4 * omega, 0.8), board, log="x", linear=False)
     assert "wrong model" in wrong

@@ -5,6 +5,7 @@ from pathlib import Path
 from shutil import copy
 
 import pytest
+from command_line import husky
 
 from reports.evidence import find_logs
 from sysid.cli.console import Common
@@ -31,6 +32,43 @@ def test_a_workspace_is_looked_at_from_another_folder(tmp_path: Path, monkeypatc
     assert found.state == "as fitted"
     assert found.found.resolve() == measured / "log.csv"
     assert str(tmp_path) not in str(board.fit["logs"]), "a record speaks of no machine"
+
+
+def test_a_linked_workspace_finds_its_logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Out of it, `..` leads to the folder where it really is."""
+    (tmp_path / "deep" / "real").mkdir(parents=True)
+    (here := tmp_path / "here").mkdir()
+    (here / "runs").symlink_to(tmp_path / "deep" / "real", target_is_directory=True)
+    (here / "log.csv").write_text("0,0")
+    monkeypatch.chdir(here)
+    for space in (Workspace(Path("runs")), Workspace(Path("../deep/real")), Workspace(Path())):
+        name = space.named(Path("log.csv"))
+        assert space.recorded(name) == Path("log.csv")
+        assert (space.root.resolve() / name).resolve() == here / "log.csv"
+    assert Workspace(Path("runs")).recorded("/a/log.csv") == Path("/a/log.csv")
+
+
+def test_logs_are_read_again_as_they_were_fitted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Otherwise 180 mrad are 180 degrees, and what `--to` left out is a release more."""
+    lines = (shipped_data() / "decays" / "pink.csv").read_text().splitlines()[1:]
+    pairs = [line.split(",")[:2] for line in lines]
+    table = [f"{time},{1e3 * float(roll):.3f}" for time, roll in pairs]
+    (tmp_path / "log.csv").write_text("\n".join(["time_s,roll", *table]))
+    monkeypatch.chdir(tmp_path)
+    done = husky("fit", "log.csv", "--board", "pink", "--unit", "mrad", "--to", "6.5")
+    assert done.returncode == 0, done.stderr
+    done = husky("report", "--board", "pink")
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "reports" / "pink" / "report.html").read_text()
+    assert "Yes: error" in page
+    assert "release 2" in page
+    assert "release 3" not in page
+    assert "--unit mrad --to 6.5" in page  # of the command that it names
+    record = tmp_path / "data" / "boards" / "pink.toml"
+    record.write_text(record.read_text().replace("--unit mrad", "--unt mrad"))
+    done = husky("report", "--board", "pink")
+    assert done.returncode == 1
+    assert "fit.reading" in done.stderr
 
 
 def test_a_name_from_the_current_folder_is_still_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -2,8 +2,11 @@
 
 from math import pi
 
+import numpy as np
 import pytest
 
+from sysid.errors import SysidError
+from sysid.logs import LogOptions, read_roll
 from sysid.logs.table import names
 
 STANDARD_GRAVITY = 9.80665
@@ -24,3 +27,30 @@ def test_size_of_a_unit(text, size):
     unit = names.parse_unit(text)
     (found,) = (table[unit] for table in tables if unit in table)
     assert found == pytest.approx(size, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "size"),
+    [("x_mm", None, 1e-3), ("travel (cm)", None, 1e-2), ("x", "mm", 1e-3), ("x_mm", "m", 1.0)],
+)
+def test_the_position_of_a_slide_is_in_the_unit_of_its_name_or_the_users(tmp_path, column, unit, size):
+    """Not in degrees, which a reach of 100 would be of a column without a unit."""
+    time = np.arange(0, 4, 0.01)
+    values = 100 * np.cos(5 * time)
+    log = tmp_path / "slide.csv"
+    np.savetxt(log, np.column_stack([time, values]), "%.6f", ",", header=f"time_s,{column}", comments="")
+    roll = read_roll(log, LogOptions(column=column, unit=unit))
+    assert np.ptp(roll.roll) == pytest.approx(200 * size, rel=1e-3)
+    assert any("position of a slide" in note for note in roll.notes)
+    assert not any("°" in note or "rad" in note for note in roll.notes)
+
+
+def test_a_speed_is_no_position(tmp_path):
+    time = np.arange(0, 4, 0.01)
+    log = tmp_path / "slide.csv"
+    table = np.column_stack([time, 100 * np.cos(5 * time)])
+    np.savetxt(log, table, "%.6f", ",", header="time_s,v_mm_s", comments="")
+    roll = read_roll(log, LogOptions(column="v_mm_s"))
+    assert np.ptp(roll.roll) == pytest.approx(0.2 / 5, rel=0.01)
+    with pytest.raises(SysidError, match="not a unit of an angle"):
+        read_roll(log, LogOptions(column="v_mm_s", unit="kg"))

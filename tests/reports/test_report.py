@@ -7,6 +7,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import pytest
 from decay_truth import Recipe, make_roll
 
 from reports.figures.svg import MOST_POINTS, figure_to_svg, page_style, thin
+from reports.page import answers
 from reports.page import board as board_page
 from reports.page.page import Page, choices, figure, table
 from sysid.board import Board
@@ -496,3 +498,12 @@ def test_a_package_that_tells_no_version_is_named_all_the_same(monkeypatch):
     )
     assert rows["casadi"] == "unknown"
     assert rows["mujoco"] == version("mujoco")
+
+
+def test_a_record_without_intervals_is_not_sure():
+    """A model says its numbers without intervals: that is not an interval of 0 %."""
+    pink = Board.load("pink")
+    exact = pink.with_tilt(**{name: replace(quantity, std=0.0) for name, quantity in pink.tilt.items()})
+    assert "±0 %" not in answers.how_sure(exact, None)
+    assert "without intervals" in answers.how_sure(exact, None)
+    assert answers.how_sure(pink, None) == "k to ±0.62 %, d to ±0.35 %, 95 %."

@@ -113,8 +113,9 @@ def find_dialect(path: Path, lines: Sequence[str]) -> tuple[str, str, int]:
         if score > best_score:
             best, best_score = (delimiter, decimal, width), score
     if best is None or best_score[0] < 0.25:
+        where = "only line" if len(lines) == 1 else f"first {len(lines)} lines"
         raise SysidError(
-            f"{path}: no rows of numbers in its first {len(lines)} lines. Expected a table with a column of "
+            f"{path}: no rows of numbers in its {where}. Expected a table with a column of "
             "time and one of roll, angle or rotation rate."
         )
     return best

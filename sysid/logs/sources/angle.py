@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.logs.sources.registry import Reading, Source
+from sysid.logs.sources.registry import LENGTHS, Reading, Source
 from sysid.logs.table.choose import Choice, chosen, std_of
 from sysid.logs.table.names import ANGLE_UNITS, Column, unit_kind
 from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.noise.sensor import estimate_noise, saturated
 from sysid.roll import Array, Roll
+from sysid.text import display
 
 TURN = 360.0
 """Angles that count on over a turn in whole numbers are counts, for degrees begin again [deg]."""
@@ -80,6 +81,10 @@ def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
         SysidError: No unit is named, and it counts beyond a turn in whole numbers.
     """
     (name,) = choice.columns
+    if choice.unit in LENGTHS["angle"]:
+        return LENGTHS["angle"][choice.unit], note(
+            "unit", f"'{name}' is the position of a slide in {choice.unit}"
+        )
     if choice.scale is not None:
         return choice.scale, note("unit", f"one count is {choice.scale:g} rad, as --unit says")
     if choice.unit is not None:
@@ -100,7 +105,9 @@ def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
 
 
 def whole_turn(choice: Choice, angle: Array) -> float:
-    """Return a whole turn in the unit of an angle, shape (n,)."""
+    """Return a whole turn in the unit of an angle, shape (n,); infinite of a slide, which does not turn."""
+    if choice.unit in LENGTHS["angle"]:
+        return np.inf
     unit = choice.unit or _likely_unit(_reach(angle))
     return 2 * np.pi / abs(choice.scale or ANGLE_UNITS[unit])
 
@@ -120,16 +127,19 @@ def roll_from_angle(reading: Reading) -> Roll:
     choice, (angle,) = reading.choice, reading.signals
     scale, remarks = angle_scale(angle, choice)
     factor = scale * choice.sign
-    roll, unwrapping = _unwrapped(angle if factor == 1 else angle * factor)
-    remarks += unwrapping
+    roll = angle if factor == 1 else angle * factor
+    if choice.unit not in LENGTHS["angle"]:
+        roll, unwrapping = _unwrapped(roll)
+        remarks += unwrapping
     noise = estimate_noise(roll)
     if reading.std is not None and np.all(reading.std > 0):
         std = reading.std * abs(scale)
         remarks += note("noise", f"from the column '{choice.std}'")
     else:
         std = np.full(roll.size, noise.std)
-        step = f", quantised in steps of {np.rad2deg(noise.step):.3g}°" if noise.step > noise.std else ""
-        remarks += note("noise", f"{np.rad2deg(noise.std):.3g}° from the whole signal{step}")
+        show = display(is_rate=False, slides=choice.unit in LENGTHS["angle"])
+        step = f", quantised in steps of {show(noise.step, 3)}" if noise.step > noise.std else ""
+        remarks += note("noise", f"{show(noise.std, 3)} from the whole signal{step}")
     excess = saturated(roll, noise)
     if excess is not None:
         np.maximum(std, excess, out=std)

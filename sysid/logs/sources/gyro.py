@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.logs.sources.axis import find_roll_axis
-from sysid.logs.sources.registry import Reading, Source
+from sysid.logs.sources.registry import LENGTHS, Reading, Source
 from sysid.logs.table.choose import Choice, chosen, triple
 from sysid.logs.table.names import RATE_UNITS, Column, unit_kind
 from sysid.logs.table.remarks import Remarks, note, warning
@@ -71,6 +71,10 @@ def gyro_turning(choice: Choice, signals: Sequence[Array], period: float) -> Arr
 
 def rate_scale(rates: Array, choice: Choice) -> tuple[float, Remarks]:
     """Return rad/s per unit of the rates, shape (n, m), and how that is known."""
+    if choice.unit in LENGTHS["rate"]:
+        return LENGTHS["rate"][choice.unit], note(
+            "unit", f"'{choice.columns[0]}' is the speed of a slide in {choice.unit}"
+        )
     if choice.scale is not None:
         return choice.scale, note("unit", f"one count is {choice.scale:g} rad/s, as --unit says")
     if choice.unit is not None:

@@ -6,6 +6,7 @@ zero is known, what it measures) is written into the `Roll`, so that nobody need
 
 import importlib
 import pkgutil
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -31,9 +32,14 @@ DUPLICATE_CORRELATION = 0.9
 """Correlation [1] from which two columns whose sizes agree as well are one motion written twice."""
 AVERAGED_ROWS = (1, 4, 16)
 """Rows that are averaged before two rates are compared: the slope of an angle is mostly noise from row to row."""
-LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
-"""Units of a slide, whose position in m is what an angle in rad is of a hinge: only where the user says so, for other columns
-of a log are lengths too."""
+LENGTHS = {
+    "angle": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "rate": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3},
+}
+"""Units of a slide, whose position in m is what an angle in rad is of a hinge: only of a column that the user names, for other
+columns of a log are lengths too."""
+_LENGTH = re.compile(r".*[\W_]([cm]m)(?:[_/](s))?[)\]]?")
+"""A name that ends in a unit of length or speed. A lone m may be a motor's."""
 _UNITS = {"angle": ("an angle", "rad", ANGLE_UNITS), "rate": ("a rotation rate", "rad/s", RATE_UNITS)}
 
 
@@ -123,6 +129,8 @@ def choose_source(
         )
     if options.column is not None:
         column = find_column(log, options.column, columns, "--column")
+        if options.unit is None and (length := _LENGTH.fullmatch(column.name.lower())):
+            options = replace(options, unit="/".join(filter(None, length.groups())))
         source, choice = _named(log, column, columns, sign, options)
         return source, _with_unit(source, choice, options)
     wanted = sources().values() if options.source == "auto" else [sources()[options.source]]
@@ -218,6 +226,7 @@ def _named(
 ) -> tuple[Source, Choice]:
     """Return the source that one column makes: the user's, else the one of its quantity, else the first."""
     kind = unit_kind(parse_unit(options.unit)) if options.unit else "unknown"
+    kind = next((of for of, units in LENGTHS.items() if options.unit in units), kind)
     kind = kind if kind in _UNITS else column.kind
     single = [source for source in sources().values() if source.from_column is not None]
     chosen = [
@@ -245,8 +254,8 @@ def _with_unit(source: Source, choice: Choice, options: LogOptions) -> Choice:
         )
     what, si, table = _UNITS[source.quantity]
     unit = parse_unit(options.unit)
-    if options.unit in LENGTHS:
-        return replace(choice, scale=LENGTHS[options.unit])
+    if length := LENGTHS[source.quantity].get(options.unit):
+        return replace(choice, unit=options.unit, scale=length)
     if unit in table:
         return replace(choice, unit=unit)
     try:

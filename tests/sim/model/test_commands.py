@@ -10,9 +10,13 @@ import pytest
 import robots
 from command_line import husky
 
+from sim.mjcf import board_mjcf
 from sim.model.scene import scene_of
 from sim.model.setup import Setup
 from sim.model.subject import board_of
+from sysid.board import BoardEffect
+from sysid.errors import SysidError
+from sysid.quantity import Quantity
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.sensors import Sensor
 from sysid.workspace import Workspace
@@ -116,7 +120,35 @@ def test_a_slide_is_fitted_in_metres_with_its_weight_known(tmp_path):
         assert low - (high - low) / 2 < value < high + (high - low) / 2, name
     checked = husky("check", log, "--unit", "m", "--board", "slider_lift", "--workspace", tmp_path)
     assert checked.returncode == 0, checked.stderr
+    assert "mrad" not in checked.stdout
     assert "° " not in done.stdout
+    for command in (("boards",), ("history", "--board", "slider_lift")):
+        listed = husky(*command, "--workspace", tmp_path).stdout
+        assert "mrad" not in listed
+        assert "[rad]" not in listed
+
+
+@pytest.mark.parametrize("kind", ["--bench", "--scene"])
+def test_no_hinge_is_written_for_a_slide(tmp_path, kind):
+    """Its N/m would be a hinge's N·m/rad."""
+    record = board_of(Setup(file=robots.write(tmp_path)["slider"], joint="lift"))[0]
+    Workspace(tmp_path).save_board(record)
+    done = husky("mjcf", "--board", record.name, kind, "-o", tmp_path / "rig.xml", "--workspace", tmp_path)
+    assert (done.returncode, "into a copy of its model" in done.stderr) == (1, True), done.stderr
+    assert not (tmp_path / "rig.xml").exists()
+    with pytest.raises(SysidError, match="slides"):
+        board_mjcf(record, "bench")
+
+
+def test_what_is_written_of_a_slide_is_said_in_its_units(tmp_path):
+    """Also what an effect says of itself, which knows of hinges alone."""
+    from sim.model.patch import patch
+
+    setup = Setup(file=robots.write(tmp_path)["slider"], joint="lift")
+    record = board_of(setup)[0]
+    friction = BoardEffect("coulomb", {"torque": Quantity(0.3, 0.01, "N")})
+    told = patch(setup, replace(record, effects=(*record.effects, friction))).remarks
+    assert any("frictionloss 0.3 N;" in line for line in told)
 
 
 def test_the_mended_slide_moves_as_the_truth(tmp_path):
