@@ -8,8 +8,9 @@ of a period. So an error is taken for a sum of four independent parts,
 * jitter of the time stamps, white, in proportion to the rate,
 * a discrepancy in proportion to the amplitude, with a memory of an eighth of a period,
 
-whose five sizes are fitted to each error by maximum likelihood. Where a model reaches the noise, its discrepancy is
-zero and every sample counts; where none does, neighbouring samples say the same and a percent less error is no evidence.
+whose five sizes are fitted to each error by maximum likelihood, beside what the sensor's steps hide, which is known. Where a
+model reaches the noise, its discrepancy is zero and every sample counts; where none does, neighbouring samples say the same and
+a percent less error is no evidence.
 
 The likelihood is Whittle's (Bull. Int. Stat. Inst. 39, 1962), period by period: cosine coefficients of one period of
 error are nearly independent, with the parts' spectra as variances.
@@ -43,6 +44,8 @@ class Blocks:
     """Release, begin and end of each block."""
     period: float
     """In samples."""
+    rounding: Array
+    """Variance of the coefficient that comes from the sensor's steps alone, shape (n,)."""
 
     def coefficients(self, errors: Sequence[Array]) -> Array:
         """Return the cosine coefficients of an error, block by block, shape (n,), in the unit of the error."""
@@ -67,9 +70,38 @@ class Fitted:
     """Log-likelihood of each coefficient, shape (n,)."""
 
 
+@dataclass(frozen=True, slots=True)
+class Rounding:
+    """What the steps of a sensor hide of a release.
+
+    Where the reading changes from sample to sample it is white, step²/12. A reading that stays says the same again until the motion
+    or the noise has left its step: however many there are, at rest they are one.
+    """
+
+    step: float
+    """Of the sensor [rad or rad/s]."""
+    readings: Array
+    """Of which means are fitted [rad or rad/s], shape (n * average,)."""
+    average: int
+    """Readings a sample."""
+
+    def variance(self, frequency: Array, begin: int, end: int) -> Array:
+        """Return the variance of cosine coefficients of some samples, shape (end - begin,).
+
+        Args:
+            frequency: Of the coefficients, in cycles per sample.
+            begin: First sample.
+            end: Sample after the last.
+        """
+        readings = self.readings[begin * self.average : end * self.average]
+        stays = len(readings) / (1 + np.count_nonzero(np.diff(readings)))
+        least = self.step**2 / 12 * min(1.0, stays / self.average)
+        return least * _memory(frequency, (stays - 1) / (2 * self.average))
+
+
 def blocks_of(
-    signals: Sequence[Array], rates: Sequence[Array], steps: Sequence[float], period: float
-) -> Blocks:
+    signals: Sequence[Array], rates: Sequence[Array], steps: Sequence[float], period: float, rounding: Sequence["Rounding"] = (),
+) -> Blocks:  # fmt: skip
     """Cut releases into periods.
 
     Args:
@@ -77,8 +109,9 @@ def blocks_of(
         rates: Its time derivative, shape (n,) each.
         steps: Sampling period of each [s].
         period: Of the joint [s].
+        rounding: Of each release, where the sensor reads in steps.
     """
-    frequency, amplitude, rate, cuts = [], [], [], []
+    frequency, amplitude, rate, cuts, rounded = [], [], [], [], []
     for index, (signal, slope, step) in enumerate(zip(signals, rates, steps, strict=True)):
         length = max(8, round(period / step))
         count = max(1, len(signal) // length)
@@ -91,8 +124,10 @@ def blocks_of(
             amplitude.append(np.full(size, swing))
             rate.append(np.full(size, np.sqrt(np.mean(slope[a:b] ** 2))))
             cuts.append((index, int(a), int(b)))
+            rounded.append(rounding[index].variance(frequency[-1], a, b) if rounding else np.zeros(size))
     return Blocks(
         np.concatenate(frequency), np.concatenate(amplitude), np.concatenate(rate), np.concatenate(list(signals)) ** 2, tuple(cuts), period / float(np.median(steps)),
+        np.concatenate(rounded),
     )  # fmt: skip
 
 
@@ -115,7 +150,7 @@ def fit_errors(blocks: Blocks, errors: Sequence[Array]) -> Fitted:
         remembered, longer = (_memory(blocks.frequency, f * t * blocks.period) for f in (1.0, 1.01))
         slope = c * (longer - remembered) / np.log(1.01)
         parts = size * np.stack([np.full_like(power, w), c * remembered, slope, j * jitters, m * follows])
-        return parts[[0, 1, 3, 4]].sum(0), parts
+        return parts[[0, 1, 3, 4]].sum(0) + blocks.rounding, parts
 
     def normal(point: Array) -> Normal:
         v, slopes = variance(point)
@@ -136,7 +171,7 @@ def fit_errors(blocks: Blocks, errors: Sequence[Array]) -> Fitted:
     w, c, _, j, m = np.exp(best)
     each = -0.5 * (np.log(v) + power / v)
     return Fitted(
-        float(each.sum()), float(np.sqrt(size * w)), float(np.sqrt(size * c)),
+        float(each.sum()), float(np.sqrt(size * w + np.mean(blocks.rounding))), float(np.sqrt(size * c)),
         float(np.sqrt(size * j)) / rate, float(np.sqrt(size * m)) / swing, each,
     )  # fmt: skip
 

@@ -117,7 +117,7 @@ def _does_nothing(law: JointLaw, name: str, scales: Scales) -> bool:
     rubbed = (
         0.0
         if part.friction is None
-        else float(np.max(part.friction(NUMPY, np.array([0.0, scales.rate]), values)))
+        else float(np.max(part.friction(NUMPY, scales.amplitude, np.array([0.0, scales.rate]), values)))
     )
     return max(float(torque), rubbed) < 1e-9 * scales.torque
 

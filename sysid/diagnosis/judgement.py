@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.diagnosis.error_model import Blocks, Fitted, blocks_of, fit_errors
+from sysid.diagnosis.error_model import Blocks, Fitted, Rounding, blocks_of, fit_errors
 from sysid.diagnosis.pendulum import zero
 from sysid.diagnosis.search import INEXACT, Candidate
 from sysid.effects import effect
+from sysid.noise.floor import pooled_step
 from sysid.roll import Array
 
 EXPLAINED = 0.8
@@ -327,6 +328,8 @@ def held_blocks(model: Candidate, period: float) -> Blocks:
     signals: list[Array] = []
     rates: list[Array] = []
     steps: list[float] = []
+    rounding: list[Rounding] = []
+    quantum = pooled_step([record.release for record in problem.records], rate=problem.records[0].is_rate)
     for record, residual, held, measured in zip(
         problem.records, model.residuals, model.heldout, problem.observed, strict=True
     ):
@@ -336,4 +339,6 @@ def held_blocks(model: Candidate, period: float) -> Blocks:
         signals.append(signal[-len(held) :])
         rates.append(rate[-len(held) :])
         steps.append(step)
-    return blocks_of(signals, rates, steps, period)
+        readings = record.signal[: len(measured) * problem.average][-len(held) * problem.average :]
+        rounding.append(Rounding(quantum, readings, problem.average))
+    return blocks_of(signals, rates, steps, period, rounding)

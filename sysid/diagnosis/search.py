@@ -349,7 +349,9 @@ class Search:
         best = best_of(leaders(singles[1:], frugality), PARENTS)
         if not reached:  # alone, a richer law takes over what another effect does beside the simpler one
             simpler = {name for part in best[0].problem.structure.parts for name, _ in part.limiting_cases}
-            best += [m for m in singles[1:] if set(self.added(m)) <= simpler]
+            # The most frugal of the first family may lack what its best has, which then takes the place of another effect.
+            own = min((m for m in singles[1:] if m.families == best[0].families), key=lambda m: m.cost)
+            best += [m for m in singles[1:] if set(self.added(m)) <= simpler or m is own]
         wanted = {
             tuple(sorted({*a.effects, *b.effects})): (a, b)
             for i, a in enumerate(best) for b in singles[1:]

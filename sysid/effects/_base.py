@@ -362,8 +362,8 @@ class TorqueEffect(Effect):
     role: Role = "torque"
     torque: Callable[[Algebra, JointState, Values, Sequence[Value]], Value] = no_torque
     """`torque(m, motion, parameters, states)` [N*m], without dry friction."""
-    friction: Callable[[Algebra, Value, Values], Value] | None = None
-    """`friction(m, speed, parameters)` [N*m] ≥ 0: dry friction at |v|; at speed 0, what it takes to slide."""
+    friction: Callable[[Algebra, Value, Value, Values], Value] | None = None
+    """`friction(m, tilt, speed, parameters)` [N*m] ≥ 0: dry friction at x and |v|; at speed 0, what it takes to slide."""
     modifies: Callable[[LinearJoint, Values], LinearJoint] | None = None
     """`modifies(joint, parameters)`: the linear law with another number."""
     changing: Callable[[Algebra, Value, Values], tuple[Value, Value]] | None = None

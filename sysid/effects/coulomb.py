@@ -7,8 +7,8 @@ from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, Torq
 from sysid.effects._mjcf import set_friction
 
 
-def friction(m: Algebra, speed: Value, parameters: Values) -> Value:
-    """Return F, whatever the speed [N*m]."""
+def friction(m: Algebra, tilt: Value, speed: Value, parameters: Values) -> Value:
+    """Return F, whatever tilt and speed [N*m]."""
     return parameters["torque"] + 0 * speed
 
 

@@ -14,7 +14,7 @@ _VANISHING = 0.02
 """Friction of the element at speed, as a share of its own at standstill: it may not be nothing."""
 
 
-def friction(m: Algebra, speed: Value, parameters: Values) -> Value:
+def friction(m: Algebra, tilt: Value, speed: Value, parameters: Values) -> Value:
     """Return Fc + (Fs - Fc) exp(-(v/vs)²) [N*m]; Fs below Fc counts as Fc."""
     extra = m.maximum(parameters["static_torque"] - parameters["torque"], 0.0)
     return parameters["torque"] + extra * m.exp(-((speed / parameters["velocity"]) ** 2))

@@ -72,10 +72,10 @@ class EquationsOfMotion:
                 inertia, by_roll = inertia + more, by_roll + slope
         return inertia, by_roll
 
-    def friction(self, speed: Any) -> Any:
-        """Return the dry friction of all effects at that speed [N*m]."""
+    def friction(self, tilt: Any, speed: Any) -> Any:
+        """Return the dry friction of all effects at that tilt and speed [N*m]."""
         levels = [
-            part.friction(self.m, speed, values)
+            part.friction(self.m, tilt, speed, values)
             for part, values, _ in self.layout
             if isinstance(part, TorqueEffect) and part.friction is not None
         ]
@@ -86,7 +86,7 @@ class EquationsOfMotion:
         motion = self.motion(y)
         joint, deck = self.torques(y)
         if slide is not None:
-            joint = joint - slide * self.friction(self.m.abs(motion.rate))
+            joint = joint - slide * self.friction(motion.tilt, self.m.abs(motion.rate))
         moving: Any = 1.0 if slide is None else slide * slide
         inertia, by_roll = self.inertia(motion.roll)
         rates = [y[1] * moving, (joint + deck - by_roll * y[1] * y[1] / 2) / inertia * moving]
@@ -139,7 +139,8 @@ class EquationsOfMotion:
         """Return where a joint that stands starts to slide: -1, +1, or 0 if friction holds it."""
         joint, deck = self.torques(y)
         torque = joint + deck
-        return self._ca.if_else(self._ca.fabs(torque) > self.friction(0.0), self._ca.sign(torque), 0.0)
+        holds = self.friction(self.motion(y).tilt, 0.0)
+        return self._ca.if_else(self._ca.fabs(torque) > holds, self._ca.sign(torque), 0.0)
 
     def sliding(self, y: Any) -> Any:
         """Return in which direction the joint slides in state y: -1, +1, or 0 if friction holds it."""

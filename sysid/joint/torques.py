@@ -34,7 +34,7 @@ def effect_torque(law: JointLaw, name: str, time: Array, roll: Array, rate: Arra
         return torque
     torque = torque + part.torque(m, motion, parameters, ())
     if part.friction is not None:
-        torque = torque - np.sign(rate) * part.friction(m, np.abs(rate), parameters)
+        torque = torque - np.sign(rate) * part.friction(m, motion.tilt, np.abs(rate), parameters)
     return torque
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sysid.diagnosis.error_model import blocks_of, fit_errors
+from sysid.diagnosis.error_model import Rounding, blocks_of, fit_errors
 
 STEP, PERIOD = 4e-3, 0.16
 TIME = np.arange(0.0, 4.0, STEP)
@@ -63,3 +63,25 @@ def test_the_smaller_error_is_the_likelier_by_what_it_is_smaller(blocks):
     small, large = ([scale * noise(i, white=1e-3) for i in range(3)] for scale in (1.0, 1.1))
     gap = fit_errors(blocks, small).log_likelihood - fit_errors(blocks, large).log_likelihood
     assert gap == pytest.approx(3 * len(TIME) * np.log(1.1), rel=0.01)
+
+
+def test_a_reading_that_stays_says_the_same_again():
+    """A deck that rests within a step of its sensor: how far beside, its readings tell once a block, however many there are."""
+    step = 4e-4
+    readings = np.round(SWING * np.exp(-3 * TIME) / step) * step
+    rounding = [Rounding(step, readings, 1)] * 3
+    plain, known = (
+        blocks_of([SWING * np.exp(-3 * TIME)] * 3, [RATE] * 3, [STEP] * 3, PERIOD, r) for r in ((), rounding)
+    )
+    rng = np.random.default_rng(0)
+    moves = step / np.sqrt(12) * rng.standard_normal((3, len(TIME))) * (np.abs(readings) > 0)
+    near, far = ([m + beside * (readings == 0) for m in moves] for beside in (2e-5, 1e-4))
+    told = [fit_errors(b, near).log_likelihood - fit_errors(b, far).log_likelihood for b in (plain, known)]
+    assert told[1] < 0.3 * told[0]
+
+
+def test_steps_that_the_motion_passes_at_every_reading_are_white_noise():
+    step = 4e-4
+    rounding = Rounding(step, np.arange(400.0) * step, 4)
+    frequency = np.arange(100) / 200
+    assert rounding.variance(frequency, 0, 100) == pytest.approx(step**2 / 12 / 4)

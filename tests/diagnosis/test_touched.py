@@ -146,3 +146,17 @@ def test_a_law_that_changes_where_swings_are_small_is_no_hands_work():
     found = diagnose(Recording.of(make_roll(recipe)), board)
     assert found.verdict.status == "unexplained"
     assert not any("hand" in doubt for doubt in found.doubts)
+
+
+def test_of_decks_that_stop_within_two_swings_a_short_push_takes_no_more_than_it_touched():
+    sticks = replace(LAW, stiffness=1.5).with_effect("coulomb", 0.075)
+
+    def flicked(angle):
+        begin = np.interp(TIME, [0.0, 0.02, 0.04], [angle, angle, 1.25 * angle])
+        free = simulate(sticks, TIME, 1.25 * angle, 4 * angle).roll
+        return np.where(TIME < 0.04, begin, np.interp(TIME - 0.04, TIME, free))
+
+    kept = touched(*(flicked(angle) for angle in (0.14, -0.12, 0.11)))
+    assert kept is not None
+    assert "beginnings" in kept[1]
+    assert [release.time[0] < 0.1 for release in kept[0]] == [True] * 3

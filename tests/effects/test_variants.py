@@ -17,6 +17,7 @@ from sysid.workspace import Workspace
 
 INERTIA, K, D, NOISE = 8.7e-3, 14.684, 0.04, float(np.radians(0.05))
 PLAIN = JointLaw(inertia=INERTIA, stiffness=K, damping=D)
+PLAIN_WITHOUT_DAMPER = JointLaw(inertia=INERTIA, stiffness=K, damping=0.0)
 Inner = Callable[[float, float, Sequence[float]], tuple[float, list[float]]]
 """Torque and rates of the inner states from tilt, rate and inner states."""
 
@@ -32,6 +33,10 @@ def stop(x: float, v: float, z: Sequence[float]) -> tuple[float, list[float]]:
 def hanging(x: float, v: float, z: Sequence[float]) -> tuple[float, list[float]]:
     pull = 30.0**2 * (x - z[0]) + 2 * 0.05 * 30.0 * (v - z[1])
     return -0.001 * pull, [z[1], pull]
+
+
+def loaded(x: float, v: float, z: Sequence[float]) -> tuple[float, list[float]]:
+    return -(0.04 + 1.2 * abs(x)) * float(np.tanh(v / 1e-4)), []
 
 
 def releases(law: Inner, held: Callable[[float], list[float]]) -> list[Release]:
@@ -62,6 +67,7 @@ def releases(law: Inner, held: Callable[[float], list[float]]) -> list[Release]:
         ("dahl", dahl, lambda a: [np.sign(a) * (1 - np.exp(-abs(a) / 0.006))], (0.08, 0.006)),
         ("one-sided-stop", stop, lambda a: [], (-0.09, 80.0, 0.1)),
         ("hanging-body", hanging, lambda a: [a, 0.0], (0.001, 30.0, 0.05)),
+        ("load-friction", loaded, lambda a: [], (0.04, 1.2)),
     ],
 )
 def test_a_fit_recovers_the_truth(
@@ -171,3 +177,34 @@ def test_a_free_decay_hardly_tells_two_arms_from_one():
     linear, arm = (2 * least_squares(left, start).cost for start in ((1.03, 0.05), (1.03, 0.05, 0.4)))
     assert linear > 50
     assert arm < 13
+
+
+def test_friction_that_grows_with_the_load_holds_a_tilted_deck_and_takes_the_same_share_of_each_swing():
+    """With b below k it never sticks away from rest, with b above k it never leaves; each half swing is (k - b) / (k + b) of the last."""
+    free = PLAIN_WITHOUT_DAMPER.with_effect("load-friction", 0.0, 1.2)
+    stuck = PLAIN_WITHOUT_DAMPER.with_effect("load-friction", 0.0, 15.0)
+    time = np.arange(0.0, 1.0, 1e-4)
+    roll = simulate(free, time, 0.15).roll
+    turns = np.abs(roll[1:-1][np.diff(np.sign(np.diff(roll))) != 0])
+    # Of the way out the friction helps the spring, of the way home it holds it back.
+    assert turns[1:5] / turns[:4] == pytest.approx(np.sqrt((K - 1.2) / (K + 1.2)), rel=1e-3)
+    assert simulate(stuck, time, 0.15).roll == pytest.approx(0.15)
+
+
+def test_a_model_gets_a_damper_that_takes_as_much_of_a_swing_as_friction_that_grows():
+    import mujoco
+
+    spec = mujoco.MjSpec()
+    body = spec.worldbody.add_body()
+    body.inertia = [INERTIA] * 3
+    joint = body.add_joint()
+    joint.stiffness[0] = K
+    effect("load-friction").to_mjcf(spec, joint, {"torque": 0.04, "growth": 1.2})
+    damped = JointLaw(inertia=INERTIA, stiffness=K, damping=float(joint.damping[0]))
+    law = PLAIN_WITHOUT_DAMPER.with_effect("load-friction", 0.0, 1.2)
+    time = np.arange(0.0, 1.0, 1e-3)
+    one, other = (simulate(each, time, 0.15).roll for each in (law, damped))
+    assert joint.frictionloss == 0.04
+    assert np.sqrt(np.mean((one - other) ** 2)) < 0.1 * np.sqrt(np.mean(one**2))
+    last = time > 0.8
+    assert np.abs(other[last]).max() == pytest.approx(np.abs(one[last]).max(), rel=0.02)

@@ -1,0 +1,63 @@
+"""Dry friction whose bearing is pressed by the spring: it grows with the tilt.
+
+Bushings, leaf springs, belts and gears rub in proportion to what they carry. What grows in proportion to the tilt takes the
+same share of each swing, as a damper does, whatever the amplitude; only its jumps at the turning points tell the two apart.
+"""
+
+import math
+
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._mjcf import set_friction
+
+
+def friction(m: Algebra, tilt: Value, speed: Value, parameters: Values) -> Value:
+    """Return F + b |x|, whatever the speed [N*m]."""
+    return parameters["torque"] + parameters["growth"] * m.abs(tilt)
+
+
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
+    """Write frictionloss, and for what grows a damper that takes as much of a swing.
+
+    A cycle of the amplitude a loses 2 b a² to what grows, and π d ω a² to a damper.
+    """
+    frequency = math.sqrt(float(joint.stiffness[0]) / (float(joint.parent.inertia[0]) + joint.armature))
+    damping = 2 * parameters["growth"] / (math.pi * frequency)
+    set_friction(joint, parameters["torque"])
+    joint.damping[0] += damping
+    return (
+        f"load-friction: frictionloss {parameters['torque']:.6g} N*m, and a damper of {damping:.6g} N*m*s/rad for what grows with the tilt",
+    )
+
+
+def as_coulomb(parameters: Values) -> list[dict[str, float]]:
+    """Return dry friction that does not grow: what it is without a load."""
+    return [{"coulomb.torque": parameters["load-friction.torque"]}]
+
+
+EFFECT = TorqueEffect(
+    name="load-friction",
+    title="dry friction that grows with the load",
+    family="friction",
+    parameters=(
+        Parameter(
+            "torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.01, 0.06), rough=True, default=0.0
+        ),
+        Parameter("growth", "N*m/rad", lambda s: s.stiffness, low=0.0, high=0.8, starts=(0.05,)),
+    ),
+    law="τ = -(F + b |x|) sgn v; sticks while the other torques stay within ±(F + b |x|)",
+    formula="({torque} + {growth} |φ|) sgn φ̇",
+    source="Caughey and Vijayaraghavan, Int. J. Non-Linear Mechanics 5 (1970), for F = 0",
+    does="Each swing loses the same share, as with a damper, and a fixed amount beside it; the torque jumps at each turning point.",
+    look_alikes=("coulomb", "hysteresis"),
+    experiment="Pull the deck slowly to 3° and to 12° and back: the force there and back differs by more at 12°.",
+    mujoco=MujocoSupport(
+        means="nothing that grows with the tilt", since="", warp=True,
+        substitute="frictionloss, and a damper that takes as much of a swing as what grows",
+    ),
+    to_mjcf=to_mjcf,
+    example=(0.05, 1.5),
+    friction=friction,
+    limiting_cases=(("coulomb", as_coulomb),),
+    excludes=("coulomb", "stribeck", "dahl"),
+)  # fmt: skip
