@@ -214,9 +214,9 @@ def _amounted(part: Effect) -> TorqueEffect:
     def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
         return parameters["amount"] * part.torque(m, motion, parameters, states)
 
-    def shared_friction(m: Algebra, speed: Value, parameters: Values) -> Value:
+    def shared_friction(m: Algebra, tilt: Value, speed: Value, parameters: Values) -> Value:
         assert friction is not None
-        return parameters["amount"] * friction(m, speed, parameters)
+        return parameters["amount"] * friction(m, tilt, speed, parameters)
 
     def modified(joint: LinearJoint, parameters: Values) -> LinearJoint:
         assert modifies is not None
