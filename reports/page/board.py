@@ -287,12 +287,12 @@ def _weakest(alike: LookAlikes, index: int, *, slides: bool) -> str:
     parameters = effect(alike.names[index]).parameters
     if parameters[0].neutral != 0.0:  # an end stop or a support does not grow with its first parameter
         return "shows here" if share < 1 else TOO_WEAK
-    # Stiction may be all there is of a friction: what comes first is zero then.
-    unit, strength = parameters[0].unit, alike.strength[index]
-    name, value = next((p.name, strength[p.name]) for p in parameters if p.unit == unit and strength[p.name])
     if share > MAX_STRENGTH_RATIO:
         return TOO_WEAK
-    weakest = abs(value) * share
+    # Stiction, or what grows with the load, may be all there is of a friction: what comes first is zero then.
+    strength = alike.strength[index]
+    name, unit = next((p.name, p.unit) for p in parameters if strength[p.name])
+    weakest = abs(strength[name]) * share
     unit = slide_unit(unit) if slides else unit
     return pretty(
         f"{name.replace('_', ' ')} {weakest:.{2 if weakest < 100 else 3}g} {unit.replace('*', '·')}"

@@ -86,7 +86,7 @@ class Rounding:
     """Readings a sample."""
 
     def variance(self, frequency: Array, begin: int, end: int) -> Array:
-        """Return the variance of cosine coefficients of some samples, shape (end - begin,).
+        """Return the variance of cosine coefficients of some samples, in the sensor's unit squared, shape (end - begin,).
 
         Args:
             frequency: Of the coefficients, in cycles per sample.

@@ -25,7 +25,7 @@ _LAW_FIELDS: Mapping[str, tuple[str, ...]] = {
 }
 SENSOR_FIELDS = {"sensor-bias": "bias", "sensor-drift": "drift", "clock": "clock", "lowpass": "time_constant"}
 """Effects that act on the measurement, and the field of `Sensor` that each sets."""
-_ELSEWHERE = {"coulomb", "discretisation", *SENSOR_FIELDS}
+_ELSEWHERE = {"coulomb", "load-friction", "discretisation", *SENSOR_FIELDS}
 """Effects that are no torque of their own here: they add to another, change the steps, or the sensor."""
 
 
@@ -98,8 +98,11 @@ def true_law(board: Board, effects: Mapping[str, Sequence[float]]) -> TrueLaw:
             joint = part.modifies(joint, part.named(values))
         elif name not in _ELSEWHERE:
             laws.append(catalogue_law(part, values, board.stiffness))
-    for key in ("friction", "static_friction") if "coulomb" in effects else ():
-        fields[key] = fields.get(key, 0.0) + effects["coulomb"][0]
+    dry = sum(effects[name][0] for name in ("coulomb", "load-friction") if name in effects)
+    for key in ("friction", "static_friction") if dry else ():
+        fields[key] = fields.get(key, 0.0) + dry
+    if "load-friction" in effects:
+        fields["friction_growth"] = effects["load-friction"][1]
     if not fields.get("slider_torque"):
         fields.pop("slider_stiffness", None)  # it slips at once
     return TrueLaw(

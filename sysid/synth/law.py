@@ -74,6 +74,8 @@ class TrueLaw:
     static_friction: float = 0.0
     """Dry friction at standstill [N*m]; not below `friction`."""
     stribeck_velocity: float = 1.0
+    friction_growth: float = 0.0
+    """Dry friction that comes with the tilt [N*m/rad]."""
     quadratic_damping: float = 0.0
     cubic_damping: float = 0.0
     cubic_stiffness: float = 0.0
@@ -113,7 +115,7 @@ class TrueLaw:
     def has_kinks(self) -> bool:
         """Whether the motion must be cut at events."""
         return bool(
-            self.static_friction > 0
+            self.has_friction
             or math.isfinite(self.stop_angle)
             or self.half_gap > 0
             or self.slider_stiffness > 0
@@ -161,12 +163,19 @@ class TrueLaw:
             torque -= self.stop_stiffness * (x - modes.stop * self.stop_angle) + self.stop_damping * u
         return torque + sum(law.torque(x, u, x + self.rest, ()) for law in self.laws if not law.effect.states)
 
-    def sliding_friction(self, u: float) -> float:
-        """Size of the dry friction torque at the sliding rate u [N*m]."""
-        extra = self.static_friction - self.friction
-        if extra == 0:
-            return self.friction
-        return self.friction + extra * math.exp(-((u / self.stribeck_velocity) ** 2))
+    @property
+    def has_friction(self) -> bool:
+        """Whether the deck may stick."""
+        return self.static_friction > 0 or self.friction_growth > 0
+
+    def holding_friction(self, x: float) -> float:
+        """Size of the dry friction torque at standstill at the tilt x [N*m]."""
+        return self.static_friction + self.friction_growth * abs(x)
+
+    def sliding_friction(self, x: float, u: float) -> float:
+        """Size of the dry friction torque at the tilt x and the sliding rate u [N*m]."""
+        sliding, extra = self.friction + self.friction_growth * abs(x), self.static_friction - self.friction
+        return sliding + extra * math.exp(-((u / self.stribeck_velocity) ** 2)) if extra else sliding
 
 
 @dataclass(frozen=True, slots=True)

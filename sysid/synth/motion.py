@@ -109,17 +109,17 @@ class _Motion:
             return -self.modes.slider * self.law.slider_torque
         return -self.law.slider_stiffness * (x - self.modes.origin)
 
-    def friction(self, u: float) -> float | None:
+    def friction(self, x: float, u: float) -> float | None:
         """Dry friction torque of the present mode; None while it sticks."""
-        if self.law.static_friction == 0:
+        if not self.law.has_friction:
             return 0.0
-        return -self.modes.friction * self.law.sliding_friction(u) if self.modes.friction else None
+        return -self.modes.friction * self.law.sliding_friction(x, u) if self.modes.friction else None
 
     def rates(self, time: float, y: Array) -> Array:
         """Right-hand side of the differential equation, shape (5 + n,)."""
         roll, v, s, w, z, *inner = y.tolist()
         x, u = roll - s - self.law.rest, v - w
-        deck, support, _ = self.accelerations(time, y, self.friction(u))
+        deck, support, _ = self.accelerations(time, y, self.friction(x, u))
         flows = [flow for each, states in self.remembering(inner) for flow in each.rates(x, u, roll, states)]
         return np.array((v, deck, w, support, u - z / self.law.arm_time, *flows))
 
@@ -130,7 +130,7 @@ class _Motion:
 
     def locks(self) -> bool:
         """Whether dry friction decides anything now (a hand on a rigid board overrules it)."""
-        return self.law.static_friction > 0 and (self.hand is None or self.law.support_inertia > 0)
+        return self.law.has_friction and (self.hand is None or self.law.support_inertia > 0)
 
     def guards(self) -> list[tuple[str, Callable[[float, Array], float]]]:
         """Return named functions that are positive while the present modes hold."""
@@ -147,7 +147,10 @@ class _Motion:
             guards.append(("friction", lambda _, y: modes.friction * u(y)))
         elif self.locks():
             guards.append(
-                ("friction", lambda t, y: law.static_friction - abs(self.accelerations(t, y, None)[2]))
+                (
+                    "friction",
+                    lambda t, y: law.holding_friction(x(y)) - abs(self.accelerations(t, y, None)[2]),
+                )
             )
         if law.slider_stiffness and modes.slider:
             guards.append(("slider", lambda _, y: modes.slider * u(y)))
@@ -173,7 +176,7 @@ class _Motion:
                 y[1 if self.hand is None else 3] = y[3 if self.hand is None else 1]  # u is 0, exactly
             self.modes = replace(modes, friction=0)
             _, _, needed = self.accelerations(time, y, None)
-            slips = modes.friction == 0 or abs(needed) > law.static_friction
+            slips = modes.friction == 0 or abs(needed) > law.holding_friction(x)
             self.modes = replace(modes, friction=-int(math.copysign(1, needed)) if slips else 0)
         elif name == "slider" and modes.slider:
             origin = x - modes.slider * law.slider_torque / law.slider_stiffness
@@ -187,7 +190,7 @@ class _Motion:
 
     def begin(self, time: float, y: Array) -> None:
         """Choose the friction mode that the state calls for."""
-        u = float(y[1] - y[3])
+        x, u = float(y[0] - y[2]) - self.law.rest, float(y[1] - y[3])
         if not self.locks():
             return
         self.modes = replace(self.modes, friction=0)
@@ -195,7 +198,7 @@ class _Motion:
             self.modes = replace(self.modes, friction=int(math.copysign(1, u)))
             return
         _, _, needed = self.accelerations(time, y, None)
-        if abs(needed) > self.law.static_friction:
+        if abs(needed) > self.law.holding_friction(x):
             self.modes = replace(self.modes, friction=-int(math.copysign(1, needed)))
 
     def stands_still(self) -> bool:

@@ -62,6 +62,7 @@ def test_a_deck_released_within_friction_never_moves():
 TRUE_FIELDS = {
     "coulomb": lambda v: {"friction": v[0], "static_friction": v[0]},
     "stribeck": lambda v: {"friction": v[0], "static_friction": v[1], "stribeck_velocity": v[2]},
+    "load-friction": lambda v: {"friction": v[0], "static_friction": v[0], "friction_growth": v[1]},
     "quadratic-damping": lambda v: {"quadratic_damping": v[0]},
     "cubic-damping": lambda v: {"cubic_damping": v[0]},
     "cubic-stiffness": lambda v: {"cubic_stiffness": v[0]},

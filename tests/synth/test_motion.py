@@ -16,6 +16,7 @@ LIGHT = {**PINK, "damping": 0.03}
 KINKED = {
     "coulomb": {"friction": 0.06, "static_friction": 0.06},
     "stribeck": {"friction": 0.05, "static_friction": 0.12, "stribeck_velocity": 0.4},
+    "load-friction": {"friction": 0.04, "static_friction": 0.04, "friction_growth": 1.2},
     "quadratic": {"quadratic_damping": 0.01},
     "cubic-damping": {"cubic_damping": 0.002},
     "cubic": {"cubic_stiffness": 150.0},
@@ -135,6 +136,7 @@ def brute_force(law: TrueLaw, roll: float, seconds: float, substeps: int) -> np.
         most = law.friction + (law.static_friction - law.friction) * math.exp(
             -((u / law.stribeck_velocity) ** 2)
         )
+        most += law.friction_growth * abs(x)
         friction = min(max(-(u / step + drift) / ease, -most), most)
         v += step * (torque + outside + friction) / law.inertia
         if law.support_inertia:

@@ -31,8 +31,8 @@ MAX_STEPS = 6000
 """Steps of brightness that are used at most."""
 WIDTHS = np.radians([3.0, 3.0, 2.0, 2.0, 2.0, 2.0])
 """Angles by which lines that count half miss the place, round by round [rad]."""
-MOST = 0.35
-"""Quantile of the attitudes that tells how many lines run to a place in most of them."""
+MOST_ATTITUDES = 0.35
+"""Quantile of the attitudes, as a share of them, that tells how many lines run to a place in most of them."""
 MIN_LINES, MIN_MOST = 6.0, 0.5
 """Steps a picture, of each side, that must run there: in a usual attitude, and there as a share of the best."""
 
@@ -64,7 +64,7 @@ class Lines:
         return (away > self.near) / (1 + (angle / width) ** 2) ** 2
 
     def mean(self, values: Array) -> Array:
-        """Return sums of values (m,) over what a picture shows of the left and of the right side in each attitude, shape (A, 2)."""
+        """Return sums of values (m,) [1] over what a picture shows of the left and right side in each attitude, shape (A, 2)."""
         both = np.bincount(self.group, values, minlength=2 * len(self.pictures))
         return both.reshape(-1, 2) / self.pictures[:, None]
 
@@ -111,7 +111,7 @@ def axis_vanishes_at(
         there = tried.reshape(-1, 2)[number]
         for width in WIDTHS:
             there = lines.nearer(there, width)
-        if (shown := float(np.quantile(lines.both(there, WIDTHS[-1]), MOST))) > best:
+        if (shown := float(np.quantile(lines.both(there, WIDTHS[-1]), MOST_ATTITUDES))) > best:
             best, place = shown, there
     both = lines.both(place, WIDTHS[-1])
     if np.median(both) < max(MIN_LINES, MIN_MOST * float(both.max())):
