@@ -34,7 +34,8 @@ WIDTHS = np.radians([3.0, 3.0, 2.0, 2.0, 2.0, 2.0])
 MOST_ATTITUDES = 0.35
 """Quantile of the attitudes, as a share of them, that tells how many lines run to a place in most of them."""
 MIN_LINES, MIN_MOST = 6.0, 0.5
-"""Steps a picture, of each side, that must run there: in a usual attitude, and there as a share of the best."""
+"""Steps a picture, of each side, that must run there in most attitudes, and as a share of those in the best one: wheels and a
+horizon that shakes agree on a place in some attitudes only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,10 +114,8 @@ def axis_vanishes_at(
             there = lines.nearer(there, width)
         if (shown := float(np.quantile(lines.both(there, WIDTHS[-1]), MOST_ATTITUDES))) > best:
             best, place = shown, there
-    both = lines.both(place, WIDTHS[-1])
-    if np.median(both) < max(MIN_LINES, MIN_MOST * float(both.max())):
-        return None
-    return place
+    most = float(lines.both(place, WIDTHS[-1]).max())
+    return None if best < max(MIN_LINES, MIN_MOST * most) else place
 
 
 def _lines(every: Sequence[Steps], pivots: Array, ends: Array, turns: Array) -> Lines:
