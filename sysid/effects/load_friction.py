@@ -9,6 +9,7 @@ import math
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 from sysid.effects._mjcf import set_friction
+from sysid.errors import SysidError
 
 
 def friction(m: Algebra, tilt: Value, speed: Value, parameters: Values) -> Value:
@@ -20,7 +21,16 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     """Write frictionloss, and for what grows a damper that takes as much of a swing.
 
     A cycle of the amplitude a loses 2 b a² to what grows, and π d ω a² to a damper.
+
+    Raises:
+        SysidError: The joint has no spring, and so no frequency that is known here.
     """
+    if joint.stiffness[0] <= 0:
+        raise SysidError(
+            f"effect 'load-friction' cannot be written for a joint of stiffness {float(joint.stiffness[0]):g}: MuJoCo has no "
+            "friction that grows with the tilt, and the damper in its place is chosen for the frequency of a spring. "
+            "Fit the joint with --effect coulomb instead."
+        )
     frequency = math.sqrt(float(joint.stiffness[0]) / (float(joint.parent.inertia[0]) + joint.armature))
     damping = 2 * parameters["growth"] / (math.pi * frequency)
     set_friction(joint, parameters["torque"])

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from sysid.effects import effect
 from sysid.effects._base import JointState
+from sysid.errors import SysidError
 from sysid.fitting.joint import fit_joint
 from sysid.joint import JointLaw, simulate
 from sysid.roll import Release
@@ -208,3 +209,6 @@ def test_a_model_gets_a_damper_that_takes_as_much_of_a_swing_as_friction_that_gr
     assert np.sqrt(np.mean((one - other) ** 2)) < 0.1 * np.sqrt(np.mean(one**2))
     last = time > 0.8
     assert np.abs(other[last]).max() == pytest.approx(np.abs(one[last]).max(), rel=0.02)
+    joint.stiffness[0] = 0.0
+    with pytest.raises(SysidError, match="joint of stiffness 0"):
+        effect("load-friction").to_mjcf(spec, joint, {"torque": 0.04, "growth": 1.2})
