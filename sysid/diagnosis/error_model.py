@@ -100,7 +100,7 @@ class Rounding:
 
 
 def blocks_of(
-    signals: Sequence[Array], rates: Sequence[Array], steps: Sequence[float], period: float, rounding: Sequence["Rounding"] = (),
+    signals: Sequence[Array], rates: Sequence[Array], steps: Sequence[float], period: float, rounding: Sequence[Rounding] = (),
 ) -> Blocks:  # fmt: skip
     """Cut releases into periods.
 

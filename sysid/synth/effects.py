@@ -10,7 +10,9 @@ from sysid.errors import SysidError
 from sysid.synth.law import CatalogueLaw, TrueLaw, catalogue_law
 
 _LAW_FIELDS: Mapping[str, tuple[str, ...]] = {
+    "coulomb": ("friction static_friction",),
     "stribeck": ("friction", "static_friction", "stribeck_velocity"),
+    "load-friction": ("friction static_friction", "friction_growth"),
     "quadratic-damping": ("quadratic_damping",),
     "cubic-damping": ("cubic_damping",),
     "cubic-stiffness": ("cubic_stiffness",),
@@ -23,10 +25,11 @@ _LAW_FIELDS: Mapping[str, tuple[str, ...]] = {
     "hysteresis": ("slider_stiffness", "slider_torque"),
     "second-mode": ("support_inertia", "support_stiffness", "support_damping"),
 }
+"""The fields of `TrueLaw` that each parameter adds to."""
 SENSOR_FIELDS = {"sensor-bias": "bias", "sensor-drift": "drift", "clock": "clock", "lowpass": "time_constant"}
 """Effects that act on the measurement, and the field of `Sensor` that each sets."""
-_ELSEWHERE = {"coulomb", "load-friction", "discretisation", *SENSOR_FIELDS}
-"""Effects that are no torque of their own here: they add to another, change the steps, or the sensor."""
+_ELSEWHERE = {"discretisation", *SENSOR_FIELDS}
+"""Effects that are no torque: they change the steps, or the sensor."""
 
 
 def parse_effect(text: str) -> tuple[str, tuple[float, ...]]:
@@ -93,16 +96,12 @@ def true_law(board: Board, effects: Mapping[str, Sequence[float]]) -> TrueLaw:
     for name, values in effects.items():
         part = effect(name)
         if name in _LAW_FIELDS:
-            fields |= zip(_LAW_FIELDS[name], values, strict=True)
+            for added, value in zip(_LAW_FIELDS[name], values, strict=True):
+                fields |= {key: fields.get(key, 0.0) + value for key in added.split()}
         elif isinstance(part, TorqueEffect) and part.modifies is not None:
             joint = part.modifies(joint, part.named(values))
         elif name not in _ELSEWHERE:
             laws.append(catalogue_law(part, values, board.stiffness))
-    dry = sum(effects[name][0] for name in ("coulomb", "load-friction") if name in effects)
-    for key in ("friction", "static_friction") if dry else ():
-        fields[key] = fields.get(key, 0.0) + dry
-    if "load-friction" in effects:
-        fields["friction_growth"] = effects["load-friction"][1]
     if not fields.get("slider_torque"):
         fields.pop("slider_stiffness", None)  # it slips at once
     return TrueLaw(

@@ -69,8 +69,8 @@ class CameraState:
             place: From the picture's middle, in focal lengths of the lens [1], shape (2,).
             std: Standard deviation of its direction [rad].
         """
-        length = max(float(np.hypot(*place)), 1e-9) * np.exp(-self.value[2])
-        unit = place / max(float(np.hypot(*place)), 1e-9)
+        aside = max(float(np.hypot(*place)), 1e-9)
+        unit, length = place / aside, aside * np.exp(-self.value[2])
         # The direction, and how it changes with the focal length: yaw + slope * logarithm is seen.
         off = np.arctan(length) * unit - self.value[:2]
         seen = np.eye(2, 4)

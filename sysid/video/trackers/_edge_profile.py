@@ -19,6 +19,17 @@ ROUNDS = 4
 """Times that a step is looked for about where it was found."""
 
 
+def beside_line(bends: Array, share: Array) -> Array:
+    """Return how far beside the line between their ends edges are at some shares of their length, shape (m, p) [px].
+
+    Args:
+        bends: The same at the middle of each piece [px], shape (m, PIECES).
+        share: From the left end on [1], shape (p,).
+    """
+    middles = (np.arange(PIECES) + 0.5) / PIECES
+    return np.array([np.interp(share, middles, one) for one in bends])
+
+
 def find_pieces(
     frame: Frame,
     ends: Array,
@@ -51,9 +62,7 @@ def find_pieces(
     feet = ends[:, None, 0] + share * along
     normal = along[..., ::-1] * [1, -1] / length
     if bends is not None:
-        middles = (np.arange(PIECES) + 0.5) / PIECES
-        beside = np.array([np.interp(share[:, 0], middles, one) for one in bends])
-        feet = feet - beside[..., None] * normal
+        feet = feet - beside_line(bends, share[:, 0])[..., None] * normal
     offset = np.arange(-np.ceil(reach) - 1, np.ceil(reach) + 2)
     samples = feet[:, :, None] - frame.corner + offset[:, None] * normal[:, :, None]
     x, y = np.moveaxis(samples.astype(np.float32).reshape(-1, len(offset), 2), 2, 0)

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
-from sysid.video.trackers._edge_profile import PIECES, find_pieces
+from sysid.video.trackers._edge_profile import PIECES, beside_line, find_pieces
 from sysid.video.trackers.edge.brightness_steps import MAX_SLOPE, Steps, scale_of, steps_of, turned
 from sysid.video.trackers.edge.find import DeckEnd
 from sysid.video.types import Box
@@ -105,8 +105,7 @@ class EdgeFollower:
         """How much of the edges a picture shows at some turns and shifts, shape (T, S)."""
         share = np.linspace(0.0, 1.0, EDGE_SAMPLES)[:, None]
         line = self.end.ends[:, None, 0] + share * (self.end.ends[:, 1] - self.end.ends[:, 0])[:, None]
-        middles = (np.arange(PIECES) + 0.5) / PIECES
-        line[..., 1] += np.array([np.interp(share[:, 0], middles, one) for one in self.end.bends])
+        line[..., 1] += beside_line(self.end.bends, share[:, 0])
         moved = line + shifts[:, None, None, None] * [0.0, 1.0]  # (S, E, P, 2)
         every = turns[:, None, None, None]
         step = steps.across(centre + turned(moved, every), every)
