@@ -311,7 +311,8 @@ def diagnose(
         verdict, best = _judged(search, everything, winner, board, idle)
         base = search.fine(everything.base.model, average=1)
         verdict = replace(verdict, error_before=base.rmse, error_after=best.rmse)
-        left_over = verdict.remainder > MATERIAL * everything.motion and everything.surely_missing
+        enough = MATERIAL * everything.motion
+        left_over = verdict.remainder > enough and everything.surely_missing
         left_over |= verdict.status == "unexplained"
         # What is named may only mimic a law that nobody has met, alone or beside another.
         mimics = verdict.status == "missing" and best.rmse > REACHED * noise.std
@@ -322,7 +323,7 @@ def diagnose(
         # At the same time by several processes; by one alone no more than is asked for.
         for result in results:
             learned = result()
-            if mimics and learned is not None and learned.is_unmet(best.rmse, noise.std):
+            if mimics and learned is not None and learned.is_unmet(best.rmse, noise.std, enough):
                 verdict = _unmet(verdict, learned, best, board)
                 break
         else:
@@ -688,15 +689,16 @@ def _unmet(verdict: Verdict, alone: Learned, named: Model, board: Board) -> Verd
     """Return the verdict where a learned torque has shown that what was named only mimics it."""
     memory = max(correlation_length(named.residuals), 1.0)
     odds = named.samples / memory * float(np.log(named.rmse / alone.error_after))
+    better = "one formula" if alone.formula else "a smooth torque of tilt and rate"
     return replace(
         verdict, status="unexplained", effects=(), families=(), indistinguishable_from=(), matters=None, hints=(),
         next_experiment=_for_the_unknown(named, board),
         confidence=float(calibrated(1 / (1 + np.exp(-np.asarray(odds))), *CALIBRATION["unexplained"])),
         explanation=(
             "Something is missing that no effect of the catalogue explains. The nearest is "
-            f"{listed(verdict.effects)}, which takes away {percent(verdict.explained)} of the squared error of prediction; one formula "
-            "that the catalogue lacks does it better, to the noise. The map of the missing torque (compare) shows at which angle and rate "
-            "it acts."
+            f"{listed(verdict.effects)}, which takes away {percent(verdict.explained)} of the squared error of prediction; "
+            f"{better} that the catalogue lacks does it better, to the noise. The map of the missing torque (compare) shows at which "
+            "angle and rate it acts."
         ),
     )  # fmt: skip
 

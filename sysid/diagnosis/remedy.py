@@ -31,14 +31,21 @@ class Learned:
     refused: str = ""
     """Why `fit` would not record it; '' where it would."""
 
-    def is_unmet(self, named: float, floor: float) -> bool:
-        """Return whether one formula that the catalogue lacks reaches the noise, where what is named does not.
+    def is_unmet(self, named: float, floor: float, enough: float) -> bool:
+        """Return whether a law that the catalogue lacks reaches the noise, where what is named does not.
+
+        A formula says so by itself. Tables bend to much, so without one they must predict better than what is named describes, and
+        what they take away beyond that must matter.
 
         Args:
             named: Error of what is named [rad or rad/s].
             floor: Noise [rad or rad/s].
+            enough: Error that matters [rad or rad/s].
         """
-        unknown = bool(self.formula) and not self.known
+        if self.formula:
+            unknown = not self.known
+        else:
+            unknown = self.heldout_rmse < named / REACHED and named**2 - self.error_after**2 > enough**2
         return unknown and self.error_after < REACHED * floor < named and self.error_after < named / REACHED
 
     def to_json(self, per: float = 1.0) -> dict[str, Any]:

@@ -12,19 +12,31 @@ MAGNET = Learned(error_after=1.0, heldout_rmse=1.05, formula=("magnet",), known=
 """In units of the noise."""
 
 
+def unmet(learned: Learned, named: float = 2.6, enough: float = 0.5) -> bool:
+    return learned.is_unmet(named, floor=1.0, enough=enough)
+
+
 def test_a_formula_that_the_catalogue_lacks_and_that_reaches_the_noise_is_unmet():
-    assert MAGNET.is_unmet(named=2.6, floor=1.0)
+    assert unmet(MAGNET)
+    assert unmet(MAGNET, enough=3.0)
 
 
 def test_it_is_not_where_what_is_named_reaches_the_noise_too():
-    assert not MAGNET.is_unmet(named=1.1, floor=1.0)
-    assert not replace(MAGNET, error_after=1.1).is_unmet(named=1.2, floor=1.0)
+    assert not unmet(MAGNET, named=1.1)
+    assert not unmet(replace(MAGNET, error_after=1.1), named=1.2)
 
 
 def test_it_is_not_where_the_catalogue_has_it_or_nothing_reaches_the_noise():
-    assert not replace(MAGNET, known=True).is_unmet(named=2.6, floor=1.0)
-    assert not replace(MAGNET, formula=()).is_unmet(named=2.6, floor=1.0)
-    assert not replace(MAGNET, error_after=1.3).is_unmet(named=2.6, floor=1.0)
+    assert not unmet(replace(MAGNET, known=True))
+    assert not unmet(replace(MAGNET, error_after=1.3))
+
+
+def test_tables_without_a_formula_are_unmet_where_they_predict_too_and_take_away_what_matters():
+    tables = replace(MAGNET, formula=(), known=True)
+    assert unmet(tables)
+    assert not unmet(tables, enough=3.0)
+    assert not unmet(replace(tables, heldout_rmse=2.5))
+    assert not unmet(replace(tables, error_after=1.3))
 
 
 def test_what_fit_would_not_record_is_known_before_it_is_told_to(monkeypatch):
