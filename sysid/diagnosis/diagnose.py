@@ -311,8 +311,7 @@ def diagnose(
         verdict, best = _judged(search, everything, winner, board, idle)
         base = search.fine(everything.base.model, average=1)
         verdict = replace(verdict, error_before=base.rmse, error_after=best.rmse)
-        enough = MATERIAL * everything.motion
-        left_over = verdict.remainder > enough and everything.surely_missing
+        left_over = verdict.remainder > MATERIAL * everything.motion and everything.surely_missing
         left_over |= verdict.status == "unexplained"
         # What is named may only mimic a law that nobody has met, alone or beside another.
         mimics = verdict.status == "missing" and best.rmse > REACHED * noise.std
@@ -323,7 +322,7 @@ def diagnose(
         # At the same time by several processes; by one alone no more than is asked for.
         for result in results:
             learned = result()
-            if mimics and learned is not None and learned.is_unmet(best.rmse, noise.std, enough):
+            if mimics and learned is not None and _is_unmet(verdict, learned, best, everything):
                 verdict = _unmet(verdict, learned, best, board)
                 break
         else:
@@ -496,8 +495,11 @@ def _material(
 
     while len(named := search.added(winner)) > 1:
         beside = {name: less(name) for name in named}
-        idle = next((name for name in named if idles(name, beside[name])), None)
-        if idle is None:
+        idle = max(
+            (name for name in named if idles(name, beside[name])),
+            key=lambda name: tried.score(beside[name]).score, default=None,
+        )  # fmt: skip
+        if idle is None:  # of two either of which would do, the worse one goes
             break
         known = beside[idle]
         final = [*(m for m in final if m.effects != known.effects), known]
@@ -685,10 +687,22 @@ def _for_the_unknown(model: Model, board: Board) -> str:
     return experiment_for_the_unknown(model.problem.scales.amplitude, widest(model, board), board)
 
 
+def _is_unmet(verdict: Verdict, learned: Learned, named: Model, tried: Field) -> bool:
+    """Return whether a learned torque shows that what was named only mimics it."""
+    # No table sticks or remembers; of a law that does neither it may take what nobody misses.
+    law = structure_of(fittable(verdict.effects))
+    enough = 0.0 if law.has_dry_friction or law.states else UNNOTICED * tried.motion
+    return learned.is_unmet(named.rmse, _independent(named), tried.floor, enough)
+
+
+def _independent(model: Model) -> float:
+    """Return how many of a model's residuals are independent."""
+    return model.samples / max(correlation_length(model.residuals), 1.0)
+
+
 def _unmet(verdict: Verdict, alone: Learned, named: Model, board: Board) -> Verdict:
     """Return the verdict where a learned torque has shown that what was named only mimics it."""
-    memory = max(correlation_length(named.residuals), 1.0)
-    odds = named.samples / memory * float(np.log(named.rmse / alone.error_after))
+    odds = alone.gain(named.rmse, _independent(named))
     better = "one formula" if alone.formula else "a smooth torque of tilt and rate"
     return replace(
         verdict, status="unexplained", effects=(), families=(), indistinguishable_from=(), matters=None, hints=(),

@@ -4,15 +4,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from sysid.board import Board
+from sysid.diagnosis.judgement import TIE
 from sysid.errors import SysidError
 from sysid.fit_mjcf import fit
+from sysid.fitting.formula import spread
 from sysid.fitting.record_update import require_usable
 from sysid.fitting.records import Signal
 from sysid.roll import Release
 
 REACHED = 1.15
-"""Error over the noise floor up to which nothing is left to explain, and over a formula's from which another is surely the worse."""
+"""Error over the noise floor up to which nothing is left to explain."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,25 +32,35 @@ class Learned:
     known: bool
     """Whether the catalogue has these shapes."""
     text: str
+    smooth: bool
+    """Whether it is a torque of tilt and rate alone: with nothing that sticks or remembers beside it."""
+    spread: float
+    """Noise that its residuals speak of, for the directions that it took out of them [rad or rad/s]."""
     refused: str = ""
     """Why `fit` would not record it; '' where it would."""
 
-    def is_unmet(self, named: float, floor: float, enough: float) -> bool:
-        """Return whether a law that the catalogue lacks reaches the noise, where what is named does not.
-
-        A formula says so by itself. Tables bend to much, so without one they must predict better than what is named describes, and
-        what they take away beyond that must matter.
+    def gain(self, named: float, samples: float) -> float:
+        """Return how much likelier than what is named it makes the log [nats].
 
         Args:
             named: Error of what is named [rad or rad/s].
-            floor: Noise [rad or rad/s].
-            enough: Error that matters [rad or rad/s].
+            samples: How many of its residuals are independent.
         """
-        if self.formula:
-            unknown = not self.known
-        else:
-            unknown = self.heldout_rmse < named / REACHED and named**2 - self.error_after**2 > enough**2
-        return unknown and self.error_after < REACHED * floor < named and self.error_after < named / REACHED
+        return samples * float(np.log(named / self.spread))
+
+    def is_unmet(self, named: float, samples: float, floor: float, enough: float) -> bool:
+        """Return whether a law that the catalogue lacks reaches the noise, where what is named does not, and is the likelier one beyond doubt.
+
+        A formula says so by itself. Tables bend to much, but where they alone leave nothing, nothing sticks or remembers.
+
+        Args:
+            named: Error of what is named [rad or rad/s].
+            samples: How many of its residuals are independent.
+            floor: Noise [rad or rad/s].
+            enough: Error beyond that of tables from which what is named is not their law [rad or rad/s].
+        """
+        unknown = not self.known if self.formula else self.smooth and named**2 - self.spread**2 > enough**2
+        return unknown and self.spread < REACHED * floor < named and self.gain(named, samples) > 2 * TIE
 
     def to_json(self, per: float = 1.0) -> dict[str, Any]:
         """Return it for JSON; `per` turns its errors into angles."""
@@ -84,10 +98,12 @@ def learn(
         refused = ""
     except SysidError as error:
         refused = str(error)
+    remembers = any(part.states for part in found.law.structure.parts if part.role == "learned")
     text = f"Learned from tilt and rate, it {found.formula.text}"
     says_it = found.formula.good or found.formula.error < REACHED * found.noise.std
     return Learned(
         error_after=found.rmse, heldout_rmse=found.heldout_rmse, text=text,
         formula=tuple(shape.name for shape in found.formula.shapes) if says_it else (),
-        known=found.formula.is_known, refused=refused,
+        known=found.formula.is_known, smooth=not effects and not remembers, spread=spread(found.joint.problem, found.joint.minimum),
+        refused=refused,
     )  # fmt: skip

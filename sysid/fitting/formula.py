@@ -264,7 +264,7 @@ def formula_of(fit: JointFit, *, slides: bool = False) -> Formula | None:
         widths=tuple(widths),
         share=share,
         error=rms(problem.residuals(minimum.point)),
-        good=_spread(problem, minimum) <= MAX_ERROR_RATIO * _spread(fit.problem, fit.minimum),
+        good=spread(problem, minimum) <= MAX_ERROR_RATIO * spread(fit.problem, fit.minimum),
         text=in_words(parts, share),
         slides=slides,
     )
@@ -283,7 +283,7 @@ _Column = tuple[Shape, float, Array]
 _NAME = "formula"
 
 
-def _spread(problem: Problem, minimum: Minimum) -> float:
+def spread(problem: Problem, minimum: Minimum) -> float:
     """Return the noise that a fit's residuals speak of, for the directions that it took out of them [rad or rad/s]."""
     taken = directions(problem, minimum)
     return rms(problem.residuals(minimum.point)) / float(np.sqrt(max(1 - taken / problem.samples, 0.1)))

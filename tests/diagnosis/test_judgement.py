@@ -354,9 +354,9 @@ def test_a_lag_is_the_readings_if_nothing_as_simple_does_as_well(monkeypatch, ch
     assert verdict.status == status
 
 
-@pytest.mark.parametrize(("beyond", "named"), [(False, {"end-stop"}), (True, {"coulomb", "end-stop"})])
+@pytest.mark.parametrize(("beyond", "named"), [(False, {"coulomb"}), (True, {"coulomb", "end-stop"})])
 def test_what_lifts_the_error_out_of_the_noise_is_noticed(monkeypatch, beyond, named):
-    """However little of the motion it is, where one model is at the noise and one without it is not."""
+    """However little of the motion it is, where one model is at the noise and one without it is not; else the one stays without which more is missed."""
     law = LAW.with_effect("coulomb", 0.05).with_effect("end-stop", 0.12, 30.0, 0.0)
     board = load_board(shipped_data() / "boards" / "pink.toml")
     records = make_records(releases_of(law, white), NOISE, rate=False)
@@ -371,7 +371,7 @@ def test_what_lifts_the_error_out_of_the_noise_is_noticed(monkeypatch, beyond, n
         monkeypatch.setattr(field, "exact", 1.0)
     winner, _, idle = _material(search, field, final, board)
     assert set(winner.effects) == named
-    assert idle == (set() if beyond else {"friction"})
+    assert idle == (set() if beyond else {"stop"})
 
 
 def test_what_a_decay_of_many_swings_is_missed_by_matters_however_small_its_torque():
