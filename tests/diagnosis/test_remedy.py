@@ -3,8 +3,11 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import pytest
+
 from sysid.board import load_board
-from sysid.diagnosis import remedy
+from sysid.diagnosis import diagnose, remedy
+from sysid.diagnosis.diagnose import UNNOTICED
 from sysid.diagnosis.remedy import Learned, learn
 from sysid.joint import JointLaw
 from sysid.workspace import shipped_data
@@ -46,6 +49,17 @@ def test_tables_without_a_formula_are_unmet_where_they_alone_take_away_what_is_m
     assert not unmet(replace(tables, spread=1.3))
 
 
+@pytest.mark.parametrize(
+    ("named", "unmet"), [("coulomb", True), ("viscoelastic", True), ("quadratic-damping", False)]
+)
+def test_a_law_that_neither_sticks_nor_remembers_may_leave_what_nobody_misses(monkeypatch, named, unmet):
+    monkeypatch.setattr(diagnose, "_independent", lambda _: 1e3)
+    tables, verdict = replace(MAGNET, formula=(), known=True), SimpleNamespace(effects=(named,))
+    field = SimpleNamespace(motion=2.0 / UNNOTICED, floor=1.0)
+    assert diagnose._is_unmet(verdict, tables, SimpleNamespace(rmse=1.9), field) == unmet
+    assert diagnose._is_unmet(verdict, tables, SimpleNamespace(rmse=2.6), field)
+
+
 def test_what_fit_would_not_record_is_known_before_it_is_told_to(monkeypatch):
     formula = SimpleNamespace(text="softens", good=True, shapes=(), is_known=True, error=1.0)
     monkeypatch.setattr(remedy, "spread", lambda *_: 1.0)
@@ -57,5 +71,9 @@ def test_what_fit_would_not_record_is_known_before_it_is_told_to(monkeypatch):
     monkeypatch.setattr(remedy, "fit", lambda *_, **__: found)
     board = load_board(shipped_data() / "boards" / "pink.toml")
     learned = learn([], board, (), signal="auto", fixed=None)
+    beside = learn([], board, ("coulomb",), signal="auto", fixed=None)
     assert learned is not None
+    assert beside is not None
     assert "did not converge" in learned.refused
+    assert learned.smooth
+    assert not beside.smooth
