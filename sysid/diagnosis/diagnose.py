@@ -24,6 +24,7 @@ from sysid.diagnosis.judgement import (
     EXPLAINED,
     MATERIAL,
     NEGLIGIBLE,
+    PRICE,
     TIE,
     Field,
     Scored,
@@ -77,6 +78,9 @@ FAR = 3.0
 UNNOTICED = 0.005
 """Error beyond the noise over the motion, both RMS, that nobody misses an effect by which another would take away: of eleven random
 logs and a bicycle's fork, what is not there took away 0.002 to 0.004, what is there 0.010 or more."""
+SUSPECT = 1.05
+"""Error over the noise floor from which a torque is learned to see whether what is named mimics it: right names leave less in nine of ten
+logs; only time depends on it."""
 WEAK = 3.0
 """Log-likelihood [nat] that an effect must gain to be listed as a hint: in one of 21 logs of linear joints the best of all gained so much by
 chance, and 2 in three."""
@@ -314,7 +318,7 @@ def diagnose(
         left_over = verdict.remainder > MATERIAL * everything.motion and everything.surely_missing
         left_over |= verdict.status == "unexplained"
         # What is named may only mimic a law that nobody has met, alone or beside another.
-        mimics = verdict.status == "missing" and best.rmse > REACHED * noise.std
+        mimics = verdict.status == "missing" and best.rmse > SUSPECT * noise.std
         learned = None
         results = [alone or pool.begin(learning, ())] if left_over or mimics else []
         if left_over and (named := fittable(verdict.effects)):
@@ -322,7 +326,7 @@ def diagnose(
         # At the same time by several processes; by one alone no more than is asked for.
         for result in results:
             learned = result()
-            if mimics and learned is not None and _is_unmet(verdict, learned, best, everything):
+            if mimics and learned is not None and _is_unmet(learned, winner, best, everything):
                 verdict = _unmet(verdict, learned, best, board)
                 break
         else:
@@ -687,11 +691,19 @@ def _for_the_unknown(model: Model, board: Board) -> str:
     return experiment_for_the_unknown(model.problem.scales.amplitude, widest(model, board), board)
 
 
-def _is_unmet(verdict: Verdict, learned: Learned, named: Model, tried: Field) -> bool:
-    """Return whether a learned torque shows that what was named only mimics it."""
-    # No table sticks or remembers; of a law that does neither it may take what nobody misses.
-    law = structure_of(fittable(verdict.effects))
-    enough = 0.0 if law.has_dry_friction or law.states else UNNOTICED * tried.motion
+def _is_unmet(learned: Learned, winner: Model, named: Model, tried: Field) -> bool:
+    """Return whether a learned torque shows that what was named only mimics it.
+
+    A simple law beside something that nobody misses is as likely as one that nobody has met; one of many numbers is not.
+
+    Args:
+        learned: The torque.
+        winner: What was named, as it was scored.
+        named: The same, fitted to single samples.
+        tried: All that was scored.
+    """
+    choices = next(s.choices for s in tried.scored if s.model is winner)
+    enough = UNNOTICED * tried.motion if PRICE * choices < TIE else 0.0
     return learned.is_unmet(named.rmse, _independent(named), tried.floor, enough)
 
 

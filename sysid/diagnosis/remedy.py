@@ -49,9 +49,9 @@ class Learned:
         return samples * float(np.log(named / self.spread))
 
     def is_unmet(self, named: float, samples: float, floor: float, enough: float) -> bool:
-        """Return whether a law that the catalogue lacks reaches the noise, where what is named does not, and is the likelier one beyond doubt.
+        """Return whether a law that the catalogue lacks reaches the noise, and is likelier beyond doubt than what is named.
 
-        A formula says so by itself. Tables bend to much, but where they alone leave nothing, nothing sticks or remembers.
+        A formula says so by itself. Tables bend to much, but where they alone leave nothing, nothing else need be there.
 
         Args:
             named: Error of what is named [rad or rad/s].
@@ -60,7 +60,7 @@ class Learned:
             enough: Error beyond that of tables from which what is named is not their law [rad or rad/s].
         """
         unknown = not self.known if self.formula else self.smooth and named**2 - self.spread**2 > enough**2
-        return unknown and self.spread < REACHED * floor < named and self.gain(named, samples) > 2 * TIE
+        return unknown and self.spread < REACHED * floor and self.gain(named, samples) > 2 * TIE
 
     def to_json(self, per: float = 1.0) -> dict[str, Any]:
         """Return it for JSON; `per` turns its errors into angles."""
