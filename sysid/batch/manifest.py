@@ -76,7 +76,7 @@ def read_manifest(path: Path) -> list[Job]:
     """Read a manifest, TOML or CSV by its name; logs are looked for from its folder on.
 
     Raises:
-        SysidError: It cannot be read, says something unknown, or a pattern names no log.
+        SysidError: It cannot be read, or says something unknown.
     """
     if not path.is_file():
         raise SysidError(
@@ -162,15 +162,16 @@ def _jobs(path: Path, number: int, row: Mapping[str, Any]) -> list[Job]:
 
 
 def _logs(where: str, folder: Path, patterns: tuple[str, ...]) -> tuple[Path, ...]:
-    """Return the logs that patterns name, in order and each once."""
+    """Return the logs that patterns name, in order and each once.
+
+    A pattern that names none stays as it is: the job that reads it fails, the others are done.
+    """
     found: dict[Path, None] = {}
     for pattern in patterns:
         plain = Path(os.path.normpath(folder / pattern))
         base = Path(plain.anchor)
-        matches = [plain] if plain.exists() else sorted(base.glob(str(plain.relative_to(base))))
-        if not matches:
-            raise SysidError(f"{where}: no log is called {plain}.")
-        found.update(dict.fromkeys(matches))
+        matches = [] if plain.exists() else sorted(base.glob(str(plain.relative_to(base))))
+        found.update(dict.fromkeys(matches or [plain]))
     if not found:
         raise SysidError(f"{where}: names no log. Add logs = ['monday/*.csv'].")
     return tuple(found)

@@ -62,7 +62,11 @@ def live(
     log = watch if watch is not None else common.space.root / "logs" / f"{record.name}-{stamp}"
     session = Session(record, grows=phone is not None)
     _warm_up(record)
-    look = _watching(watch, arguments) if watch is not None else _phoning(str(phone), log, arguments, printer)
+    look = (
+        _watching(watch, arguments, printer)
+        if watch is not None
+        else _phoning(str(phone), log, arguments, printer)
+    )
     with _served(_Shown(session, str(log)), port, printer) as shown:
         printer.say(session.next_step)
         try:
@@ -137,8 +141,10 @@ def _phoning(
     return look
 
 
-def _watching(folder: Path, arguments: LogArguments) -> Callable[[], list[Recording] | None]:
-    """Return what reads the files that appear in a folder, once each has stopped growing."""
+def _watching(
+    folder: Path, arguments: LogArguments, printer: Printer
+) -> Callable[[], list[Recording] | None]:
+    """Return what reads the files that appear in a folder, once each has stopped growing, and says which are left out."""
     if not folder.is_dir():
         raise SysidError(f"--watch {folder}: there is no such folder.")
     sizes: dict[Path, int] = {}
@@ -154,8 +160,9 @@ def _watching(folder: Path, arguments: LogArguments) -> Callable[[], list[Record
                 try:
                     read[path] = recording_of(read_roll(path, arguments.options), arguments)
                     new = True
-                except SysidError:  # no log, or none with a release in it
+                except SysidError as error:  # no log, or none with a release in it
                     read[path] = None
+                    printer.warn(f"left out: {error}")
             sizes[path] = size
         return [recording for recording in read.values() if recording is not None] if new else None
 

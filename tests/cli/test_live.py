@@ -81,10 +81,10 @@ def test_files_that_appear_are_taken_and_the_page_shows_them(tmp_path):
         assert "Hold the deck still" in fetch(address)
         (tmp_path / "in" / "readme.txt").write_text("no log")
         shutil.copy(ROOT / "data" / "decays" / "pink.csv", tmp_path / "in")
-        shown = ""
-        while "release" not in shown:
-            shown = process.stdout.readline()
-        assert "k = " in shown
+        shown = [""]
+        while "release" not in shown[-1]:
+            shown.append(process.stdout.readline())
+        assert "k = " in shown[-1]
         deadline = time.monotonic() + 10
         while '"version": 2' not in fetch(address + "state"):
             assert time.monotonic() < deadline
@@ -98,6 +98,7 @@ def test_files_that_appear_are_taken_and_the_page_shows_them(tmp_path):
         rest, _ = process.communicate(timeout=20)
         assert process.returncode == 0
         assert "kept: " in rest
+        assert ("".join(shown) + rest).count("readme.txt") == 1  # what cannot be read is named, and once
     finally:
         process.kill()
         process.communicate()
