@@ -41,12 +41,12 @@ COLUMNS = (
 def job_key(job: Job, workspace: Path) -> str:
     """Return what a job's result depends on as a digest: logs, record, what is asked, and the tool's version.
 
-    What is not there counts as nothing: the job that needs it fails, and failed jobs are tried again.
+    A log that is not there counts as nothing: its job fails, and failed jobs are tried again.
+
+    Raises:
+        SysidError: There is no such board: a mistyped name is said before anything runs.
     """
-    try:
-        record = None if job.board is None else sha256(find_record(job.board, workspace))
-    except SysidError:
-        record = None
+    record = None if job.board is None else sha256(find_record(job.board, workspace))
     files = [
         f for log in job.logs for f in (sorted(log.rglob("*")) if log.is_dir() else [log]) if f.is_file()
     ]
