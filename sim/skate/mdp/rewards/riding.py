@@ -14,7 +14,7 @@ def wheels_on_ground(state: SkateState) -> Any:
     return number(state.wheel_on_ground.all(axis=-1))
 
 
-def foot_place(state: SkateState, tolerance: float = 0.05) -> Any:
+def foot_place(state: SkateState, tolerance: float = 0.03) -> Any:
     """The right foot stands where it stood at the start, along the deck; `tolerance` [m].
 
     What it creeps in a cycle is little, and adds up until the board tips over its nose.
@@ -77,7 +77,7 @@ def _terms(task: Task) -> Iterator[Reward]:
     smoothness = task.options.smoothness
     yield Reward("coast/board_velocity", board_velocity, "not-push", 2.0)
     yield Reward("always/wheels", wheels_on_ground, "always", 0.5)
-    yield Reward("always/foot_place", foot_place, "always", 6.0)
+    yield Reward("always/foot_place", foot_place, "always", 12.0)
     yield Reward("always/level_deck", level_deck, "not-steer", 3.0)
     yield Reward("always/stand", standing_still, "still", 1.0, {"pose": task.stand_pose})
     yield Reward("always/alive", alive, "always", 1.0)

@@ -41,7 +41,7 @@ def tilt_rate(state: SkateState) -> Any:
 def _terms(task: Task) -> Iterator[Reward]:
     yield Reward("steer/feet_on_board", feet_on_board, "steer", 3.0)
     yield Reward("steer/pose", steering_pose, "steer", 1.5, {"pose": task.steer_pose})
-    yield Reward("steer/left_foot", left_foot_on_deck, "steer", 2.0)
+    yield Reward("steer/left_foot", left_foot_on_deck, "steer", 8.0)
     yield Reward("steer/feet_on_markers", feet_on_markers, "steer", 2.0)
     yield Reward("steer/heading", board_heading, "steer", 5.0)
     yield Reward("steer/exact_heading", board_heading, "steer", 4.0, {"tolerance": 0.05})
