@@ -4,8 +4,8 @@ What was followed says roughly how the board moved, and from where the camera lo
 pictures are first made those of a camera along the axis. Pictures from all over the film, turned back by that, agree where
 there is board and differ where there is none: their mean is what the board looks like, with little noise, and where they
 agree is the board. Each picture of the film is then laid onto that mean by least squares of the brightness, for six
-numbers of an affine motion (Lucas and Kanade, 1981; the gradients are the mean's own, as Baker and Matthews, 2004), with
-weights that ignore hands and shine. Four points of the board at these places stand for it from then on.
+numbers of an affine motion (Lucas and Kanade, 1981; the gradients are the mean's own, as Baker and Matthews, 2004) and six of
+the light, with weights that ignore hands and shine. Four points of the board at these places stand for it from then on.
 """
 
 from collections.abc import Sequence
@@ -66,7 +66,7 @@ class BodyPicture:
     unit: float
     """Length by which places are divided, so that all six numbers are of one size [px]."""
     slopes: Image
-    """Change of brightness with each of the six numbers, gain and offset, at these pixels, shape (m, 8)."""
+    """Change of brightness with each of the six numbers, and of gain and offset with their slopes, at these pixels, shape (m, 12)."""
 
     def lay(self, frame: Frame, rough: Array | None) -> Array | None:
         """Return its pose [px] in a frame, near a rough one, both of shape (3, 3); None where it is not made out."""
@@ -159,7 +159,8 @@ def _board_in(mean: Image, agree: Mask) -> tuple[Array, Image, Array, float, Ima
     unit = float(lengths[1])
     arm = np.column_stack([np.ones(len(places)), (places - corners.mean(axis=0)) / unit]).astype(np.float32)
     both = [slope[:, [0]] * arm, slope[:, [1]] * arm]
-    slopes = np.hstack([*both, (bright - bright.mean())[:, None], np.ones((len(bright), 1))])
+    # Light may fall on it unevenly, and change: gain and offset slope across the body.
+    slopes = np.hstack([*both, (bright - bright.mean())[:, None] * arm, arm])
     return places, bright, corners, unit, slopes.astype(np.float32)
 
 

@@ -4,8 +4,11 @@ import cv2
 import numpy as np
 import pytest
 from frames import frame_of
+from scipy.special import ndtr
 
-from sysid.video.trackers._edge_profile import PIECES, find_pieces
+from sysid.roll import Array
+from sysid.video.film.frames import Frame
+from sysid.video.trackers._edge_profile import PIECES, Aliasing, find_pieces
 
 
 def test_an_edge_is_found_about_as_well_as_white_noise_allows():
@@ -44,3 +47,44 @@ def test_an_edge_that_the_camera_sharpened_is_found_beside_its_halo():
     rises, falls = find_pieces(frame_of(0, 0.0, sharp), along, 2.5, 8.0, 1.0, (1, -1))[:, 0, :, 1]
     assert falls == pytest.approx(30.0, abs=0.1)
     assert np.isnan(rises).all()
+
+
+def _black_below(place: float, slope: float, lens: float, tone: float, sharpening: float) -> Frame:
+    """What a camera makes of an edge that lies `place` px down: a lens' blur [px], pixels' mean light, tone curve and sharpening."""
+    fine, size = 16, (40, 120)
+    y, x = np.mgrid[: fine * size[0], : size[1]]
+    light = 0.85 - 0.83 * ndtr(((y + 0.5) / fine - 0.5 - place - slope * (x - 60.0)) / lens)
+    grey = 255 * light.reshape(size[0], fine, size[1]).mean(axis=1) ** (1 / tone)
+    grey += sharpening * (grey - cv2.GaussianBlur(grey, (0, 0), 1.2))
+    return frame_of(0, 0.0, np.clip(np.round(grey), 0, 255).astype(np.uint8))
+
+
+@pytest.mark.parametrize("camera", [(0.35, 1.0, 0.6), (0.35, 2.2, 0.6), (0.2, 2.2, 0.0)])
+def test_edges_at_a_slant_tell_what_the_grid_does_to_level_ones(camera):
+    """A step that is sampled too coarsely is found beside where it is, by a wave of its phase; whatever made it so coarse."""
+    aliasing = Aliasing()
+
+    def found(place: float, slope: float) -> tuple[Array, Array]:
+        ends = np.array([[[30.0, place - 30 * slope], [90.0, place + 30 * slope]]])
+        (pieces,) = find_pieces(_black_below(place, slope, *camera), ends, 4.0, 8.0, 2.8)
+        return pieces, ends
+
+    for number, slope in enumerate(np.linspace(-0.06, 0.06, 16)):
+        aliasing.learn(*found(18.0 + 0.37 * number, slope))
+    places = 19.0 + np.linspace(0, 1, 20, endpoint=False)
+    level = [found(place, 0.0) for place in places]
+    before = np.mean([pieces[0, :, 1] for pieces, _ in level], axis=1) - places
+    after = np.mean([aliasing.taken_from(*one)[0, :, 1] for one in level], axis=1) - places
+    assert np.std(before) > 0.015
+    assert np.std(after) < np.std(before) / 2
+
+
+def test_a_picture_that_stays_tells_of_aliasing_once():
+    """A crease in the paper would be taken for it if a board at rest showed it a thousand times."""
+    once, often = Aliasing(), Aliasing()
+    ends = np.array([[[30.0, 19.0], [90.0, 20.0]]])
+    (pieces,) = find_pieces(_black_below(19.5, 1 / 60, 0.35, 2.2, 0.6), ends, 4.0, 8.0, 2.8)
+    once.learn(pieces, ends)
+    for _ in range(1000):
+        often.learn(pieces, ends)
+    assert often.taken_from(pieces, ends) == pytest.approx(once.taken_from(pieces, ends), abs=1e-12)

@@ -1,12 +1,15 @@
 """Straight edges to a hundredth of a pixel: points where brightness steps across them, and lines through these."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
+from sysid.video.pose.prior import SAME_PICTURE
+from sysid.video.types import Complex
 
 PIECES = 16
 """Points along an edge that are told apart."""
@@ -17,6 +20,8 @@ MIN_APART, HALO = 2.0, 0.3
 must be: where it is less it is the halo by which cameras sharpen an edge."""
 ROUNDS = 4
 """Times that a step is looked for about where it was found."""
+USUAL_ALIASING, USUAL_BEND = 0.05, 0.02
+"""Standard deviations of what the pixels' grid does to the place of a step, and of what else bends an edge [px]."""
 
 
 def beside_line(bends: Array, share: Array) -> Array:
@@ -96,6 +101,49 @@ def _steepest(step: Array, offset: Array, window: float) -> tuple[Array, Array]:
         weight = np.maximum(step, 0) * np.exp(-(away**2) / 2)
         place = (weight * offset).sum(axis=-1) / np.maximum(weight.sum(axis=-1), 1e-9)
     return place, rise
+
+
+@dataclass(slots=True)
+class Aliasing:
+    """What the pixels' grid does to the place of an edge, learned from edges that ought to be straight.
+
+    Pixels gather light, and a camera holds that through a tone curve and sharpens it. Samples one pixel apart are too few for such a step:
+    the centroid errs by a wave of its place in the grid, one pixel long. All points of an edge that is nearly level err alike, so that it
+    seems to turn as it moves; one at a slant bows by the same wave, which shows how large it is in this film, whatever the curve.
+    """
+
+    _gram: Array = field(default_factory=lambda: np.diag([USUAL_ALIASING**-2.0, USUAL_ALIASING**-2.0, 0.0]))
+    """Products of the wave's cosine, its sine and the distance from a straight line [px], weighed by the latter's scatter, shape (3, 3)."""
+    _learned_at: Array = field(default_factory=lambda: np.array(np.inf))
+    """Where the edges were that it was last learned from [px]."""
+
+    def learn(self, pieces: Array, ends: Array) -> None:
+        """Take in points along m edges, as `find_pieces` has both; a picture that stays the same tells nothing new."""
+        if np.abs(ends - self._learned_at).max() < SAME_PICTURE:
+            return
+        self._learned_at = ends
+        normal, wave = _grid_wave(pieces, ends)
+        distance = (pieces @ normal[..., None])[..., 0]
+        for columns in np.stack([wave.real, wave.imag, distance], axis=-1):
+            seen = np.isfinite(columns).all(axis=1)
+            line = np.linalg.qr(np.vander(np.arange(len(seen)), 2)[seen])[0]
+            bent = columns[seen] - line @ (line.T @ columns[seen])
+            self._gram += bent.T @ bent / (np.mean(bent[:, 2] ** 2) + USUAL_BEND**2)
+
+    def taken_from(self, pieces: Array, ends: Array) -> Array:
+        """Return the points where they would be without it, shape (m, PIECES, 2) [px]."""
+        cosine, sine = np.linalg.solve(self._gram[:2, :2], self._gram[:2, 2])
+        normal, wave = _grid_wave(pieces, ends)
+        return pieces - (cosine * wave.real + sine * wave.imag)[..., None] * normal[:, None]
+
+
+def _grid_wave(pieces: Array, ends: Array) -> tuple[Array, Complex]:
+    """Return unit vectors along which brightness rises, shape (m, 2), and exp(2πi place) in the grid, a piece's mean, shape (m, PIECES)."""
+    along = ends[:, 1] - ends[:, 0]
+    normal = along[:, ::-1] * [1, -1] / np.linalg.norm(along, axis=1, keepdims=True)
+    across = np.eye(2)[np.argmax(np.abs(normal), axis=1)] * np.sign(normal)  # rows or columns of pixels
+    place, rise = (pieces @ across[..., None])[..., 0], (along * across).sum(axis=1, keepdims=True) / PIECES
+    return normal, np.exp(2j * np.pi * place) * np.sinc(rise)
 
 
 def corners(pieces: Sequence[Array]) -> Array:

@@ -14,7 +14,7 @@ from sysid.video.film.reel import Reel
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.trackers._base import Target, Tracker, level_angle
-from sysid.video.trackers._edge_profile import corners, find_pieces
+from sysid.video.trackers._edge_profile import Aliasing, corners, find_pieces
 from sysid.video.types import Box
 
 DICTIONARIES = {
@@ -79,6 +79,8 @@ class MarkerFollower:
     marker: Marker
     region: Box
     """Left, top, right and bottom [px]: it is followed inside only."""
+    aliasing: Aliasing = field(default_factory=Aliasing)
+    """Of its edges; what is known of it grows from frame to frame."""
     cells: Array = field(init=False)
     """Brightness of the marker's cells, border included, less its mean, in standard deviations."""
     _middles: npt.NDArray[np.float32] = field(init=False)
@@ -150,13 +152,17 @@ class MarkerFollower:
             (edges,) = find_pieces(frame, ends, reach, MIN_CONTRAST, STEP_WINDOW)
             if np.isnan(edges).any(axis=2).mean(axis=1).max() > 0.5:
                 return None
-            place = corners([edge[np.isfinite(edge).all(axis=1)] for edge in edges])
+            straight = self.aliasing.taken_from(edges, ends)
+            place = corners([edge[np.isfinite(edge).all(axis=1)] for edge in straight])
             if not np.isfinite(place).all() or np.abs(place - rough).max() > 2 * cell:
                 return None
             if np.abs(place - before).max() < CONVERGED:
                 break
             reach = min(0.6 * cell, 5.0)
-        return place if self._likeness(frame, place) > MIN_LIKENESS else None
+        if self._likeness(frame, place) < MIN_LIKENESS:
+            return None
+        self.aliasing.learn(edges, ends)
+        return place
 
     def _likeness(self, frame: Frame, place: Array) -> float:
         """Correlation of the cells seen with the cells that the marker should have."""
@@ -216,8 +222,11 @@ def _find(reel: Reel) -> Target | None:
     marker = next((one for one in markers if one is not None), None)
     if marker is None:
         return None
+    first = MarkerFollower(marker, region)
+    for frame in look.frames:  # what they tell of aliasing
+        first.update(frame)
     return Target(
-        follower=MarkerFollower(marker, region),
+        follower=MarkerFollower(marker, region, first.aliasing),
         what=f"{marker.kind} marker {marker.number}",
         why=f"{marker.kind} marker {marker.number}",
         solve=partial(fit_angle, prior=BodyPrior(square=True, dead_zone=CORNER_DEAD_ZONE)),
