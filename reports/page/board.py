@@ -253,7 +253,7 @@ def _history(board: Board) -> str:
         errors = ("-" if error is None else show(error, 3) for error in told)
         model = ", ".join(line.get("effects", [])) or "spring and damper"
         rows.append((str(line.get("date", "")), model, *errors))
-    return table(("date", "model", "error before", "after", "on left-out releases", "noise floor"), rows)
+    return table(("date", "model", "error before", "after", "held out", "noise floor"), rows)
 
 
 def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:

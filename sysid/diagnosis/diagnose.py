@@ -158,6 +158,8 @@ class Diagnosis:
     """Which release or stretch each of them is: its log, and from when to when."""
     best: Model = field(repr=False)
     base: Model = field(repr=False)
+    slides: bool = False
+    """Whether the joint slides: roll is its position [m]."""
     swing_frequency: float | None = None
     """Where a rate was fitted, and errors are rates: the joint's natural frequency [rad/s]."""
     learned: Learned | None = None
@@ -381,6 +383,7 @@ def diagnose(
         ),
         best=best,
         base=base,
+        slides=board.slides,
         swing_frequency=scales.frequency if use_rate else None,
     )
 
