@@ -91,7 +91,7 @@ def run(case: Case) -> dict[str, Any]:
 
         hidden = (f"{case.effect}={','.join(map(str, case.values))}",) if case.effect else ()
         made = {"releases": 4, "seed": 1, "noise_deg": NOISE_DEG, "common": Common(workspace=space)}
-        synth(board=case.board, output=log, effect=hidden, **made)
+        synth(subject=Subject(board=case.board), output=log, effect=hidden, **made)
         row: dict[str, Any] = {"case": case}
         try:
             fit([log], subject=subject, effect=(case.effect,) if case.effect else (), common=answers)

@@ -48,7 +48,7 @@ def section(effect: Effect) -> str:
             f"- **Source:** {effect.source}",
             f"- **In MuJoCo:** {mujoco}",
             *([f"- **Looks like:** {', '.join(effect.look_alikes)}"] if effect.look_alikes else []),
-            f"- **Tell it apart:** {effect.experiment}",
+            f"- **Tell it apart:** {effect.experiment_on()}",
             "",
         )
     )

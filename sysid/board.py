@@ -201,6 +201,12 @@ class Board:
         """Whether the joint slides: its units are then m, N/m and kg."""
         return self.inertia.unit == "kg"
 
+    def experiment(self, name: str) -> str:
+        """Return the experiment that tells an effect from its look-alikes, with releases in the joint's own unit."""
+        from sysid.effects import effect
+
+        return effect(name).experiment_on(slides=self.slides, widest=self.tilt["range"].value)
+
     @property
     def error_unit(self) -> str:
         """Unit of the errors of its fits: of the signal that they were fitted to."""

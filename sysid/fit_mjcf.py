@@ -129,7 +129,7 @@ class Fit:
         Raises:
             SysidError: The fit did not converge, or the logs leave a parameter open.
         """
-        require_usable(self.joint)
+        require_usable(self.joint, self.before)
         return updated_board(self.before, self.joint, logs, heldout=self.heldout_rmse)
 
     def report(self, width: int = WIDTH) -> str:

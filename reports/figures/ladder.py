@@ -20,8 +20,11 @@ WIDE = 8.0
 """Ratio of errors from which their axis is logarithmic."""
 
 
-def draw_ladder(axes: "Axes", steps: Sequence[Step], noise: tuple[float, float]) -> None:
-    """Draw the error of each model as a dot, the first on top, in multiples of the noise, over the noise's 95 % interval."""
+def draw_ladder(axes: "Axes", steps: Sequence[Step], noise: tuple[float, float], releases: int) -> None:
+    """Draw the error of each model as a dot, the first on top, in multiples of the noise, over the noise's 95 % interval.
+
+    `releases` were fitted; of one alone, parts of it are held out.
+    """
     from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
     rows = np.arange(len(steps))
@@ -32,7 +35,16 @@ def draw_ladder(axes: "Axes", steps: Sequence[Step], noise: tuple[float, float])
     for row, step in enumerate(steps):
         axes.annotate(times(step.error), (step.error, row), (0, 6), textcoords="offset points", ha="center")
     if np.isfinite(held).any():
-        axes.plot(held, rows, "o", color=HELD_OUT, mfc="none", mew=1.4, ms=7, label="left-out releases")
+        axes.plot(
+            held,
+            rows,
+            "o",
+            color=HELD_OUT,
+            mfc="none",
+            mew=1.4,
+            ms=7,
+            label="held out: releases" if releases > 1 else "held out: parts of the release",
+        )
     axes.plot(errors, rows, "o", color=SIM, ms=7, label="error")
     axes.set_yticks(rows, [fill(step.label, 22) for step in steps])
     axes.set_ylim(len(steps) - 0.5, -0.7)
@@ -55,10 +67,10 @@ def fit_steps(fit: "Fit") -> tuple[Step, ...]:
     return (Step(STOOD, fit.rmse_before / floor), *steps)
 
 
-def ladder_figure(steps: Sequence[Step], noise: tuple[float, float], title: str) -> "Figure":
+def ladder_figure(steps: Sequence[Step], noise: tuple[float, float], title: str, releases: int) -> "Figure":
     """Draw a ladder by itself."""
     with styled(5.6, 1.5 + 0.45 * len(steps)) as figure:
         axes = figure.add_subplot()
-        draw_ladder(axes, steps, noise)
+        draw_ladder(axes, steps, noise, releases)
         axes.set_title(title)
     return figure

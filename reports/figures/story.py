@@ -64,7 +64,7 @@ def panels(story: Story) -> list[Panel]:
     drawn.append(
         Panel(
             "ladder", "Ladder of errors", "Error of each model in multiples of the noise; grey: the noise's own 95 % interval.",
-            lambda axes: draw_ladder(axes, story.steps, story.noise_range),
+            lambda axes: draw_ladder(axes, story.steps, story.noise_range, len(story.after.releases)),
         )
     )  # fmt: skip
     if story.ranked:

@@ -253,7 +253,7 @@ def _history(board: Board) -> str:
         errors = ("-" if error is None else show(error, 3) for error in told)
         model = ", ".join(line.get("effects", [])) or "spring and damper"
         rows.append((str(line.get("date", "")), model, *errors))
-    return table(("date", "model", "error before", "after", "on left-out releases", "noise floor"), rows)
+    return table(("date", "model", "error before", "after", "held out", "noise floor"), rows)
 
 
 def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
@@ -264,7 +264,7 @@ def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
     rows: list[tuple[str, ...]] = []
     for i, name in enumerate(alike.names):
         shown, others = f"{name}{' (in the law)' if name in own else ''}", alike.alike(name)
-        experiment = effect(name).experiment if others else ""
+        experiment = board.experiment(name) if others else ""
         rows.append((shown, _weakest(alike, i, slides=board.slides), ", ".join(others) or "-", experiment))
     weak = [row for row in rows if row[1] == TOO_WEAK]
     twins = {tuple(sorted((name, other))) for name in alike.names for other in alike.alike(name)}

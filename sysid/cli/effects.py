@@ -66,7 +66,7 @@ def _show(name: str, common: Common, printer: Printer) -> int:
     rows = [
         ("what it is", part.title), ("law", part.law), ("parameters", parameters + more), ("does", part.does),
         ("source", part.source), ("in MuJoCo", part.mujoco.means), ("looks like", ", ".join(part.look_alikes) or "-"),
-        ("tell it apart", part.experiment), ("from", origin(name) or "catalogue"),
+        ("tell it apart", part.experiment_on()), ("from", origin(name) or "catalogue"),
     ]  # fmt: skip
     printer.table((name, ""), rows)
     path = write_figure(common.space.outputs("effects") / f"{name}.png", effect_figure(part), dpi=120)

@@ -176,5 +176,7 @@ def _draw(common: Common, result: "Fit") -> Path:
 
     name = result.before.name
     noise = (result.noise.lowest / result.noise.std, result.noise.highest / result.noise.std)
-    figure = ladder_figure(fit_steps(result), noise, f"{name}: what each effect takes away")
+    figure = ladder_figure(
+        fit_steps(result), noise, f"{name}: what each effect takes away", len(result.joint.records)
+    )
     return write_figure(common.space.outputs(name) / "ladder.png", figure)

@@ -29,7 +29,9 @@ def history(*, board: BoardName, common: Common = Common()) -> int:
                 for line in record.history
             ],
         )
-        printer.say("held out: error on releases that the fit had not seen")
+        printer.say(
+            "held out: error on releases, or on the second half of a release alone, that the fit had not seen"
+        )
     printer.result(
         {"board": board, "history": [plain(line) for line in record.history], "undo_steps": len(earlier)}
     )

@@ -7,21 +7,27 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import BoardName, Common, Output, Printer
-from sysid.errors import SysidError
+from sysid.cli.console import Common, Output, Printer
+from sysid.cli.subject import Subject
+from sysid.errors import SysidError, UsageError
 from sysid.synth import SynthOptions, synthesise
-from sysid.synth.effects import complete_effects, parse_effect
+from sysid.synth.effects import complete_effects, parse_effect, true_law
 from sysid.synth.sensors import Dialect, Sensor
+from sysid.text import Display, display
 
 Texts = Annotated[tuple[str, ...], Parameter(negative="", show_default=False)]
 LeverArm = Annotated[tuple[float, float, float], Parameter(negative="", allow_leading_hyphen=True)]
 DEFAULT_ANGLE = 0.87
-"""First release angle as a share of the board's range: 10 degrees of 0.2 rad."""
+"""First release angle as a share of the joint's range: 10 degrees of 0.2 rad."""
+WIDEST = math.radians(45)
+"""First release angle of a joint that turns farther."""
+NOISE = {False: math.radians(0.1), True: 1e-4}
+"""White noise of an angle sample [rad], and of a position [m]."""
 
 
 def synth(
     *,
-    board: BoardName,
+    subject: Subject = Subject(),
     output: Output,
     effect: Annotated[Texts, Parameter(name=["--effect", "-e"])] = (),
     release_angle: Annotated[Texts, Parameter(allow_leading_hyphen=True)] = (),
@@ -29,12 +35,14 @@ def synth(
     rate: float | None = None,
     duration: float = 2.0,
     hold: float = 0.6,
-    noise_deg: float = 0.1,
-    quantisation_deg: float = 0.0,
+    noise_deg: float | None = None,
+    noise_mm: float | None = None,
+    quantisation_deg: float | None = None,
+    quantisation_mm: float | None = None,
     jitter: float = 0.0,
     dropout: float = 0.0,
     seed: int = 0,
-    dialect: Dialect = "angle",
+    dialect: Dialect | None = None,
     lever_arm: LeverArm = (0.1, 0.03, 0.05),
     gyro_bias: float = 0.01,
     gyro_noise: float = 0.003,
@@ -47,47 +55,51 @@ def synth(
     The truth is written beside the log, as LOG.truth.json.
 
     Args:
-        board: The board that is recorded.
         output: The log to write: .csv, or .zip for the dialects phyphox and sensor-logger.
         effect: A hidden effect, NAME=V[,V...] in SI units, e.g. coulomb=0.1; may be repeated.
         release_angle: Roll at a release, e.g. 10, 10deg or 0.17rad (degrees without a unit), right edge down
-            positive; may be repeated, one release each.
+            positive; of a joint of a model, its position, e.g. 40deg, 20mm or 0.02m (mm without a unit); may be
+            repeated, one release each.
         releases: Number of releases where no angles are given: alternating sides, each smaller than the one
             before.
         rate: Samples per second; 1000, or what the simulator's step gives with the effect 'discretisation'.
         duration: Time left to each free decay [s].
         hold: Time for which the deck is held before each release [s].
-        noise_deg: White noise of an angle sample [degrees].
-        quantisation_deg: Step of an angle sensor [degrees].
+        noise_deg: White noise of an angle sample [degrees]; 0.1.
+        noise_mm: White noise of a sample of a slide's position [mm]; 0.1.
+        quantisation_deg: Step of an angle sensor [degrees]; 0.
+        quantisation_mm: Step of a position sensor [mm]; 0.
         jitter: Standard deviation of the sampling instants, in sampling periods.
         dropout: Share of samples that are missing.
         seed: Seed of everything random; the same seed makes the same file.
-        dialect: How the log is written.
+        dialect: How the log is written: angle; position for a slide.
         lever_arm: Where an IMU sits, from the tilt axis: forward, left, up [m].
         gyro_bias: Offset of a gyro [rad/s].
         gyro_noise: White noise of a gyro sample [rad/s].
         accelerometer_noise: White noise of an accelerometer sample [m/s^2].
         hand: Keep rest and hand in the log; without, it starts at the only release.
     """
-    for option, value in (("--noise-deg", noise_deg), ("--quantisation-deg", quantisation_deg)):
-        if not 0 <= value < math.inf:
-            raise SysidError(f"{option} {value:g}: expected degrees, 0 or more.")
     printer = Printer(common)
-    record = common.space.load_board(board)
+    record = subject.load(common, printer)
+    show = display(is_rate=False, slides=record.slides)
+    noise = _size("noise", noise_deg, noise_mm, show, NOISE[record.slides])
+    quantisation = _size("quantisation", quantisation_deg, quantisation_mm, show, 0.0)
+    dialect = dialect or ("position" if record.slides else "angle")
     limit = record.tilt["range"].value
     effects = complete_effects(dict(parse_effect(text) for text in effect))
     if len(effects) < len(effect):
         raise SysidError("an effect is given twice; each may be given once.")
-    angles = _angles(release_angle, releases, limit)
-    if beyond := [a for a in angles if abs(a) > limit]:
+    rest = true_law(record, effects).equilibrium() if record.model else 0.0
+    angles = _angles(release_angle, releases, limit, rest, show)
+    if beyond := [a for a in angles if abs(a - rest) > limit]:
         printer.warn(
-            f"release at {math.degrees(beyond[0]):.3g} degrees is beyond the range of the board record "
-            f"(±{math.degrees(limit):.3g} degrees); the synthetic board has no stop there unless you add end-stop."
+            f"release at {show(beyond[0], 3)} is beyond the range of the record ({_about(rest, limit, show)}); "
+            "the synthetic joint has no stop there unless you add end-stop."
         )
     if rate is None:
         rate = 1 / effects["discretisation"][0] if "discretisation" in effects else 1000.0
     sensor = Sensor(
-        noise=math.radians(noise_deg), quantisation=math.radians(quantisation_deg), lever_arm=lever_arm,
+        noise=noise, quantisation=quantisation, lever_arm=lever_arm,
         gyro_bias=gyro_bias, gyro_noise=gyro_noise, accelerometer_noise=accelerometer_noise,
     )  # fmt: skip
     options = SynthOptions(
@@ -97,11 +109,11 @@ def synth(
     log = synthesise(record, effects, options)
     path, truth = log.save(output, command=shlex.join(["husky-sysid", *sys.argv[1:]]))
     printer.say(
-        f"{path} · {len(log.time)} samples · {options.rate:g} Hz · {log.time[-1]:.1f} s · {dialect} · {board}"
+        f"{path} · {len(log.time)} samples · {options.rate:g} Hz · {log.time[-1]:.1f} s · {dialect} · {record.name}"
     )
     for number, release in enumerate(log.releases, start=1):
         printer.say(
-            f"  release {number}: t = {release.start:.3f} s, {math.degrees(release.angle):+.2f} degrees"
+            f"  release {number}: t = {release.start:.3f} s, {show.scale * release.angle:+.2f} {show.unit.strip()}"
         )
     hidden = ", ".join(
         f"{name} ({', '.join(f'{v:g}' for v in values)})" for name, values in log.effects.items()
@@ -112,20 +124,45 @@ def synth(
     return 0
 
 
-def _angles(given: tuple[str, ...], count: int | None, limit: float) -> tuple[float, ...]:
+def _size(name: str, degrees: float | None, millimetres: float | None, show: Display, usual: float) -> float:
+    """Return a size of the sensor [rad or m]: of the option that goes with the joint, or the usual one."""
+    slides = show.name == "position"
+    option, value, unit = (
+        (f"--{name}-mm", millimetres, "mm") if slides else (f"--{name}-deg", degrees, "degrees")
+    )
+    if (degrees if slides else millimetres) is not None:
+        raise UsageError(f"the joint {'slides' if slides else 'turns'}: give {option}.")
+    if value is None:
+        return usual
+    if not 0 <= value < math.inf:
+        raise SysidError(f"{option} {value:g}: expected {unit}, 0 or more.")
+    return value / show.scale
+
+
+def _about(rest: float, limit: float, show: Display) -> str:
+    return f"±{show(limit, 3)}" if rest == 0 else f"{show(rest - limit, 3)} to {show(rest + limit, 3)}"
+
+
+def _angles(
+    given: tuple[str, ...], count: int | None, limit: float, rest: float, show: Display
+) -> tuple[float, ...]:
     if given and count is not None and count != len(given):
         raise SysidError(f"--releases {count} and {len(given)} release angles; give one or the other.")
     if given:
-        return tuple(map(_angle, given))
+        return tuple(_angle(text, show) for text in given)
     if count is not None and count < 1:
         raise SysidError(f"--releases is {count}; expected at least 1.")
-    sizes = [DEFAULT_ANGLE * limit * max(0.4, 1 - 0.12 * number) for number in range(count or 1)]
-    return tuple(size * (-1) ** number for number, size in enumerate(sizes))
+    first = min(DEFAULT_ANGLE * limit, WIDEST)
+    sizes = [first * max(0.4, 1 - 0.12 * number) for number in range(count or 1)]
+    return tuple(rest + size * (-1) ** number for number, size in enumerate(sizes))
 
 
-def _angle(text: str) -> float:
-    unit = next((unit for unit in ("degrees", "deg", "°", "rad") if text.endswith(unit)), "")
+def _angle(text: str, show: Display) -> float:
+    slides = show.name == "position"
+    units = {"mm": 1e-3, "m": 1.0} if slides else {"degrees": 0.0, "deg": 0.0, "°": 0.0, "rad": 1.0}
+    unit = next((unit for unit in units if text.endswith(unit)), "")
     try:
-        return float(text.removesuffix(unit)) * (1 if unit == "rad" else math.radians(1))
+        return float(text.removesuffix(unit)) * (units.get(unit) or 1 / show.scale)
     except ValueError:
-        raise SysidError(f"release angle '{text}' is not an angle; write 10, 10deg or 0.17rad.") from None
+        example = "a position; write 20, 20mm or 0.02m" if slides else "an angle; write 10, 10deg or 0.17rad"
+        raise SysidError(f"release angle '{text}' is not {example}.") from None

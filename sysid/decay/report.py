@@ -82,7 +82,7 @@ def equation(decay: "FreeDecay") -> str:
         omega_n, zeta = numbers.omega_n.value, numbers.damping_ratio.value
         inertia, damping, stiffness = 1.0, 2 * zeta * omega_n, omega_n**2
     left = linear_law(inertia, damping, stiffness, 0.0 if decay.trace.signal == "rate" else rest)
-    return f"{left} = 0   (SI, rad)"
+    return f"{left} = 0   (SI{'' if decay.slides else ', rad'})"
 
 
 def verdict(decay: "FreeDecay") -> str:

@@ -98,14 +98,14 @@ def _shift(
             "explains that better than a rest angle that moved."
         )
         alike = tuple((name,) for name in moved_by) if by_drift > -TIE else ()
-        return Deviation((drift,), alike, text, effect(drift).experiment)
+        return Deviation((drift,), alike, text, board.experiment(drift))
     others = [*moved_by[1:], *([drift] if by_drift < TIE else [])]
     torque = model.parameters["stiffness"] * moved
     text = (
         f"The deck rests {show.scale * moved:+.3g}{show.unit} from the record's rest angle: its rest angle moved, or a "
         f"constant {'force' if board.slides else 'torque'} of {torque:+.3g} {'N' if board.slides else 'N*m'} acts, or the sensor is off by as much; a free decay cannot tell."
     )
-    return Deviation((moved_by[0],), tuple((name,) for name in others), text, effect(moved_by[0]).experiment)
+    return Deviation((moved_by[0],), tuple((name,) for name in others), text, board.experiment(moved_by[0]))
 
 
 def _worse(model: Candidate, rest_angle: float, *more: str) -> float:
@@ -156,7 +156,7 @@ def _linear(model: Candidate, board: Board, covariance: np.ndarray, names: list[
         (matches[0],),
         tuple((name,) for name in matches[1:]),
         change + f"one cause makes both, {titles}.",
-        effect(matches[0]).experiment,
+        board.experiment(matches[0]),
     )
 
 

@@ -158,6 +158,8 @@ class Diagnosis:
     """Which release or stretch each of them is: its log, and from when to when."""
     best: Model = field(repr=False)
     base: Model = field(repr=False)
+    slides: bool = False
+    """Whether the joint slides: roll is its position [m]."""
     swing_frequency: float | None = None
     """Where a rate was fitted, and errors are rates: the joint's natural frequency [rad/s]."""
     learned: Learned | None = None
@@ -381,6 +383,7 @@ def diagnose(
         ),
         best=best,
         base=base,
+        slides=board.slides,
         swing_frequency=scales.frequency if use_rate else None,
     )
 
@@ -751,7 +754,7 @@ def _experiment(
     limit = widest(chosen.model, board)
     found = deciding(chosen.model, rival.model, tried.best.errors, limit)
     apart = next((name for name in (*names[1], *names[0]) if name not in set(names[0]) & set(names[1])), "")
-    fallback = "" if found or not apart else effect(apart).experiment
+    fallback = "" if found or not apart else board.experiment(apart)
     return experiment_in_words(found, titles(names[0]), titles(names[1]), fallback, board, limit)
 
 

@@ -31,14 +31,17 @@ def fittable(names: Sequence[str]) -> tuple[str, ...]:
 def report(result: "Diagnosis", width: int, space: Workspace, logs: Sequence[Path]) -> str:
     """Return the ranked models, the verdict, how well unseen releases are predicted, and what to do next."""
     verdict, floor = result.verdict, result.noise
-    show = display(is_rate=result.swing_frequency is not None)
+    show = display(is_rate=result.swing_frequency is not None, slides=result.slides)
+    held_out = "each third of the release though its numbers may move as far as the other two"
+    if len(result.heldout_before) > 1:
+        held_out = "a release though its numbers may move as far as the others"
     rows = [_row(candidate, floor.std) for candidate in result.candidates[:SHOWN]]
     if not any(candidate.effects == () for candidate in result.candidates[:SHOWN]):
         rows.append(_row(result.baseline, floor.std))
     lines = [
         f"{result.board} · {count(result.releases, 'release')} · sensor noise {show(floor.std, 3)}, {floor.how}",
         table(("missing", "error / noise", "held out / noise", "score"), rows, width=width),
-        "held out: what a model misses of a release though its numbers may move as far as the others leave them open; of means of "
+        f"held out: what a model misses of {held_out} leave them open; of means of "
         "neighbouring samples where the log has many a period, which are less noisy than the samples of the error",
         "score: twice the log-likelihood of unseen motion that the best has more; models up to "
         f"{TIED:g}, or more where periods disagree or none is exact, are not told apart: the simplest counts, if what it adds matters",

@@ -9,6 +9,8 @@ The law of the tilt joint, with roll φ, tilt x = φ - rest angle and rate v:
     I φ̈ = -k x - d v + Σ τ(x, v, φ, z),   ż = …
 """
 
+import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, Literal, Protocol
@@ -17,6 +19,7 @@ import numpy as np
 
 from sysid.effects._algebra import NUMPY, Algebra, Numbers, Value, Values
 from sysid.roll import Array
+from sysid.text import display
 
 MjSpec = Any
 """A `mujoco.MjSpec`, and"""
@@ -229,6 +232,9 @@ def belongs_to_log(
     return ()
 
 
+BOARD_RANGE = 0.2
+"""How far a board tilts [rad]: the angles in the experiments are shares of it."""
+
 Family = Literal[
     "friction", "hysteresis", "drag", "hardening", "asymmetry", "stop", "freeplay", "relaxation", "rest", "drift",
     "lowpass", "clock", "inertia", "learned",
@@ -267,7 +273,7 @@ class Effect:
     look_alikes: tuple[str, ...]
     """Effects that make nearly the same decay."""
     experiment: str
-    """The experiment that tells it from its look-alikes."""
+    """The experiment that tells it from its look-alikes; `{3°}` is the angle of a board's release (see `experiment_on`)."""
     mujoco: MujocoSupport
     to_mjcf: ToMjcf
     from_mjcf: FromMjcf = in_no_attribute
@@ -304,6 +310,16 @@ class Effect:
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, in the order of the command line."""
         return tuple(parameter.name for parameter in self.parameters)
+
+    def experiment_on(self, *, slides: bool = False, widest: float = BOARD_RANGE) -> str:
+        """Return the experiment with its releases in degrees; for a slide in mm, as large in its range [m] as those of a board."""
+        show = display(is_rate=False, slides=slides)
+
+        def said(angle: re.Match[str]) -> str:
+            size = math.radians(float(angle[1]))
+            return show(float(f"{size / BOARD_RANGE * widest:.1g}") if slides else size)
+
+        return re.sub(r"\{([\d.]+)°\}", said, self.experiment)
 
     @property
     def is_known(self) -> bool:

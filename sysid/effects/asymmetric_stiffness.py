@@ -21,7 +21,7 @@ EFFECT = TorqueEffect(
     source="Nayfeh and Mook, Nonlinear Oscillations (1979), quadratic nonlinearity",
     does="Swings to one side are wider and longer than to the other; the middle drifts with amplitude.",
     look_alikes=("offset", "preload", "sensor-bias"),
-    experiment="Release once from each side, and from 3° and 12°: only unequal springs treat them unequally.",
+    experiment="Release once from each side, and from {3°} and {12°}: only unequal springs treat them unequally.",
     **polynomial("asymmetric-stiffness", "stiffness", 2, low=-0.9, high=0.9, starts=(0.05, -0.05)),
     example=(25.0,),
     torque=torque,

@@ -52,7 +52,7 @@ EFFECT = TorqueEffect(
     source="Bouc 1967; Wen, J. Engineering Mechanics 102 (1976), with exponent 1",
     does="Wide swings lose a fixed torque, small ones less and less: the loss a swing grows gradually with amplitude.",
     look_alikes=("hysteresis", "dahl", "coulomb", "viscoelastic"),
-    experiment="Release from 1°, 3° and 10°: the loss a swing, over its amplitude, is largest in the middle.",
+    experiment="Release from {1°}, {3°} and {10°}: the loss a swing, over its amplitude, is largest in the middle.",
     mujoco=MujocoSupport(
         means="nothing that unloads so", since="", warp=True,
         substitute="LuGre bristles of the same torque and loss of a wide swing",

@@ -38,7 +38,7 @@ EFFECT = TorqueEffect(
     source="Coulomb 1785; Feeny and Liang, J. Sound and Vibration 195 (1996): decrement of dry friction",
     does="Amplitude falls by the same amount 4F/k each period, then the deck stops, not always at rest.",
     look_alikes=("hysteresis", "stribeck", "dahl"),
-    experiment="Release from 1° and from 10°: dry friction stops the small one at once, within ±F/k of rest.",
+    experiment="Release from {1°} and from {10°}: dry friction stops the small one at once, within ±F/k of rest.",
     mujoco=MujocoSupport(
         means="frictionloss with solreffriction 0.002 and solimpfriction 0.9999", since="3.0", warp=True
     ),

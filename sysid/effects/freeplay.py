@@ -33,7 +33,7 @@ EFFECT = TorqueEffect(
     source="Nordin and Gutman, Automatica 38 (2002): backlash",
     does="Small swings are slow and the deck may rest anywhere in the gap; wide ones are nearly normal.",
     look_alikes=("cubic-stiffness", "coulomb"),
-    experiment="Release from 1° and from 10°, and push the deck by hand: it moves freely within the gap.",
+    experiment="Release from {1°} and from {10°}, and push the deck by hand: it moves freely within the gap.",
     mujoco=MujocoSupport(means="fixed tendon with a dead band (springlength)", since="3.0", warp=True),
     to_mjcf=to_mjcf,
     example=(0.02,),

@@ -70,7 +70,7 @@ EFFECT = TorqueEffect(
     source="Jenkin 1922; Iwan, J. Applied Mechanics 33 (1966)",
     does="Wide swings lose a fixed torque like dry friction; small ones only see a stiffer spring.",
     look_alikes=("coulomb", "stribeck"),
-    experiment="Release from 1°: a slider behind a spring swings on, dry friction stops.",
+    experiment="Release from {1°}: a slider behind a spring swings on, dry friction stops.",
     mujoco=MujocoSupport(
         means="a small body on a spring, dragged along by a tendon's dry friction", since="3.11", warp=True
     ),

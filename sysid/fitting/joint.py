@@ -54,7 +54,7 @@ def check_effects(names: Sequence[str], known: Sequence[str] = ()) -> None:
         if not (part.identifiable_from_decay or beside or name in known):
             raise SysidError(
                 f"'{name}' cannot be fitted to a free decay: only k/I, d/I and torque/I show in it, so another "
-                f"stiffness and damping do the same. {part.experiment}"
+                f"stiffness and damping do the same. {part.experiment_on()}"
             )
         alike = [other for other in names if other == name or other in part.same_as]
         if len(alike) > 1:

@@ -20,7 +20,7 @@ from sysid.fitting.smoothing import ZERO_TABLE_WEIGHT
 from sysid.quantity import Quantity, slide_unit
 
 
-def require_usable(fit: JointFit) -> None:
+def require_usable(fit: JointFit, board: Board | None = None) -> None:
     """Accept a fit that may be recorded.
 
     Raises:
@@ -64,12 +64,15 @@ def require_usable(fit: JointFit) -> None:
             continue
         if quantity.std > 3 * max(abs(quantity.value), 1e-9) and name != "rest_angle":
             raise SysidError(
-                f"{name} is {quantity}: these logs do not fix it; the record is unchanged. {_advice(name)}"
+                f"{name} is {quantity}: these logs do not fix it; the record is unchanged. {_advice(board, name)}"
             )
 
 
-def _advice(name: str) -> str:
-    return effect(name.split(".")[0]).experiment if "." in name else "Record more releases, to both sides."
+def _advice(board: Board | None, name: str) -> str:
+    if "." not in name:
+        return "Record more releases, to both sides."
+    part = name.split(".")[0]
+    return effect(part).experiment_on() if board is None else board.experiment(part)
 
 
 def updated_board(board: Board, fit: JointFit, logs: Mapping[str, Path], *, heldout: float) -> Board:

@@ -19,8 +19,13 @@ if TYPE_CHECKING:
     from sysid.fitting.result import JointFit
 
 
-HELD_OUT = "held out: error on releases that the fit had not seen"
-"""Below the ladder."""
+def held_out(releases: int) -> str:
+    """Return what the errors of so many releases that were held out are of: a release, or the second half of one alone."""
+    return (
+        "releases that the fit had not seen"
+        if releases > 1
+        else "the release's second half, predicted from its first"
+    )
 
 
 def report(fit: "Fit", width: int = WIDTH) -> str:
@@ -61,7 +66,7 @@ def report(fit: "Fit", width: int = WIDTH) -> str:
         quantities,
         *_poses(fit, width),
         rungs,
-        HELD_OUT,
+        f"held out: error on {held_out(len(fit.joint.records))}",
         f"record as it stood: error {show(fit.rmse_before)}",
     )
     return "\n".join((*lines, *learned_lines(fit)))

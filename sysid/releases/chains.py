@@ -72,7 +72,7 @@ class Segment:
 
 def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segment]:
     """Return the segments that share one rest angle and one pace."""
-    segments = _shrinking_segments(signal, swings)
+    segments = [one for one in _shrinking_segments(signal, swings) if not _jumped(signal, one)]
     if not segments:
         return []
     largest = max(segment.swings[0].size for segment in segments)
@@ -83,6 +83,16 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
     segments = [one for one, home in zip(segments, [False, *led], strict=True) if not home]
     groups = [[other for other in segments if _same_board(segment, other, signal)] for segment in segments]
     return _swelling(signal, swings, max(groups, key=lambda group: _segment_score(group, signal)))
+
+
+def _jumped(signal: SmoothedSignal, segment: Segment) -> bool:
+    """Whether the deck was taken from one place to another between two samples, and swings no more: nothing of a joint is seen there."""
+    swing = segment.swings[0]
+    return (
+        len(segment.wide) == 1
+        and segment.settles
+        and any(swing.begin <= i < swing.finish for i in signal.jumps)
+    )
 
 
 def _led_home(signal: SmoothedSignal, one: Segment, other: Segment) -> bool:

@@ -5,6 +5,7 @@ from itertools import pairwise
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.noise.sensor import quantisation_step
 from sysid.roll import Array, Release
@@ -12,6 +13,9 @@ from sysid.roll import Array, Release
 SMOOTHING_REACH = 0.25
 """Half-width of the smoothing window, as phase of the fastest motion [rad]: local parabolas over it
 take 1e-5 off a sine."""
+ABRUPT = 4.0
+"""How many times farther a roll goes in one step than in the two before and the two after it, where that is no swing: of a sine,
+however often it is sampled, no step is more than twice the largest of these."""
 PAUSE = 30.0
 """A pause of the record is looked at as if it were no longer than this [s]."""
 
@@ -32,6 +36,8 @@ class SmoothedSignal:
     """First and last grid index of each stretch in which it stays where it is."""
     levels: tuple[float, ...]
     """Mean roll of each of these stretches [rad]."""
+    jumps: tuple[int, ...] = ()
+    """Grid index before each step that is none of a joint's motion: a hand was quicker than a sample, or the log was cut."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +100,10 @@ def smooth_signal(time: Array, roll: Array, std: float) -> SmoothedSignal:
     even = np.interp(grid, time, roll)
     grid = grid if own is time else np.interp(grid, time, own)
     span = float(np.percentile(even, 99.9) - np.percentile(even, 0.1)) or float(np.ptp(even))
-    speed = _top_speed(even, interval, std)
+    jumps = _jumps(even, max(6.0 * std, 0.02 * span))
+    steps = np.diff(even, prepend=even[0])
+    steps[jumps + 1] = 0.0
+    speed = _top_speed(np.cumsum(steps), interval, std)
     quickness = 2.0 * speed / span if span > 0 else 0.0
     if quickness * interval < 0.5:  # else too few samples a swing to tell noise from motion
         std = max(std, noise_level(roll))
@@ -104,7 +113,7 @@ def smooth_signal(time: Array, roll: Array, std: float) -> SmoothedSignal:
     step = max(6.0 * noise, 0.02 * span)
     plateaus = _plateaus(smooth, step, quickness * interval)
     levels = tuple(float(smooth[first : last + 1].mean()) for first, last in plateaus)
-    return SmoothedSignal(grid, smooth, noise, step, plateaus, levels)
+    return SmoothedSignal(grid, smooth, noise, step, plateaus, levels, tuple(jumps.tolist()))
 
 
 _SMOOTHED: WeakKeyDictionary[Release, SmoothedSignal] = WeakKeyDictionary()
@@ -218,6 +227,14 @@ def _plateaus(roll: Array, step: float, quickness: float) -> tuple[tuple[int, in
             pieces += [(first, last)] if last - first >= max(2, half) else []
             first = last + 1
     return tuple(pieces)
+
+
+def _jumps(even: Array, least: float) -> npt.NDArray[np.intp]:
+    """Return the index before each lone step of at least `least` [rad], between stretches that hardly move, shape (k,)."""
+    size = np.abs(np.diff(even))
+    padded = np.pad(size, 2, mode="edge")
+    beside = np.max([padded[i : i + len(size)] for i in (0, 1, 3, 4)], axis=0)
+    return np.flatnonzero((size > least) & (size > ABRUPT * beside))
 
 
 def _top_speed(even: Array, interval: float, std: float) -> float:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.files import write_json
+from sysid.quantity import slide_unit
 from sysid.roll import Roll
 from sysid.synth.law import TrueLaw
 from sysid.synth.sensors import Dialect, Sensor, write_log
@@ -100,17 +101,20 @@ class SyntheticLog:
 
     def truth(self) -> dict[str, Any]:
         """Return everything that is true of the log, as JSON-ready data."""
-        law = self.law
+        law, slides = self.law, self.options.dialect == "position"
+        unit, position = (slide_unit, "position_m") if slides else (str, "angle_rad")
         parameters = {
-            "inertia": {"value": law.inertia, "unit": "kg*m^2"},
-            "stiffness": {"value": law.stiffness, "unit": "N*m/rad"},
-            "damping": {"value": law.damping, "unit": "N*m*s/rad"},
-            "rest_angle": {"value": law.rest, "unit": "rad"},
+            "inertia": {"value": law.inertia, "unit": unit("kg*m^2")},
+            "stiffness": {"value": law.stiffness, "unit": unit("N*m/rad")},
+            "damping": {"value": law.damping, "unit": unit("N*m*s/rad")},
+            "rest_angle": {"value": law.rest, "unit": unit("rad")},
         }
         effects: list[dict[str, Any]] = []
         for name, values in self.effects.items():
             of_each = zip(effect(name).parameters, values, strict=True)
-            own = {parameter.name: {"value": value, "unit": parameter.unit} for parameter, value in of_each}
+            own = {
+                parameter.name: {"value": value, "unit": unit(parameter.unit)} for parameter, value in of_each
+            }
             effects.append({"name": name, "parameters": own})
         options = asdict(self.options)
         seed, angles = options.pop("seed"), options.pop("angles")
@@ -121,7 +125,12 @@ class SyntheticLog:
             "parameters": parameters,
             "effects": effects,
             "releases": [
-                {"t_start_s": r.start, "t_end_s": r.end, "angle_rad": r.angle, "rate_rad_s": r.rate}
+                {
+                    "t_start_s": r.start,
+                    "t_end_s": r.end,
+                    position: r.angle,
+                    ("speed_m_s" if slides else "rate_rad_s"): r.rate,
+                }
                 for r in self.releases
             ],
             "seed": seed,

@@ -308,8 +308,11 @@ def _longest_step(law: TrueLaw) -> float:
     inertia = min(law.inertia, law.support_inertia or law.inertia)
     stiffness = law.stiffness + law.slider_stiffness + law.arm_stiffness
     stiffness += law.support_stiffness + (law.stop_stiffness if math.isfinite(law.stop_angle) else 0.0)
-    stiffness = stiffness or abs(law.gravity)  # a pendulum
-    return 1.0 / math.sqrt(stiffness / inertia)
+    if not stiffness:  # a pendulum: its weight, where it is steepest
+        grid = np.linspace(-math.pi, math.pi, 73)
+        pulls = [law.smooth_torque(x, 0.0, Modes()) for x in grid.tolist()]
+        stiffness = abs(law.gravity) + float(np.abs(np.gradient(pulls, grid)).max())
+    return math.sqrt(inertia / stiffness) if stiffness else math.inf
 
 
 def _first_event(

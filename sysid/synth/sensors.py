@@ -16,9 +16,11 @@ from sysid.files import write_atomically
 
 Array = npt.NDArray[np.float64]
 
-Dialect = Literal["angle", "angle-deg", "gyro", "imu", "phyphox", "sensor-logger"]
-"""How the log is written: an angle in rad or in degrees, a roll rate alone, six IMU channels in one CSV,
+Dialect = Literal["angle", "angle-deg", "position", "gyro", "imu", "phyphox", "sensor-logger"]
+"""How the log is written: an angle in rad or in degrees, a slide's position, a roll rate alone, six IMU channels in one CSV,
 the same as phyphox or as Sensor Logger exports them."""
+ANGLES: tuple[Dialect, ...] = ("angle", "angle-deg", "position")
+"""Those that hold where the joint is."""
 DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
 GRAVITY = 9.80665
 """[m/s²], the standard value: as an accelerometer's maker takes it."""
@@ -60,11 +62,11 @@ def measure(time: Array, motion: Array, sensor: Sensor, dialect: Dialect, rng: n
         motion: True roll, rate and acceleration, shape (n, 3).
 
     Returns:
-        Angle [rad], shape (n, 1), for an angle dialect; roll rate [rad/s], shape (n, 1), for 'gyro'; else
+        Angle [rad] or position [m], shape (n, 1), for a dialect of `ANGLES`; roll rate [rad/s], shape (n, 1), for 'gyro'; else
         accelerations x, y, z [m/s^2] and rates x, y, z [rad/s], shape (n, 6).
     """
     roll, rate, acceleration = motion.T
-    if dialect in ("angle", "angle-deg"):
+    if dialect in ANGLES:
         angle = lowpass(time, roll, rate, sensor.time_constant) + sensor.bias + sensor.drift * time
         angle = angle + sensor.noise * rng.standard_normal(len(time))
         if sensor.quantisation > 0:
@@ -145,6 +147,8 @@ def _table(time: Array, channels: Array, dialect: Dialect) -> str:
             return _csv("time_s,roll_rad", ["%.6f", "%.8f"], time, channels)
         case "angle-deg":
             return _csv("time_ms,roll_deg", ["%.3f", "%.6f"], 1e3 * time, np.degrees(channels))
+        case "position":
+            return _csv("time_s,position_m", ["%.6f", "%.9f"], time, channels)
         case "gyro":
             return _csv("time_s,gyro_x_rad_s", ["%.6f", "%.7f"], time, channels)
         case "imu":

@@ -18,7 +18,7 @@ from sysid.synth.hand import HandMotion, hand_motion
 from sysid.synth.law import Modes, TrueLaw
 from sysid.synth.log import SyntheticLog, SynthOptions, TrueRelease
 from sysid.synth.motion import Condition, simulate
-from sysid.synth.sensors import measure
+from sysid.synth.sensors import ANGLES, measure
 
 Array = npt.NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def synthesise(
     options = options or SynthOptions()
     recorded = {effect.name: [q.value for q in effect.parameters.values()] for effect in board.effects}
     chosen = complete_effects({**recorded, **(effects or {})})
-    _check(options, chosen)
+    _check(board, options, chosen)
     law = true_law(board, chosen)
     given = {field: chosen[name][0] for name, field in SENSOR_FIELDS.items() if name in chosen}
     options = replace(options, sensor=replace(options.sensor, **given))
@@ -64,14 +64,17 @@ def synthesise(
     )  # fmt: skip
 
 
-def _check(options: SynthOptions, effects: Mapping[str, object]) -> None:
+def _check(board: Board, options: SynthOptions, effects: Mapping[str, object]) -> None:
     def refuse(what: str, value: object, expected: str) -> None:
         raise SysidError(f"{what} is {value}; expected {expected}.")
 
     if not options.angles:
         refuse("the number of releases", 0, "at least one")
     for angle in options.angles:
-        if not 0 < abs(angle) < math.pi / 2:
+        if board.slides:
+            if angle == 0 or not math.isfinite(angle):
+                refuse("a release position", f"{angle:g} m", "a position away from rest")
+        elif not (abs(angle) > 0 and abs(angle - board.rest_angle) < math.pi / 2):
             refuse("a release angle", f"{math.degrees(angle):g} degrees", "0 to 90 degrees to either side")
     for name in ("rate", "duration", "push"):
         if not 0 < getattr(options, name) < math.inf:
@@ -95,6 +98,19 @@ def _check(options: SynthOptions, effects: Mapping[str, object]) -> None:
         refuse("the dropout", options.dropout, "a share from 0 to 0.9")
     if not options.hand and len(options.angles) > 1:
         refuse("the number of releases without a hand", len(options.angles), "one")
+    if board.slides != (options.dialect == "position"):
+        expected = (
+            "'position' for a joint that slides"
+            if board.slides
+            else "one of an angle or an IMU for a joint that turns"
+        )
+        refuse("the dialect", f"'{options.dialect}'", expected)
+    if board.model and options.dialect not in (*ANGLES, "gyro"):
+        refuse(
+            "the dialect",
+            f"'{options.dialect}'",
+            "an angle or 'gyro': where an IMU sits on a model's joint is not known",
+        )
     if options.dialect == "gyro" and "sensor-bias" in effects:
         raise SysidError("effect 'sensor-bias' is an angle and a rate gyro has none; use sensor-drift.")
     if "discretisation" in effects:
@@ -137,7 +153,7 @@ def _move(
     motion = np.zeros((count, 3))
     condition = Condition.at_rest(law)
     motion[time < lead, 0] = condition.state[0]
-    full = options.dialect not in ("angle", "angle-deg")
+    full = options.dialect not in ANGLES
     releases: list[TrueRelease] = []
     for number, angle in enumerate(options.angles):
         begin = lead + number * turn

@@ -50,6 +50,30 @@ def test_texts_units_and_bounds(name):
         assert other in NAMES or " " in other
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_experiments_are_in_the_unit_of_the_joint(name):
+    """The floor and a sensor are tilted by degrees; a joint that slides is let go at mm within its range."""
+    from dataclasses import replace
+
+    from sysid.board import Board
+
+    board = Board.load("pink")
+    turns, slides = board.experiment(name), board.of_slide()
+    slides = replace(slides, tilt={**slides.tilt, "range": replace(slides.tilt["range"], value=0.05)})
+    assert turns == effect(name).experiment_on()
+    assert "{" not in turns + slides.experiment(name)
+    released = slides.experiment(name)
+    assert ("mm" in released) == ("{" in effect(name).experiment)
+    assert "°" not in released.split(":")[0] or "tilt the floor" in released.lower()
+
+
+def test_an_experiment_of_a_slide_fills_its_range():
+    """12° of a board's 0.2 rad is all of it: 50 mm of a slide that goes as far."""
+    part = effect("cubic-stiffness")
+    assert part.experiment_on().startswith("Release from 3°, 7° and 12°:")
+    assert part.experiment_on(slides=True, widest=0.05).startswith("Release from 10 mm, 30 mm and 50 mm:")
+
+
 @pytest.mark.parametrize("name", [n for n in NAMES if effect(n).role in ("torque", "support")])
 def test_steps_are_as_fine_as_the_law_is_sharp(name):
     """With the steps of a final fit the integration changes χ² of 6000 samples at 0.04° by less than chance does."""

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from decay_truth import DEGREE, Recipe, linear_decay, make_roll
+from decay_truth import DEGREE, Recipe, integrated_decay, linear_decay, make_roll
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -338,3 +338,42 @@ def test_a_first_swing_that_loses_more_than_any_drag_was_helped_by_a_hand(sizes,
     from sysid.releases.chains import _first_swing_is_odd
 
     assert _first_swing_is_odd([SimpleNamespace(size=size) for size in sizes]) is hand  # pyright: ignore
+
+
+@pytest.mark.parametrize("rate", [100.0, 200.0, 1000.0])
+@pytest.mark.parametrize("noise", [0.0, 0.02 * DEGREE, 0.1 * DEGREE])
+@pytest.mark.parametrize("zeta", [0.04, 0.4])
+def test_a_deck_that_is_lifted_between_two_samples(rate, noise, zeta):
+    """At rest in one sample, held at 8° in the next: the lift is no swing, and hides none of the three decays."""
+    omega, count = 2 * np.pi / 0.185, int(rate)
+    later = (np.arange(2 * count) + 0.3) / rate
+    decay = linear_decay(later, omega, zeta, start=8 * DEGREE)[0]
+    angle = np.concatenate([np.zeros(count), *[np.full(count, 8 * DEGREE), decay] * 3])
+    angle += noise * np.random.default_rng(1).standard_normal(len(angle))
+    time = np.arange(len(angle)) / rate
+    found = find_releases(
+        Roll(time=time, roll=angle, std=np.full(len(angle), noise), log="lifted", origin="angle")
+    )
+    np.testing.assert_allclose([release.start for release in found], [2.0, 5.0, 8.0], atol=0.015)
+    np.testing.assert_allclose([release.hold for release in found], 1.0, atol=0.05)
+
+
+def test_a_pendulum_whose_log_begins_held():
+    """Held at 30° for 2 s, let go twice; between the two it is back at 30° from one sample to the next."""
+    later = np.arange(6000) / 200
+    swing, _ = integrated_decay(
+        later, lambda q, v: -0.2 * v - (2 * np.pi * 0.8) ** 2 * np.sin(q), start=30 * DEGREE
+    )
+    angle = np.concatenate([np.full(400, 30 * DEGREE), swing] * 2)
+    angle += 1e-3 * np.random.default_rng(1).standard_normal(len(angle))
+    found = find_releases(
+        Roll(
+            time=np.arange(len(angle)) / 200,
+            roll=angle,
+            std=np.full(len(angle), 1e-3),
+            log="pendulum",
+            origin="angle",
+        )
+    )
+    np.testing.assert_allclose([release.start for release in found], [2.0, 34.0], atol=0.02)
+    np.testing.assert_allclose([release.hold for release in found], 2.0, atol=0.05)

@@ -1,16 +1,21 @@
 """What the four panels show is right before it is drawn, and drawn as it is."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from decay_truth import Recipe, make_roll
 
+from reports.figures.ladder import ladder_figure
 from reports.figures.story import draw_candidates, panels, story_figure
 from reports.figures.style import styled
 from reports.story import RECORD, STOOD, Ranked, Step, law_of_candidate, ranked, tell, times
 from sysid.board import load_board
+from sysid.diagnosis.diagnose import diagnose
+from sysid.fit_mjcf import fit
+from sysid.fitting.report import report
 from sysid.joint import JointLaw
 from sysid.releases import find_releases
 from sysid.workspace import shipped_data
@@ -168,3 +173,30 @@ def test_the_scores_of_candidates_stand_within_their_panel():
     assert axes.xaxis.label.get_window_extent().x0 >= shown.x0
     assert axes.xaxis.label.get_window_extent().x1 <= shown.x1
     assert axes.get_xlim()[1] > 1.2 * 1905.0
+
+
+@pytest.mark.parametrize(
+    ("releases", "said"), [(1, "held out: parts of the release"), (3, "held out: releases")]
+)
+def test_the_ladder_says_what_was_held_out(releases, said):
+    """A release alone is not left out: parts of it are."""
+    figure = ladder_figure(
+        [Step("record", 20.0, 30.0), Step("+ coulomb", 1.0, 1.1)], (0.9, 1.1), "title", releases
+    )
+    legend = figure.axes[0].get_legend()
+    assert said in [text.get_text() for text in legend.get_texts()]
+
+
+@pytest.mark.parametrize("kept", [1, 3])
+def test_the_report_of_a_fit_says_what_was_held_out(pink, data, kept):
+    found = report(fit(data[:kept], pink))
+    assert ("the release's second half, predicted from its first" in found) == (kept == 1)
+    assert ("releases that the fit had not seen" in found) == (kept == 3)
+
+
+def test_the_report_of_a_diagnosis_is_in_the_unit_of_the_joint_and_says_what_was_held_out(pink, data):
+    """The noise of 2e-4 is 0.2 mm of a slide, or 0.011 degrees."""
+    for board, unit in ((pink, "°"), (pink.of_slide(), " mm")):
+        found = diagnose(data[:1], board).report()
+        assert re.search(rf"sensor noise 0\.[\d]+{unit},", found)
+        assert "a model misses of each third of the release" in found

@@ -38,10 +38,11 @@ def pink() -> Board:
 
 
 def test_options_in_degrees_are_refused_in_degrees(tmp_path: Path) -> None:
+    from sysid.cli.subject import Subject
     from sysid.cli.synth import synth
 
     with pytest.raises(SysidError, match=r"--noise-deg -1: expected degrees, 0 or more"):
-        synth(board="pink", output=tmp_path / "a.csv", noise_deg=-1.0)
+        synth(subject=Subject(board="pink"), output=tmp_path / "a.csv", noise_deg=-1.0)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -341,7 +342,8 @@ def read_back(path: Path, dialect: str) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("suffix", [".csv", ".zip"])
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_dialects_say_what_was_measured(pink: Board, tmp_path: Path, dialect, suffix: str) -> None:
-    log = synthesise(pink, {}, with_options(dialect=dialect, rate=200.0, noise=1e-3, gyro_noise=1e-3))
+    board = pink.of_slide() if dialect == "position" else pink
+    log = synthesise(board, {}, with_options(dialect=dialect, rate=200.0, noise=1e-3, gyro_noise=1e-3))
     path = tmp_path / f"log{suffix}"
     archives = ("phyphox", "sensor-logger") if suffix == ".zip" else tuple(d for d in DIALECTS if d[0] != "s")
     if dialect not in archives:
@@ -431,3 +433,59 @@ def test_several_releases_alternate_within_the_range_and_beyond_it_warns(tmp_pat
     assert max(map(abs, angles)) < 0.2
     result = husky("synth", "--board", "pink", "-o", "a.csv", "--release-angle", "20", cwd=tmp_path)
     assert "beyond the range" in result.stderr
+
+
+JOINTS = """<mujoco><worldbody>
+  <body name="arm"><joint name="knee" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.01" mass="0.5"/></body>
+  <body name="cart" pos="1 1 0"><joint name="rail" type="slide" axis="1 0 0" stiffness="40" damping="1" range="-0.2 0.2" limited="true"/>
+    <geom type="box" size="0.05 0.05 0.02" mass="0.8"/></body>
+</worldbody></mujoco>"""
+
+
+def test_a_pendulum_of_a_model_moves_as_mujoco_moves_it(tmp_path: Path) -> None:
+    (tmp_path / "joints.xml").write_text(JOINTS)
+    husky("synth", "--model", tmp_path / "joints.xml", "--joint", "knee", "--release-angle", "40", "--rate", "200", "--no-hand",
+          "--noise-deg", "0", "-o", tmp_path / "knee.csv")  # fmt: skip
+    time, angle = np.loadtxt(tmp_path / "knee.csv", delimiter=",", skiprows=1).T
+    model = mujoco.MjModel.from_xml_string(JOINTS)
+    model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, 1e-3
+    truth = json.loads((tmp_path / "knee.truth.json").read_text())["releases"][0]
+    data = mujoco.MjData(model)
+    data.qpos[0], data.qvel[0] = truth["angle_rad"], truth["rate_rad_s"]
+    expected = []
+    for _ in time:
+        expected.append(data.qpos[0])
+        for _ in range(5):
+            mujoco.mj_step(model, data)
+    np.testing.assert_allclose(angle, expected, atol=1e-5)
+
+
+def test_a_joint_without_a_spring_sticks_by_its_weight(tmp_path: Path) -> None:
+    """With 0.05 N·m of dry friction the arm stops within 0.05 / 0.7355 rad of where it hangs."""
+    (tmp_path / "joints.xml").write_text(JOINTS)
+    husky("synth", "--model", tmp_path / "joints.xml", "--joint", "knee", "--effect", "coulomb=0.05", "--duration", "8",
+          "--rate", "100", "--noise-deg", "0", "-o", tmp_path / "knee.csv")  # fmt: skip
+    angle = np.loadtxt(tmp_path / "knee.csv", delimiter=",", skiprows=1)[:, 1]
+    assert np.ptp(angle[-50:]) < 1e-6
+    assert abs(angle[-1]) < 0.07
+
+
+def test_a_slide_of_a_model_is_made_in_its_own_units(tmp_path: Path) -> None:
+    (tmp_path / "joints.xml").write_text(JOINTS)
+    joint = ("--model", tmp_path / "joints.xml", "--joint", "rail", "--workspace", tmp_path)
+    log = tmp_path / "rail.csv"
+    said = husky("synth", *joint, "--release-angle", "50", "--duration", "6", "--rate", "200", "-o", log)
+    assert "+50." in said.stdout or "+49." in said.stdout
+    truth = json.loads((tmp_path / "rail.truth.json").read_text())
+    assert truth["parameters"]["stiffness"] == {"value": 40.0, "unit": "N/m"}
+    assert truth["releases"][0]["position_m"] == pytest.approx(0.05, abs=2e-3)
+    decay = json.loads(husky("decay", log, *joint, "--json", "-").stdout)
+    assert decay["stiffness"]["value"] == pytest.approx(40.0, rel=0.01)
+    assert decay["damping"]["value"] == pytest.approx(1.0, rel=0.02)
+    for options, match in (
+        (("--noise-deg", "1"), "give --noise-mm"),
+        (("--dialect", "imu"), "'position' for a joint that slides"),
+        (("--release-angle", "5deg"), "write 20, 20mm or 0.02m"),
+    ):
+        assert match in husky("synth", *joint, *options, "-o", tmp_path / "x.csv").stderr
+        assert not (tmp_path / "x.csv").exists()
