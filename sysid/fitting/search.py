@@ -12,7 +12,7 @@ from sysid.errors import SysidError
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, Record, measured_rest
 from sysid.joint.structure import Structure
-from sysid.least_squares import Minimum, minimise
+from sysid.least_squares import Minimum, Normal, minimise
 from sysid.progress import stage, steps
 from sysid.roll import Array
 
@@ -23,7 +23,10 @@ when the next one begins, and whoever looks at all of them at once sees false va
 
 
 _MET = 0.001
-"""Distance in units of the unknowns' sizes up to which two searches have met: a choice."""
+"""Cost of going from one search's end to another's, over the cost there, up to which they have met: a choice."""
+_BEHIND = 2.0
+"""Squared error of the first swings over the least from which a start is not followed through the rest: in 377 searches of foreign and
+real logs the best one was never beyond it, but for three laws at more than thirty times the noise that came out 4 to 7 % worse."""
 _VISCOUS = (0.6, 0.2)
 """Shares of the loss left to the damper from which a joint with dry friction is searched."""
 _WIDEST = 6
@@ -208,7 +211,7 @@ def search(
     points = [coarse.start({**start, "rest_angle": start.get("rest_angle") or rest}) for start in starts]
     with stage(0.0, 0.3):
         for problem in steps(early):
-            ends: list[Array] = []
+            ends: list[Minimum] = []
             for point in points:
                 tried = [point]
                 if nonsmooth and problem is early[0]:
@@ -218,8 +221,10 @@ def search(
                     tried.append(joint.point)
                 firsts = [problem.fitted(one, 12, 1e-4) for one in tried]
                 evaluations += sum(first.evaluations for first in firsts)
-                ends.append(min(firsts, key=lambda m: m.normal.cost).point)
-            points = _apart(ends)
+                ends.append(min(firsts, key=lambda m: m.normal.cost))
+            apart = _apart(ends)
+            enough = _BEHIND * apart[0].normal.cost if problem is early[-1] else np.inf
+            points = [end.point for end in apart if end.normal.cost <= enough]
     with stage(0.3, 0.5):
         for point in steps(points):
             second = coarse.fitted(point, 15, 1e-5)
@@ -244,13 +249,18 @@ def search(
     return fine, best, evaluations
 
 
-def _apart(points: Sequence[Array]) -> list[Array]:
-    """Return the points of shape (p,), in units of sizes, without those where another one is already: from there all goes the same way."""
-    kept: list[Array] = []
-    for point in points:
-        if all(float(np.abs(point - other).max()) > _MET for other in kept):
-            kept.append(point)
+def _apart(ends: Sequence[Minimum]) -> list[Minimum]:
+    """Return where searches ended, the best first, without those that the cost does not tell from a better one: from there all goes the same way."""
+    kept: list[Minimum] = []
+    for end in sorted(ends, key=lambda m: m.normal.cost):
+        if not any(_met(end.point - other.point, other.normal) for other in kept):
+            kept.append(end)
     return kept
+
+
+def _met(off: Array, there: Normal) -> bool:
+    """Return whether a search that ended so far off, shape (p,), has met the one that ended there."""
+    return 0.5 * float(off @ there.hessian @ off) <= _MET * there.cost
 
 
 _SHARES = (0.6, 0.75, 0.87, 1.15, 1.35, 1.65)
