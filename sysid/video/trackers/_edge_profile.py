@@ -9,7 +9,6 @@ import numpy as np
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
 from sysid.video.pose.prior import SAME_PICTURE
-from sysid.video.types import Complex
 
 PIECES = 16
 """Points along an edge that are told apart."""
@@ -20,6 +19,8 @@ MIN_APART, HALO = 2.0, 0.3
 must be: where it is less it is the halo by which cameras sharpen an edge."""
 ROUNDS = 4
 """Times that a step is looked for about where it was found."""
+HARMONICS = np.array([1, 2])
+"""Waves a pixel by which its grid moves a step."""
 USUAL_ALIASING, USUAL_BEND = 0.05, 0.02
 """Standard deviations of what the pixels' grid does to the place of a step, and of what else bends an edge [px]."""
 
@@ -108,12 +109,12 @@ class Aliasing:
     """What the pixels' grid does to the place of an edge, learned from edges that ought to be straight.
 
     Pixels gather light, and a camera holds that through a tone curve and sharpens it. Samples one pixel apart are too few for such a step:
-    the centroid errs by a wave of its place in the grid, one pixel long. All points of an edge that is nearly level err alike, so that it
-    seems to turn as it moves; one at a slant bows by the same wave, which shows how large it is in this film, whatever the curve.
+    the centroid errs by waves of its place in the grid, one and two a pixel. All points of an edge that is nearly level err alike, so that it
+    seems to turn as it moves; one at a slant bows by the same waves, which shows how large they are in this film, whatever the curve.
     """
 
-    _gram: Array = field(default_factory=lambda: np.diag([USUAL_ALIASING**-2.0, USUAL_ALIASING**-2.0, 0.0]))
-    """Products of the wave's cosine, its sine and the distance from a straight line [px], weighed by the latter's scatter, shape (3, 3)."""
+    _gram: Array = field(default_factory=lambda: np.diag([*[USUAL_ALIASING**-2.0] * 2 * len(HARMONICS), 0.0]))
+    """Products of the waves' cosines, sines and the distance from a straight line [px], weighed by the latter's scatter, shape (5, 5)."""
     _learned_at: Array = field(default_factory=lambda: np.array(np.inf))
     """Where the edges were that it was last learned from [px]."""
 
@@ -122,28 +123,28 @@ class Aliasing:
         if np.abs(ends - self._learned_at).max() < SAME_PICTURE:
             return
         self._learned_at = ends
-        normal, wave = _grid_wave(pieces, ends)
-        distance = (pieces @ normal[..., None])[..., 0]
-        for columns in np.stack([wave.real, wave.imag, distance], axis=-1):
+        normal, waves = _grid_waves(pieces, ends)
+        for columns in np.concatenate([waves, pieces @ normal[..., None]], axis=-1):
             seen = np.isfinite(columns).all(axis=1)
             line = np.linalg.qr(np.vander(np.arange(len(seen)), 2)[seen])[0]
             bent = columns[seen] - line @ (line.T @ columns[seen])
-            self._gram += bent.T @ bent / (np.mean(bent[:, 2] ** 2) + USUAL_BEND**2)
+            self._gram += bent.T @ bent / (np.mean(bent[:, -1] ** 2) + USUAL_BEND**2)
 
     def taken_from(self, pieces: Array, ends: Array) -> Array:
         """Return the points where they would be without it, shape (m, PIECES, 2) [px]."""
-        cosine, sine = np.linalg.solve(self._gram[:2, :2], self._gram[:2, 2])
-        normal, wave = _grid_wave(pieces, ends)
-        return pieces - (cosine * wave.real + sine * wave.imag)[..., None] * normal[:, None]
+        normal, waves = _grid_waves(pieces, ends)
+        amount = np.linalg.solve(self._gram[:-1, :-1], self._gram[:-1, -1:])
+        return pieces - waves @ amount * normal[:, None]
 
 
-def _grid_wave(pieces: Array, ends: Array) -> tuple[Array, Complex]:
-    """Return unit vectors along which brightness rises, shape (m, 2), and exp(2πi place) in the grid, a piece's mean, shape (m, PIECES)."""
+def _grid_waves(pieces: Array, ends: Array) -> tuple[Array, Array]:
+    """Return unit vectors along which brightness rises, shape (m, 2), and cosines and sines of the place in the grid, shape (m, PIECES, 4)."""
     along = ends[:, 1] - ends[:, 0]
     normal = along[:, ::-1] * [1, -1] / np.linalg.norm(along, axis=1, keepdims=True)
     across = np.eye(2)[np.argmax(np.abs(normal), axis=1)] * np.sign(normal)  # rows or columns of pixels
-    place, rise = (pieces @ across[..., None])[..., 0], (along * across).sum(axis=1, keepdims=True) / PIECES
-    return normal, np.exp(2j * np.pi * place) * np.sinc(rise)
+    place, rise = pieces @ across[..., None], (along * across).sum(axis=1)[:, None, None] / PIECES
+    waves = np.exp(2j * np.pi * place * HARMONICS) * np.sinc(rise * HARMONICS)  # a piece's mean
+    return normal, np.concatenate([waves.real, waves.imag], axis=-1)
 
 
 def corners(pieces: Sequence[Array]) -> Array:
