@@ -79,6 +79,10 @@ def synth(
         accelerometer_noise: White noise of an accelerometer sample [m/s^2].
         hand: Keep rest and hand in the log; without, it starts at the only release.
     """
+    if output.is_file() and not output.with_suffix(".truth.json").exists():
+        raise SysidError(
+            f"--output {output}: is there already, and no truth lies beside it: it may be a measurement. Choose another name."
+        )
     printer = Printer(common)
     record = subject.load(common, printer)
     show = display(is_rate=False, slides=record.slides)
