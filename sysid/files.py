@@ -142,6 +142,19 @@ def locked(path: Path, *, patience: float = 60.0) -> Generator[None]:
         ) from error
 
 
+def refuse_other_kind(output: Path, *endings: str) -> None:
+    """Refuse to write over a file of another kind: a log whose name was typed for that of a model.
+
+    Raises:
+        SysidError: A file of this name is there, and its name has none of the endings of what is written.
+    """
+    if output.is_file() and output.suffix.lower() not in endings:
+        raise SysidError(
+            f"--output {output}: is there already, and is no {' or '.join(endings)} file as the one that is written; it would be "
+            "lost. Choose another name."
+        )
+
+
 def refuse_overwriting(inputs: Iterable[Path], outputs: Mapping[str, Path | None]) -> None:
     """Refuse to write over a file that is read, by whatever name either is given.
 

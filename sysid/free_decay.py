@@ -25,7 +25,7 @@ from sysid.decay.plausibility import amplitude_warnings, period_warnings, record
 from sysid.errors import SysidError
 from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.noise.whiteness import ljung_box
-from sysid.quantity import Quantity
+from sysid.quantity import Quantity, slide_unit
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Array, Release, shown
 from sysid.text import WIDTH, Display, count, display, quantity_frame
@@ -330,7 +330,8 @@ def _not_known(decay: FreeDecay) -> str | None:
 def _not_linear(decay: FreeDecay) -> str | None:
     if decay.linear:
         return None
-    unit = "rad" if decay.trace.signal == "roll" else "rad/s"
+    unit = slide_unit if decay.slides else str
+    unit = unit("rad" if decay.trace.signal == "roll" else "rad/s")
     reasons = (
         "; ".join(found.told for found in decay.nonlinearities) or "the residual has a shape, see the picture"
     )

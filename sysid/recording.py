@@ -14,7 +14,7 @@ from sysid.logs.table.options import LogOptions
 from sysid.releases.find import find_releases
 from sysid.releases.phases import Phase, log_phases
 from sysid.roll import Release, Roll, shown
-from sysid.text import DEGREES
+from sysid.text import display
 from sysid.video.options import VideoOptions
 
 if TYPE_CHECKING:
@@ -122,8 +122,9 @@ class Recording:
         widest = max(release.amplitude for release in self.releases)
         if self.roll.zero != "known" or abs(rest) <= FOREIGN_ZERO_RATIO * widest:
             return self
+        show = display(is_rate=False, slides=self.roll.origin == "position")
         said = (
-            f"the joint rests at {DEGREES * rest:+.4g}°, and its widest swing is {DEGREES * widest:.2g}°: that zero is the "
+            f"the joint rests at {show.scale * rest:+.4g}{show.unit}, and its widest swing is {show(widest, 2)}: that zero is the "
             "sensor's. Roll is counted from the rest; --keep-zero leaves it as it is"
         )
         roll = replace(

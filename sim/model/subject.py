@@ -17,6 +17,8 @@ from sysid.quantity import Z95, Quantity
 from sysid.recording import Recording
 from sysid.roll import Array
 
+ROUNDING = 1e-9
+"""Rests nearer to a joint's zero are at it [rad or m]."""
 MIN_WEIGHT_SHARE = 1e-9
 """Pull below this share of what the joint's inertia would feel as a point at 1 m is no weight."""
 MAX_INERTIA_CHANGE = 1e-6
@@ -130,7 +132,8 @@ def hangs_at(arc: Arc, near: float) -> float:
         return near
     i = min(crossing, key=lambda k: abs(arc.position[k] - near))
     (x, y), (p, q) = arc.position[i : i + 2], arc.pull[i : i + 2]
-    return float(x + (y - x) * p / (p - q))
+    rest = float(x + (y - x) * p / (p - q))
+    return 0.0 if abs(rest) < ROUNDING else rest
 
 
 def _without_payload(setup: Setup, arc: Arc) -> Array:

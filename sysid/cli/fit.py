@@ -13,7 +13,13 @@ from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings, space_of
 from sysid.cli.parameter_options import SHORT, parse_bounds, parse_fixed
 from sysid.cli.subject import Subject
-from sysid.files import refuse_overwriting, require_writable, write_atomically, write_figure
+from sysid.files import (
+    refuse_other_kind,
+    refuse_overwriting,
+    require_writable,
+    write_atomically,
+    write_figure,
+)
 from sysid.quantity import Z95
 
 if TYPE_CHECKING:
@@ -67,6 +73,8 @@ def fit(
     from sysid.fitting.learned_torque import tables_of
     from sysid.progress import stage
 
+    if output is not None:
+        refuse_other_kind(output, ".xml")
     printer = Printer(common)
     record = subject.load(common, printer)
     require_writable(common.space.boards / f"{record.name}.toml")

@@ -4,7 +4,7 @@ from typing import Literal
 
 from sysid.cli.console import BoardName, Common, Flag, Output, Printer
 from sysid.errors import SysidError
-from sysid.files import write_atomically
+from sysid.files import refuse_other_kind, write_atomically
 
 WARNING_NRMSE, MAX_NRMSE = 0.02, 0.1
 """NRMSE of the unloaded decay beyond which a file is warned of, as the gate would fail it, and beyond which none is
@@ -45,6 +45,7 @@ def mjcf(
         raise SysidError("--bench and --scene exclude each other.")
     if not 0 < timestep <= 0.05:
         raise SysidError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
+    refuse_other_kind(output, ".xml")
     printer = Printer(common)
     record = common.space.load_board(board)
     kind = "bench" if bench else "scene"

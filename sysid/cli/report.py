@@ -13,7 +13,7 @@ from sysid.cli.log_options import LogArguments, as_fitted, space_of
 from sysid.cli.subject import Subject
 from sysid.cli.view import logs_of, no_logs, read_logs
 from sysid.errors import SysidError
-from sysid.files import write_atomically, write_figure
+from sysid.files import refuse_other_kind, write_atomically, write_figure
 
 
 def report(
@@ -46,6 +46,8 @@ def report(
     arguments = as_fitted(record, logs, arguments, printer)
     space = space_of(common, arguments)
     files = logs_of(record, logs, arguments, printer, output)
+    if output is not None:
+        refuse_other_kind(output, ".html", ".htm")
     material = read_logs(files, arguments, printer)
     provenance = Provenance(
         command=shlex.join(["husky-sysid", *sys.argv[1:]]),

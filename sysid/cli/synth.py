@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from sysid.cli.console import Common, Output, Printer
 from sysid.cli.subject import Subject
+from sysid.effects import effect as known_effect
 from sysid.errors import SysidError, UsageError
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.effects import complete_effects, parse_effect, true_law
@@ -79,6 +80,10 @@ def synth(
         accelerometer_noise: White noise of an accelerometer sample [m/s^2].
         hand: Keep rest and hand in the log; without, it starts at the only release.
     """
+    if output.is_file() and not output.with_suffix(".truth.json").exists():
+        raise SysidError(
+            f"--output {output}: is there already, and no truth lies beside it: it may be a measurement. Choose another name."
+        )
     printer = Printer(common)
     record = subject.load(common, printer)
     show = display(is_rate=False, slides=record.slides)
@@ -116,7 +121,9 @@ def synth(
             f"  release {number}: t = {release.start:.3f} s, {show.scale * release.angle:+.2f} {show.unit.strip()}"
         )
     hidden = ", ".join(
-        f"{name} ({', '.join(f'{v:g}' for v in values)})" for name, values in log.effects.items()
+        f"{name} ({', '.join(f'{v:g}' for v in values)})"
+        for name, values in log.effects.items()
+        if not known_effect(name).is_known  # a model says its own weight
     )
     printer.say(f"  hidden: {hidden or 'nothing'}")
     printer.say(f"truth: {truth}")

@@ -7,6 +7,7 @@ from sysid.board import Board
 from sysid.decay.numbers import DecayNumbers
 from sysid.errors import SysidError
 from sysid.roll import Release, shown
+from sysid.text import display
 
 DISAGREEMENT_STDS = 3.0
 """A number lies outside the record from this many standard deviations of the difference on."""
@@ -29,27 +30,40 @@ def amplitude_warnings(releases: Sequence[Release], board: Board | None) -> list
         What looks odd, in words.
 
     Raises:
-        SysidError: The deck was let go from more than half a turn.
+        SysidError: The deck was let go from more than half a turn, or the log is of a joint of another kind.
     """
     largest = max(releases, key=lambda release: release.amplitude)
     where = f"{largest.log}: the release at {shown(largest.start)} starts"
     if board is None:  # a torsion rig may turn so far
         turned = f"{where} {math.degrees(largest.amplitude):.4g}° from rest, more than half a turn: is the unit right (--unit)?"
         return [turned] if largest.amplitude > math.pi else []
-    limit = board.tilt["range"].value
-    if largest.amplitude > math.pi:
+    limit, show = board.tilt["range"].value, display(is_rate=False, slides=board.slides)
+    if largest.origin == "position" and not board.slides:
+        raise SysidError(
+            f"{largest.log}: is the position of a slide, and the joint of board '{board.name}' turns. If it is an angle, say its "
+            "unit (--unit rad); else name the joint that slides (--model, --joint)."
+        )
+    if largest.amplitude > math.pi and not board.slides:
         raise SysidError(
             f"{where} {largest.amplitude:.4g} rad from rest, more than half a turn; the joint of board "
             f"'{board.name}' allows ±{limit:.3g} rad. If the log is in degrees, say --unit deg; if in counts, the size of one in rad."
         )
     if largest.amplitude > 1.5 * limit:
         return [
-            f"{where} {largest.amplitude:.3g} rad from rest, but the joint of board '{board.name}' allows "
-            f"±{limit:.3g} rad: is it this board, and is the unit right (--unit)?"
+            f"{where} {_si(largest.amplitude, board)} from rest, but the joint of board '{board.name}' allows "
+            f"±{_si(limit, board)}: is it this board, and is the unit right (--unit)?"
         ]
     if max(release.amplitude for release in releases) < 0.02 * limit:
-        return [f"{where} {math.degrees(largest.amplitude):.2g}° from rest only: is the unit right (--unit)?"]
+        return [f"{where} {show(largest.amplitude, 2)} from rest only: is the unit right (--unit)?"]
+    if board.slides and largest.origin == "angle":
+        return [
+            f"{largest.log}: read as an angle, and the joint slides: say the unit of its position (--unit m)"
+        ]
     return []
+
+
+def _si(value: float, board: Board) -> str:
+    return f"{value:.3g} {'m' if board.slides else 'rad'}"
 
 
 def record_warnings(

@@ -19,6 +19,7 @@ from sysid.logs.table.options import LogOptions
 from sysid.logs.table.outliers import measured_motion
 from sysid.logs.table.remarks import Remarks
 from sysid.logs.table.rows import measured_rows, on_common_rows
+from sysid.logs.table.split_clock import with_whole_clock
 from sysid.roll import Array, Roll
 from sysid.video.options import VideoOptions, is_film
 
@@ -45,7 +46,7 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
         from sysid.video_roll import roll_from_video
 
         return roll_from_video(path, replace(options.video or VideoOptions(), rate=options.rate))
-    log = open_log(path)
+    log = with_whole_clock(open_log(path))
     time, columns = columns_of(log, options)
     source, choice = choose_source(log, columns, time, options)
     names = [name for name in (*choice.columns, time and time.name, choice.std) if name]

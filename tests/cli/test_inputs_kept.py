@@ -77,3 +77,25 @@ def test_an_older_output_is_replaced(tmp_path):
     output.write_text("old\n")
     husky("roll", str(PINK), "--output", str(output))
     assert output.read_text().startswith("time_s,roll_rad,roll_std_rad\n")
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("mjcf", "--board", "pink", "--output", "LOG"),
+        ("fit", "OTHER", "--board", "pink", "--output", "LOG"),
+        ("report", "OTHER", "--board", "pink", "--output", "LOG"),
+        ("synth", "--board", "pink", "--output", "LOG"),
+    ],
+)
+def test_a_measurement_is_not_lost_under_another_kind_of_file(tmp_path, command):
+    """A log whose name is typed for that of a model, a page, or a synthetic log; a synthetic one may be made again."""
+    log, other = tmp_path / "log.csv", tmp_path / "other.csv"
+    for path in (log, other):
+        path.write_bytes(PINK.read_bytes())
+    arguments = [str({"LOG": log, "OTHER": other}.get(word, word)) for word in command]
+    with pytest.raises(SysidError, match="is there already"):
+        husky(*arguments, "--workspace", str(tmp_path))
+    assert log.read_bytes() == PINK.read_bytes()
+    for _ in range(2):
+        husky("synth", "--board", "pink", "--output", str(tmp_path / "made.csv"), "--rate", "100")

@@ -535,3 +535,16 @@ def test_a_release_to_one_side_may_hide_dry_friction():
     assert one.numbers.stiffness.ci95[0] > 20
     assert any("dry friction hides" in warning for warning in one.warnings)
     assert not fit_decay(Recording.read(hidden), board=Board.load("pink")).linear
+
+
+def test_a_slide_is_warned_of_in_metres():
+    """Friction on a rail: what a linear decay leaves is a length."""
+    from sysid.releases import find_releases
+
+    def law(position, speed):
+        return -1600 * position - 0.8 * speed - 4 * np.tanh(speed / 1e-4)
+
+    releases = find_releases(make_roll(Recipe(law=law, sampling=500, amplitudes=(0.1, -0.08), noise=1e-4)))
+    for board, unit in ((Board.load("pink").of_slide(), " m "), (Board.load("pink"), " rad ")):
+        (said,) = [text for text in fit_decay(releases, board=board).warnings if "whole story" in text]
+        assert f"{unit}where the sensor's noise" in said

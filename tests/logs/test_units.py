@@ -54,3 +54,56 @@ def test_a_speed_is_no_position(tmp_path):
     assert np.ptp(roll.roll) == pytest.approx(0.2 / 5, rel=0.01)
     with pytest.raises(SysidError, match="not a unit of an angle"):
         read_roll(log, LogOptions(column="v_mm_s", unit="kg"))
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "size"),
+    [
+        ("x_mm", None, 1e-3),
+        ("distance (m)", None, 1.0),
+        ("position_m", None, 1.0),
+        ("pos [cm]", None, 1e-2),
+        ("q", "mm", 1e-3),
+    ],
+)
+def test_a_slide_is_found_without_naming_its_column(tmp_path, column, unit, size):
+    """By the length in a name, or by the user's unit where one column only can have it; degrees and rad are no lengths."""
+    time = np.arange(0, 4, 0.01)
+    log = tmp_path / "slide.csv"
+    table = np.column_stack([time, 100 * np.cos(5 * time)])
+    np.savetxt(log, table, "%.6f", ",", header=f"time_s,{column}", comments="")
+    roll = read_roll(log, LogOptions(unit=unit))
+    assert roll.origin == "position"
+    assert np.ptp(roll.roll) == pytest.approx(200 * size, rel=1e-3)
+
+
+def test_a_length_beside_an_angle_is_not_taken(tmp_path):
+    time = np.arange(0, 4, 0.01)
+    log = tmp_path / "both.csv"
+    table = np.column_stack([time, 100 * np.cos(3 * time), 0.1 * np.cos(5 * time)])
+    np.savetxt(log, table, "%.6f", ",", header="time_s,x_mm,roll_rad", comments="")
+    assert np.ptp(read_roll(log).roll) == pytest.approx(0.2, rel=1e-3)
+    np.savetxt(log, table, "%.6f", ",", header="time_s,x_mm,y_mm", comments="")
+    with pytest.raises(SysidError, match="no column of roll"):
+        read_roll(log)
+
+
+def test_a_position_is_no_angle_of_a_board(tmp_path):
+    from sysid.board import Board
+    from sysid.decay.plausibility import amplitude_warnings
+    from sysid.recording import Recording
+
+    time = np.arange(0, 6, 0.005)
+    moved = np.where(time < 1, 10.0, 10 * np.exp(-2 * (time - 1)) * np.cos(20 * (time - 1)))
+    board, releases = Board.load("pink"), {}
+    for name in ("x_mm", "angle"):
+        log = tmp_path / f"{name}.csv"
+        scaled = np.column_stack([time, moved if name == "x_mm" else 0.01 * moved])
+        np.savetxt(log, scaled, "%.6f", ",", header=f"time_s,{name}", comments="")
+        releases[name] = Recording.read(log).releases
+    with pytest.raises(SysidError, match="position of a slide, and the joint of board 'pink' turns"):
+        amplitude_warnings(releases["x_mm"], board)
+    assert amplitude_warnings(releases["x_mm"], board.of_slide()) == []
+    (said,) = amplitude_warnings(releases["angle"], board.of_slide())
+    assert "the joint slides" in said
+    assert amplitude_warnings(releases["angle"], board) == []

@@ -310,3 +310,88 @@ def test_thousands_of_files_are_refused_at_once(tmp_path):
             archive.writestr(f"Gyroscope{number}.csv", "")
     with pytest.raises(SysidError, match="10001 files"):
         read_roll(path)
+
+
+# Other tools' tables
+
+
+def table(tmp_path, lines, name="log.csv", encoding="utf-8"):
+    path = tmp_path / name
+    path.write_text("\n".join(lines) + "\n", encoding=encoding)
+    return path
+
+
+def degrees():
+    return np.degrees(swing())
+
+
+@pytest.mark.parametrize(
+    "parts", [("header.stamp.secs", "header.stamp.nsecs"), ("sec", "nanosec"), ("time_s", "time_us")]
+)
+def test_a_clock_in_two_columns_is_one(tmp_path, parts):
+    """Whole seconds alone put each second's samples evenly into it: 1 % of the last one was missing."""
+    stamps = np.rint((1.78e9 + 0.25 + TIME) * 1e6).astype(int)
+    unit = 1 if parts[1].endswith("us") else 1000
+    rows = [
+        f"{t // 1_000_000},{t % 1_000_000 * unit},{v:.4f}" for t, v in zip(stamps, degrees(), strict=True)
+    ]
+    roll = right(table(tmp_path, [f"{parts[0]},{parts[1]},roll_deg", *rows]))
+    assert any(" + ".join(parts) in text for text in roll.notes)
+    np.testing.assert_allclose(roll.time - roll.time[0], TIME, atol=1e-5)
+
+
+def test_two_whole_clocks_are_not_added(tmp_path):
+    """Seconds and milliseconds since the same moment are two clocks."""
+    rows = [f"{t:.4f},{1e3 * t:.1f},{v:.4f}" for t, v in zip(TIME, degrees(), strict=True)]
+    roll = right(table(tmp_path, ["time_s,time_ms,roll_deg", *rows]))
+    np.testing.assert_allclose(roll.time, TIME, atol=1e-9)
+
+
+def test_labels_before_numbers_name_the_columns(tmp_path):
+    rows = [f"t:{1e3 * t:.0f} roll_deg:{v:.3f}" for t, v in zip(TIME, degrees(), strict=True)]
+    right(table(tmp_path, rows))
+    rows[300] = rows[300].replace("roll_deg:", "error:")
+    with pytest.raises(SysidError, match=r"line 301, column 'roll_deg'.*is not a number"):
+        read_roll(table(tmp_path, rows))
+
+
+def test_a_day_and_a_time_in_columns_of_their_own(tmp_path):
+    clock = [f"03.05.2026;12:{int(34 + (56 + t) // 60)}:{(56 + t) % 60:06.3f};{v:.4f}".replace(".", ",")
+             for t, v in zip(TIME, degrees(), strict=True)]  # fmt: skip
+    rows = [row.replace("03,05,2026", "03.05.2026") for row in clock]
+    roll = right(table(tmp_path, ["Datum;Uhrzeit;Winkel [°]", *rows], encoding="cp1252"))
+    assert len(roll.time) == len(TIME)
+
+
+def test_lists_of_one_number_are_numbers(tmp_path):
+    rows = [
+        f'{t:.4f},"[\'tilt\']","[{np.radians(v):.6f}]","[0.0]"' for t, v in zip(TIME, degrees(), strict=True)
+    ]
+    right(table(tmp_path, ["Time,name,position,effort", *rows]))
+
+
+def test_a_table_named_after_its_sensor(tmp_path):
+    """Sensor Logger's Gyroscope.csv, taken out of its archive, has bare axes."""
+    _, rate, _ = rocking(TIME)
+    rows = [
+        f"{1.78e18 + 1e9 * t:.0f},{t:.6f},0.001,{0.0002 * (i % 7):.4f},{w:.6f}"
+        for i, (t, w) in enumerate(zip(TIME, rate, strict=True))
+    ]
+    roll = right(table(tmp_path, ["time,seconds_elapsed,z,y,x", *rows], "Gyroscope.csv"))
+    assert any("'Gyroscope x'" in text for text in roll.notes)
+    with pytest.raises(SysidError, match="no column of roll"):
+        read_roll(table(tmp_path, ["time,seconds_elapsed,z,y,x", *rows], "log5.csv"))
+
+
+def test_counts_of_a_gyro_are_asked_for(tmp_path):
+    _, rate, _ = rocking(TIME)
+    rows = [f"{1e3 * t:.0f},{np.degrees(w) * 131:.0f}" for t, w in zip(TIME, rate, strict=True)]
+    path = table(tmp_path, ["millis,gx", *rows])
+    with pytest.raises(SysidError, match=r"look like counts of a gyro.*--unit 0\.0001332 where 16 bits"):
+        read_roll(path)
+
+
+@pytest.mark.parametrize(("name", "factor"), [("ts", 1e3), ("time_us", 1e6)])
+def test_short_names_of_time_and_small_units(tmp_path, name, factor):
+    rows = [f"{factor * t:.0f},{1e3 * v:.0f}" for t, v in zip(TIME, degrees(), strict=True)]
+    right(table(tmp_path, [f"{name},angle_mdeg", *rows]))

@@ -463,8 +463,9 @@ def test_a_pendulum_of_a_model_moves_as_mujoco_moves_it(tmp_path: Path) -> None:
 def test_a_joint_without_a_spring_sticks_by_its_weight(tmp_path: Path) -> None:
     """With 0.05 N·m of dry friction the arm stops within 0.05 / 0.7355 rad of where it hangs."""
     (tmp_path / "joints.xml").write_text(JOINTS)
-    husky("synth", "--model", tmp_path / "joints.xml", "--joint", "knee", "--effect", "coulomb=0.05", "--duration", "8",
-          "--rate", "100", "--noise-deg", "0", "-o", tmp_path / "knee.csv")  # fmt: skip
+    said = husky("synth", "--model", tmp_path / "joints.xml", "--joint", "knee", "--effect", "coulomb=0.05", "--duration", "8",
+                 "--rate", "100", "--noise-deg", "0", "-o", tmp_path / "knee.csv")  # fmt: skip
+    assert "hidden: coulomb (0.05)\n" in said.stdout
     angle = np.loadtxt(tmp_path / "knee.csv", delimiter=",", skiprows=1)[:, 1]
     assert np.ptp(angle[-50:]) < 1e-6
     assert abs(angle[-1]) < 0.07

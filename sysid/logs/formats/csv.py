@@ -14,6 +14,7 @@ from sysid.errors import SysidError
 from sysid.logs.formats import dialect
 from sysid.logs.formats.registry import Format
 from sysid.logs.table.file import LogFile
+from sysid.logs.table.names import of_sensor
 from sysid.roll import Array
 
 
@@ -52,7 +53,9 @@ class TextTable:
                 frame = self._frame(wanted, texts=wanted)
                 for index in set(wanted) - set(dates):
                     frame[index] = (
-                        frame[index].fillna("nan").map(partial(dialect.read_number, decimal=self.decimal))
+                        frame[index]
+                        .fillna("nan")
+                        .map(partial(dialect.read_number, decimal=self.decimal, label=self.names[index]))
                     )
         except MemoryError as error:
             raise SysidError(
@@ -124,7 +127,11 @@ class TextTable:
                     cells = dialect.split_line(line.rstrip("\r\n"), self.delimiter)
                     for index in wanted:
                         cell = cells[index] if index < len(cells) else ""
-                        if self.names[index] not in self.dates and not dialect.is_number(cell, self.decimal):
+                        if self.names[index] in self.dates:
+                            continue
+                        try:
+                            dialect.read_number(cell, self.decimal, self.names[index])
+                        except ValueError:
                             return (
                                 f"line {number}, column '{self.names[index]}': '{cell[:40]}' is not a number. "
                                 "Mend the line, or name another column with --column."
@@ -169,7 +176,9 @@ def open_csv(path: Path) -> LogFile:
     shown = [*sample, *([header] if header else [])]
     while width > 1 and not any(len(row) >= width and row[width - 1] for row in shown):
         width -= 1  # a delimiter at the end of each line
+    header = header or dialect.labels(sample[0])
     names = dialect.unique_names(header[:width] if header else [f"column {n}" for n in range(1, width + 1)])
+    names = of_sensor(path.stem, names)
     dates = frozenset(
         name
         for n, name in enumerate(names)

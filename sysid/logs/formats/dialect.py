@@ -34,6 +34,9 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?")
 _DAY = r"\d{4}-\d\d-\d\d[T ]|\d{4}/\d\d?/\d\d? |\d\d?[./-]\d\d?[./-]\d{2,4},? "
 DATE = re.compile(rf"({_DAY})?\d{{1,2}}:\d\d(:\d\d([.,]\d+)?)?( ?[AaPp][Mm])?(Z|[+-]\d\d:?\d\d)?")
 """A time of day, or a date and time: 2024-03-31T14:05:00.5, 31.03.2024 14:05, 3/31/2024 2:05:00 PM."""
+_DAY_ALONE = re.compile(r"\d{4}-\d\d-\d\d|\d{4}/\d\d?/\d\d?|\d\d?[./-]\d\d?[./-]\d{2,4}")
+_LABEL = re.compile(r"([^\W\d][\w ]*)[:=]\s*(?=[-+.\d])")
+"""What stands before a number in its own cell, as in 'roll: 1.2'."""
 _THOUSANDS = {".": re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*"), ",": re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*")}
 """Numbers with separated thousands, by decimal sign; without that sign 1,234 may as well be a decimal comma."""
 _MEASURE = re.compile(r"([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-].*)")
@@ -108,7 +111,7 @@ def find_dialect(path: Path, lines: Sequence[str]) -> tuple[str, str, int]:
         width = Counter(len(row) for row in rows).most_common(1)[0][0]
         regular = [row for row in rows if len(row) == width]
         cells = [cell for row in regular for cell in row]
-        good = sum(is_number(cell, decimal) or bool(DATE.fullmatch(cell)) for cell in cells) / len(cells)
+        good = sum(is_number(cell, decimal) or _is_date(cell) for cell in cells) / len(cells)
         score = (round(good * len(regular) / len(sample), 2), width)
         if score > best_score:
             best, best_score = (delimiter, decimal, width), score
@@ -126,7 +129,8 @@ def first_row(rows: Sequence[tuple[int, str]], delimiter: str, decimal: str, wid
     for index, (_, line) in enumerate(rows):
         cells = split_line(line, delimiter)
         numbers = sum(bool(_NUMBER.fullmatch(plain_number(cell, decimal))) for cell in cells)
-        if len(cells) == width and numbers and numbers * 2 >= sum(1 for cell in cells if cell):
+        read = numbers + sum(map(_is_date, cells))
+        if len(cells) == width and numbers and read * 2 >= sum(1 for cell in cells if cell):
             return index
     return 0
 
@@ -181,9 +185,19 @@ def unique_names(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(unique)
 
 
+def _is_date(cell: str) -> bool:
+    return bool(DATE.fullmatch(cell) or _DAY_ALONE.fullmatch(cell))
+
+
+def labels(row: Sequence[str]) -> list[str]:
+    """Return what stands before the numbers of a row, as in 'ax: 0.1'; none unless it is before each of them."""
+    found = [_LABEL.match(cell) for cell in row]
+    return [label[1].strip() for label in found if label] if all(found) else []
+
+
 def plain_number(cell: str, decimal: str) -> str:
-    """Return a cell as Python reads numbers: without a unit, separated thousands and typographic minus."""
-    cell = cell.strip().replace("−", "-")
+    """Return a cell as Python reads numbers: without label, unit, brackets, separated thousands and typographic minus."""
+    cell = _LABEL.sub("", cell.strip().strip("[]").replace("−", "-"), count=1)
     measure = _MEASURE.fullmatch(cell)
     if measure and parse_unit(measure[2]) is not None:
         cell = measure[1]
@@ -192,12 +206,15 @@ def plain_number(cell: str, decimal: str) -> str:
     return cell.replace(",", ".") if decimal == "," else cell
 
 
-def read_number(cell: str, decimal: str) -> float:
-    """Return the number in a cell, NaN where it stands for a missing one.
+def read_number(cell: str, decimal: str, label: str = "") -> float:
+    """Return the number in a cell, NaN where it stands for a missing one; only its column's label may stand before it.
 
     Raises:
         ValueError: It is neither.
     """
+    before = _LABEL.match(cell.strip())
+    if before and before[1].strip() != label:
+        raise ValueError(cell)
     if cell.strip().lower() in _MISSING:
         return float("nan")
     plain = plain_number(cell, decimal)

@@ -128,7 +128,9 @@ def roll_from_angle(reading: Reading) -> Roll:
     scale, remarks = angle_scale(angle, choice)
     factor = scale * choice.sign
     roll = angle if factor == 1 else angle * factor
-    if choice.unit not in LENGTHS["angle"]:
+    slides = choice.unit in LENGTHS["angle"]
+    show = display(is_rate=False, slides=slides)
+    if not slides:
         roll, unwrapping = _unwrapped(roll)
         remarks += unwrapping
     noise = estimate_noise(roll)
@@ -137,17 +139,16 @@ def roll_from_angle(reading: Reading) -> Roll:
         remarks += note("noise", f"from the column '{choice.std}'")
     else:
         std = np.full(roll.size, noise.std)
-        show = display(is_rate=False, slides=choice.unit in LENGTHS["angle"])
         step = f", quantised in steps of {show(noise.step, 3)}" if noise.step > noise.std else ""
         remarks += note("noise", f"{show(noise.std, 3)} from the whole signal{step}")
     excess = saturated(roll, noise)
     if excess is not None:
         np.maximum(std, excess, out=std)
         remarks += warning(
-            f"'{choice.columns[0]}' is saturated in {np.count_nonzero(excess)} samples (at {np.rad2deg(roll.min()):.3g}° or "
-            f"{np.rad2deg(roll.max()):.3g}°): they count for little, and amplitudes near there are lower bounds"
+            f"'{choice.columns[0]}' is saturated in {np.count_nonzero(excess)} samples (at {show(roll.min(), 3)} or "
+            f"{show(roll.max(), 3)}): they count for little, and amplitudes near there are lower bounds"
         )
-    return reading.as_roll(roll, std, "angle", remarks)
+    return reading.as_roll(roll, std, "position" if slides else "angle", remarks)
 
 
 def _unwrapped(roll: Array) -> tuple[Array, Remarks]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid.errors import SysidError
 from sysid.logs.sources.axis import find_roll_axis
 from sysid.logs.sources.registry import LENGTHS, Reading, Source
 from sysid.logs.table.choose import Choice, chosen, triple
@@ -65,12 +66,27 @@ def roll_from_gyro(reading: Reading) -> Roll:
 def gyro_turning(choice: Choice, signals: Sequence[Array], period: float) -> Array:
     """Return the rate about the axis of most rotation [rad/s], shape (n,)."""
     rates = np.stack(signals, axis=1)
-    rates = (rates - np.median(rates, axis=0)) * rate_scale(rates, choice)[0]
+    rates = (rates - np.median(rates, axis=0)) * _likely_scale(rates, choice)[0]
     return rates @ np.linalg.eigh(rates.T @ rates)[1][:, -1]
 
 
 def rate_scale(rates: Array, choice: Choice) -> tuple[float, Remarks]:
-    """Return rad/s per unit of the rates, shape (n, m), and how that is known."""
+    """Return rad/s per unit of the rates, shape (n, m), and how that is known.
+
+    Raises:
+        SysidError: No unit is named, and they are counts.
+    """
+    largest = float(np.abs(rates).max())
+    silent = choice.unit is None and choice.scale is None
+    if silent and largest * RATE_UNITS["deg/s"] > MAX_RATE and np.all(rates == np.rint(rates)):
+        raise SysidError(
+            f"'{choice.columns[0]}' names no unit, and its whole numbers up to {largest:.0f} look like counts of a gyro. Give "
+            f"the size of one in rad/s: --unit {250 * RATE_UNITS['deg/s'] / 2**15:.4g} where 16 bits are ±250 deg/s."
+        )
+    return _likely_scale(rates, choice)
+
+
+def _likely_scale(rates: Array, choice: Choice) -> tuple[float, Remarks]:
     if choice.unit in LENGTHS["rate"]:
         return LENGTHS["rate"][choice.unit], note(
             "unit", f"'{choice.columns[0]}' is the speed of a slide in {choice.unit}"

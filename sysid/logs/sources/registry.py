@@ -36,10 +36,12 @@ LENGTHS = {
     "angle": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
     "rate": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3},
 }
-"""Units of a slide, whose position in m is what an angle in rad is of a hinge: only of a column that the user names, for other
-columns of a log are lengths too."""
-_LENGTH = re.compile(r".*[\W_]([cm]m)(?:[_/](s))?[)\]]?")
-"""A name that ends in a unit of length or speed. A lone m may be a motor's."""
+"""Units of a slide, whose position in m is what an angle in rad is of a hinge. A length is taken where the user names it, or where the
+log holds no angle: other columns of a log are lengths too."""
+_LENGTH = re.compile(
+    r"(?:.*[\W_](?=[cm]m)|.*[(\[]|(?:.*[\W_])?(?:position|distance|displacement|travel|[xyz])_)([cm]?m)(?:[_/](s))?[)\]]?"
+)
+"""A name that ends in a unit of length or speed. A lone m may be a motor's, but not in brackets or behind a position."""
 _UNITS = {"angle": ("an angle", "rad", ANGLE_UNITS), "rate": ("a rotation rate", "rad/s", RATE_UNITS)}
 
 
@@ -129,12 +131,13 @@ def choose_source(
         )
     if options.column is not None:
         column = find_column(log, options.column, columns, "--column")
-        if options.unit is None and (length := _LENGTH.fullmatch(column.name.lower())):
-            options = replace(options, unit="/".join(filter(None, length.groups())))
+        options = _with_length(column.name, options)
         source, choice = _named(log, column, columns, sign, options)
         return source, _with_unit(source, choice, options)
     wanted = sources().values() if options.source == "auto" else [sources()[options.source]]
     found = [(s, choice) for s in wanted for choice in s.find(columns, axis, sign)]
+    if not found and options.source == "auto" and (position := _position(columns, options)):
+        return choose_source(log, columns, time, replace(options, column=position.name))
     if not found:
         what = "roll, angle or rotation rate" if options.source == "auto" else options.source
         raise SysidError(
@@ -147,7 +150,25 @@ def choose_source(
     others = ", ".join(dict.fromkeys(other.name for other, _ in found if other is not source))
     if others:
         choice = choice.with_remarks(note("others", f"the log also holds {others}: choose with --source"))
+    if choice.unit is None and len(choice.columns) == 1:
+        options = _with_length(choice.columns[0], options)
     return source, _with_unit(source, choice, options)
+
+
+def _with_length(name: str, options: LogOptions) -> LogOptions:
+    """Return the options with the unit of length or speed that a column's name ends in, where the user gives no unit."""
+    length = _LENGTH.fullmatch(name.lower())
+    if options.unit is not None or length is None:
+        return options
+    return replace(options, unit="/".join(filter(None, length.groups())))
+
+
+def _position(columns: Sequence[Column], options: LogOptions) -> Column | None:
+    """Return the only column that is a length by its name, or the only one that can be the length that the user's unit says."""
+    others = [column for column in columns if column.kind == "unknown"]
+    named = [column for column in others if _LENGTH.fullmatch(column.name.lower())]
+    lengths = named or (others if any(options.unit in units for units in LENGTHS.values()) else [])
+    return lengths[0] if len(lengths) == 1 else None
 
 
 def _that_moves(

@@ -6,6 +6,7 @@ left decide. What the name leaves open stays None, and the content has to say (`
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,6 +17,7 @@ _UNITS_OF: dict[Kind, dict[str, tuple[float, str]]] = {
         "rad": (1.0, "radian|radians|rads"),
         "mrad": (1e-3, "milliradian|milliradians"),
         "deg": (0.017453292519943295, "degree|degrees|degs|°|grad|º"),
+        "mdeg": (1.7453292519943295e-5, "millidegree|millidegrees"),
         "turn": (6.283185307179586, "turns|rev|revs|revolution|revolutions"),
     },
     "rate": {
@@ -35,9 +37,9 @@ _UNITS_OF: dict[Kind, dict[str, tuple[float, str]]] = {
     },
     "time": {
         "s": (1.0, "sec|secs|second|seconds"),
-        "ms": (1e-3, "msec|millis|millisecond|milliseconds"),
-        "us": (1e-6, "usec|micros|microsecond|microseconds|µs|μs"),
-        "ns": (1e-9, "nsec|nanos|nanosec|nanosecond|nanoseconds"),
+        "ms": (1e-3, "msec|msecs|millis|millisecond|milliseconds"),
+        "us": (1e-6, "usec|usecs|micros|microsecond|microseconds|µs|μs"),
+        "ns": (1e-9, "nsec|nsecs|nanos|nanosec|nanosecond|nanoseconds"),
         "cs": (1e-2, "centisecond|centiseconds"),
         "100 ns": (1e-7, "100ns"),
         "min": (60.0, "minute|minutes"),
@@ -58,7 +60,7 @@ _UNITS = {
 }
 
 _TIME_WORDS = {"t", "time", "times", "timestamp", "timestamps", "stamp", "elapsed", "clock", "zeit", "tiempo",
-               "temps", "epoch", "datetime", "utc", "millis", "micros"}  # fmt: skip
+               "temps", "ts", "epoch", "datetime", "utc", "millis", "micros"}  # fmt: skip
 _RATE_WORDS = {"gyro", "gyr", "gyroscope", "gyroscopes", "omega", "rate", "speed", "velocity", "vel", "dot", "qvel",
                "angvel", "thetadot", "phidot", "angularvelocity", "angularrate", "rotationrate"}  # fmt: skip
 _ACCEL_WORDS = {"acc", "accel", "accelerometer", "acceleration", "acceler"}
@@ -130,6 +132,24 @@ def parse_column(name: str, unit: str | None = None) -> Column:
     doubt = 2 * sum(word in _DOUBTFUL for word in words) + bool(_DRIVING & set(words))
     group = " ".join(word for word in words if word not in _KNOWN_WORDS)
     return Column(name, kind, axis, found, doubt, group, bool(_ROLL_WORDS & set(words)))
+
+
+def of_sensor(table: str, names: Sequence[str]) -> tuple[str, ...]:
+    """Return column names with the sensor's before bare axes, where only the name of the table says it: Gyroscope.csv of x, y, z."""
+    columns = [parse_column(name) for name in names]
+    sensor = parse_column(f"{table} x")
+    if sensor.kind not in ("rate", "accel") or any(
+        column.kind in ("rate", "accel", "angle") for column in columns
+    ):
+        return tuple(names)
+    return tuple(f"{table} {c.name}" if c.kind == "unknown" and c.axis else c.name for c in columns)
+
+
+def stem_of_clock(column: Column) -> tuple[str, ...]:
+    """Return the words of a time's name without its unit: two columns that share them may be parts of one clock."""
+    return tuple(
+        word for word in _words(_split_brackets(column.name)[0]) if unit_kind(_UNITS.get(word)) != "time"
+    )
 
 
 def _split_brackets(name: str) -> tuple[str, str]:
