@@ -333,12 +333,12 @@ def _code(structure: Structure, *, free_states: bool) -> str:
     }
     if structure.has_dry_friction:
         slide = equations.sliding(y)
-        whole, _ = equations.rk4(y, h, slide)
+        whole = equations.rk4(y, h, slide)
         turned = equations.turned(y, whole, slide)
         functions["step"] = ca.Function("f", [y, p, h], ca.cse([ca.densify(whole), turned]))
         functions["cut"] = ca.Function("f", [y, p, h], ca.cse([ca.densify(equations.event_step(y, h))]))
     else:
-        functions["step"] = ca.Function("f", [y, p, h], ca.cse([ca.densify(equations.rk4(y, h, None)[0])]))
+        functions["step"] = ca.Function("f", [y, p, h], ca.cse([ca.densify(equations.rk4(y, h, None))]))
     if at_samples(structure):
         read = [ca.SX.sym(name) for name in ("angle", "rate", "time")]
         functions["reading"] = ca.Function("f", [*read, p], [reader(structure)(*read, p)[0]])

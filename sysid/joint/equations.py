@@ -109,17 +109,20 @@ class EquationsOfMotion:
                     items[index] = state.return_map(self.m, items[index], moved, values)
         return self._ca.vertcat(*items)
 
-    def rk4(self, y: Any, h: Any, slide: Any) -> tuple[Any, Any]:
-        """Return the state after one RK4 step and the derivative at its start."""
+    def rk4(self, y: Any, h: Any, slide: Any) -> Any:
+        """Return the state after one RK4 step."""
         before = self.motion(y).tilt
 
         def rate(stage: Any) -> Any:
-            if slide is None:
-                return self.derivative(self.slipped(stage, before), slide)
-            return self._slipped_derivative(stage, before, slide, self._parameters)
+            return self._rate(stage, before, slide)
 
-        whole, k1 = runge_kutta(rate, y, h)
-        return self.slipped(whole, before), k1
+        return self.slipped(runge_kutta(rate, y, h), before)
+
+    def _rate(self, stage: Any, before: Any, slide: Any) -> Any:
+        """Return the derivative at a stage of a step that began at tilt `before`."""
+        if slide is None:
+            return self.derivative(self.slipped(stage, before), slide)
+        return self._slipped_derivative(stage, before, slide, self._parameters)
 
     @cached_property
     def _slipped_derivative(self) -> Any:
@@ -152,33 +155,40 @@ class EquationsOfMotion:
         moved = self._ca.fabs(self.motion(y).rate) > _STILL
         return self._ca.logic_and(slide * self.motion(whole).rate < 0, moved)
 
-    def event_step(self, y: Any, h: Any) -> Any:
-        """Return the state after a step that is cut where the rate passes through zero."""
-        ca = self._ca
-        whole, start = self.rk4(y, h, self.sliding(y))
+    def turning_share(self, y: Any, whole: Any, h: Any) -> Any:
+        """Return the share of a step after which the rate passes through zero, from the states at its ends."""
+        ca, motion = self._ca, self.motion(y)
+        start = self._rate(y, motion.tilt, self.sliding(y))
         slope = start[1] if self.support is None else start[1] - start[self.support.start + 1]
-        rate, after = self.motion(y).rate, self.motion(whole).rate
+        rate, after = motion.rate, self.motion(whole).rate
         slide = ca.sign(rate)
         # Root of the parabola through the rates at both ends with the starting acceleration, as a share of h.
         slope = h * slope
         bend = after - rate - slope
         root = ca.sqrt(ca.fmax(slope**2 - 4 * bend * rate, 1e-300))
         below = -slope * slide + root
-        share = ca.fmin(ca.fmax(2 * rate * slide / ca.if_else(below > 1e-30, below, 1.0), 0.0), 1.0)
-        top, _ = self.rk4(y, share * h, slide)
-        stopped = top[1] - self.motion(top).rate
-        top = ca.vertcat(top[0], stopped, *items_of(top, slice(2, top.shape[0])))
-        rest, _ = self.rk4(top, (1 - share) * h, self.direction(top))
-        return rest
+        return ca.fmin(ca.fmax(2 * rate * slide / ca.if_else(below > 1e-30, below, 1.0), 0.0), 1.0)
+
+    def halted(self, y: Any) -> Any:
+        """Return a state with the joint at rest."""
+        items = items_of(y, slice(0, y.shape[0]))
+        items[1] = items[1] - self.motion(y).rate
+        return self._ca.vertcat(*items)
+
+    def event_step(self, y: Any, h: Any) -> Any:
+        """Return the state after a step that is cut where the rate passes through zero."""
+        share = self.turning_share(y, self.rk4(y, h, self.sliding(y)), h)
+        top = self.halted(self.rk4(y, share * h, self._ca.sign(self.motion(y).rate)))
+        return self.rk4(top, (1 - share) * h, self.direction(top))
 
 
-def runge_kutta(rate: Callable[[Any], Any], y: Any, h: Any) -> tuple[Any, Any]:
-    """Return the state after one step of RK4 and its rate at the start."""
+def runge_kutta(rate: Callable[[Any], Any], y: Any, h: Any) -> Any:
+    """Return the state after one step of RK4."""
     k1 = rate(y)
     k2 = rate(y + h / 2 * k1)
     k3 = rate(y + h / 2 * k2)
     k4 = rate(y + h * k3)
-    return y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), k1
+    return y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
 def items_of(vector: Any, where: slice) -> list[Any]:

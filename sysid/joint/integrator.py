@@ -82,39 +82,60 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
 
     ca: Any = casadi
     parameters, unknowns, fitted = _symbols(structure, free_states=free_states)
+    own = unknowns.shape[0] if sensitivities else 0
+    fitted = fitted if sensitivities else fitted[:0]
     h, states = ca.SX.sym("h"), len(structure.states)
     equations = EquationsOfMotion(structure, parameters)
     initial = build_initial(structure, free_states=free_states, sensitivities=sensitivities)
 
     y = ca.SX.sym("y", 2 + states)
-    columns = fitted.shape[0] + unknowns.shape[0] if sensitivities else 0
-    carried = ca.SX.sym("carried", 2 + states, columns)
-    accumulated, given = ca.vertcat(y, ca.vec(carried)), ca.vertcat(parameters, h)
+    carried = ca.SX.sym("carried", 2 + states, fitted.shape[0] + own)
+    given = ca.vertcat(parameters, h)
 
-    def with_slopes(value: Any) -> Any:
-        """Return a value that depends on y and the parameters, shape (n,), beside its slopes, shape (n, columns)."""
-        if not sensitivities:
-            return value
-        by_parameter = ca.horzcat(ca.jacobian(value, fitted), ca.SX(value.shape[0], unknowns.shape[0]))
-        return ca.horzcat(value, ca.jacobian(value, y) @ carried + by_parameter)
+    def by_column(by_state: Any, by_fitted: Any, state: Any = carried) -> Any:
+        """Return the columns of what has these slopes with a state, whose columns are given, and with the parameters."""
+        return by_state @ state + ca.horzcat(by_fitted, ca.SX(by_fitted.shape[0], own))
 
-    output = ca.densify(ca.vec(with_slopes(ca.vertcat(*filtered(equations, y))).T))
-    slides = structure.has_dry_friction
-    direction = equations.sliding(y) if slides else None
-    whole, by_state, by_fitted = _rk4_slopes(equations, y, fitted, parameters, h, direction)
-    by_all = ca.horzcat(by_fitted, ca.SX(2 + states, unknowns.shape[0]))
-    moved = ca.vertcat(whole, ca.vec(by_state @ carried + by_all)) if sensitivities else whole
-    if not slides:
+    def together(state: Any, columns: Any) -> Any:
+        return ca.vertcat(state, ca.vec(columns))
+
+    accumulated, read = together(y, carried), ca.vertcat(*filtered(equations, y))
+    columns = by_column(ca.jacobian(read, y), ca.jacobian(read, fitted))
+    output = ca.densify(ca.vec(ca.horzcat(read, columns).T))
+    slide = ca.SX.sym("slide") if structure.has_dry_friction else None
+    stepped = _rk4_slopes(equations, y, fitted, parameters, h, slide)
+
+    if slide is None:
+        whole, by_state, by_fitted, _ = stepped
+        moved = together(whole, by_column(by_state, by_fitted))
         step = ca.Function("step", [accumulated, given], ca.cse([moved, output]))
         return Stepper(structure, free_states, sensitivities, initial, step)
 
-    # A cut costs three steps and is rare, so it is computed only where the joint does turn, and as it was written.
+    sliding = ca.Function("sliding", [y, given, slide], stepped)
+    direction = equations.sliding(y)
+    whole, by_state, by_fitted, _ = sliding(y, given, direction)
+    # A cut costs two steps more and is rare, so it is computed only where the joint does turn.
     turns = equations.turned(y, whole, direction)
-    moved, output, turns = ca.cse([moved, output, turns])
-    cut = ca.Function("cut", [accumulated, given], [ca.vec(with_slopes(equations.event_step(y, h)))])
+    moved, output, turns = ca.cse([together(whole, by_column(by_state, by_fitted)), output, turns])
+    uncut, follows = ca.SX.sym("uncut", *y.shape), ca.SX.sym("follows", *carried.shape)
+    share = equations.turning_share(y, uncut, h)
+    top, by_state, by_fitted, by_step = sliding(
+        y, ca.vertcat(parameters, share * h), ca.sign(equations.motion(y).rate)
+    )
+    earlier = h * (
+        by_column(ca.jacobian(share, y), ca.jacobian(share, fitted)) + ca.jacobian(share, uncut) @ follows
+    )
+    halts = ca.jacobian(equations.halted(y), y)
+    at_top = halts @ (by_column(by_state, by_fitted) + by_step @ earlier)
+    top = equations.halted(top)
+    rest, by_state, by_fitted, by_step = sliding(
+        top, ca.vertcat(parameters, (1 - share) * h), equations.direction(top)
+    )
+    after = together(rest, by_column(by_state, by_fitted, at_top) - by_step @ earlier)
+    cut = ca.Function("cut", [accumulated, given, together(uncut, follows)], [after])
     state, numbers, slid = (ca.MX.sym("given", *value.shape) for value in (accumulated, given, moved))
     turned = ca.MX.sym("turned")
-    met = ca.if_else(turned, cut(state, numbers), slid, True)
+    met = ca.if_else(turned, cut(state, numbers, slid), slid, True)
     turn = ca.Function("turn", [turned, state, numbers, slid], [met], {"never_inline": True})
     step = ca.Function("step", [accumulated, given], [turn(turns, accumulated, given, moved), output])
     return Stepper(structure, free_states, sensitivities, initial, step)
@@ -122,8 +143,8 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
 
 def _rk4_slopes(
     equations: EquationsOfMotion, y: Any, fitted: Any, parameters: Any, h: Any, direction: Any
-) -> tuple[Any, Any, Any]:
-    """Return the state after a step of RK4, and its slopes with the state before and with parameters.
+) -> tuple[Any, Any, Any, Any]:
+    """Return the state after a step of RK4, and its slopes with the state before, with parameters and with the step.
 
     From the last stage to the first: what a stage's rate does to the end of the step is a small matrix, and many parameters
     are multiplied with it once, instead of being carried through the stages.
@@ -159,16 +180,21 @@ def _rk4_slopes(
         whole = whole + weight * slope
     # Sliders go with the tilt that the step began at, and end where the step does.
     whole, last, by_before, by_fitted = with_slopes("end", carried)(whole, *given)
-    by_state, effect = last, 0
-    for weight, share, (_, of_state, of_before, of_fitted) in zip(
-        (h / 6, h / 3, h / 3, h / 6), (0, h, h / 2, h / 2), reversed(stages), strict=True
+    by_state, effect, (k1, k2, k3, k4) = last, 0, (slope for slope, *_ in stages)
+    by_step = last @ (k1 + 2 * k2 + 2 * k3 + k4) / 6
+    for weight, share, by_h, (_, of_state, of_before, of_fitted) in zip(
+        (h / 6, h / 3, h / 3, h / 6),
+        (0, h, h / 2, h / 2),
+        (k3, k2 / 2, k1 / 2, 0 * k1),
+        reversed(stages),
+        strict=True,
     ):
         effect = weight * last + share * effect
         by_before, by_fitted = by_before + effect @ of_before, by_fitted + effect @ of_fitted
         effect = effect @ of_state
-        by_state = by_state + effect
+        by_state, by_step = by_state + effect, by_step + effect @ by_h
     by_state = by_state + by_before @ ca.jacobian(tilt, y)
-    return whole, by_state, by_fitted + by_before @ ca.jacobian(tilt, fitted)
+    return whole, by_state, by_fitted + by_before @ ca.jacobian(tilt, fitted), by_step
 
 
 def _first_state(equations: EquationsOfMotion, unknowns: Any, hold: Any, *, free_states: bool) -> Any:
