@@ -119,7 +119,7 @@ class Aliasing:
     """Where the edges were that it was last learned from [px]."""
 
     def learn(self, pieces: Array, ends: Array) -> None:
-        """Take in points along m edges, as `find_pieces` has both; a picture that stays the same tells nothing new."""
+        """Take in points along m edges [px], shape (m, PIECES, 2), and these edges' ends; a picture that stays the same tells nothing new."""
         if np.abs(ends - self._learned_at).max() < SAME_PICTURE:
             return
         self._learned_at = ends
