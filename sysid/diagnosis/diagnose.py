@@ -25,6 +25,7 @@ from sysid.diagnosis.judgement import (
     MATERIAL,
     NEGLIGIBLE,
     PRICE,
+    TEMPERATURE,
     TIE,
     Field,
     Scored,
@@ -535,8 +536,7 @@ def _judged(
     explained = tried.explained(chosen)
     hints = _hints(search, tried, chosen, size)
     vague = not named or explained < EXPLAINED or tried.left(chosen) > CLOSE
-    # What reaches the noise as nothing of its own stands in for a law that nobody has.
-    vague |= tried.best.model.edged(tried.exact) and tried.best.model.rmse < tried.exact < chosen.model.rmse
+    vague |= tried.is_stood_in_for and chosen.model.rmse > tried.exact
     if outside is not None or (tried.surely_missing and vague):
         return _unexplained(search, tried, chosen, outside, hints, board)
     if size is None or not size.matters or explained < EXPLAINED:
@@ -683,6 +683,8 @@ def _unexplained(
         confidence = sum(p for families, p in tried.likely().items() if families & LAWS.keys())
     elif named:
         confidence = 1 - tried.chance_explained(chosen, EXPLAINED, CLOSE)
+        if tried.is_stood_in_for:
+            confidence = max(confidence, 1 / (1 + np.exp(-tried.gap(tried.best, chosen) / TEMPERATURE)))
     else:
         confidence = tried.confidence(frozenset())
     text += "The map of the missing torque (compare) shows at which angle and rate it acts."

@@ -12,6 +12,7 @@ import numpy as np
 from sysid.diagnosis.error_model import Blocks, Fitted, Rounding, blocks_of, fit_errors
 from sysid.diagnosis.pendulum import zero
 from sysid.diagnosis.search import INEXACT, Candidate
+from sysid.diagnosis.surrogates import CHANGED, LAWS
 from sysid.effects import effect
 from sysid.noise.floor import pooled_step
 from sysid.roll import Array
@@ -65,7 +66,7 @@ class Scored:
     """Effects beyond the board's record, laws outside the catalogue included."""
     choices: int
     """Those, and the parameters of their laws: a bumper with three is no simpler than drag and a stiffening spring. Of a law
-    outside the catalogue what each release has of its own, too."""
+    that changed between the releases, what each of them has of its own, too."""
     score: float
     """Log-likelihood of held-out motion, less the price of the parameters and of internal states that were fitted [nats]."""
 
@@ -108,7 +109,8 @@ class Field:
         """Score one candidate."""
         assert model.heldout is not None
         extra = len(model.effects) - len(self.base_effects) + bool(model.shape)
-        own = model.size if model.shape else len(model.problem.names)
+        changed = model.shape and LAWS[model.shape].own in CHANGED
+        own = model.size if changed else len(model.problem.names)
         choices = extra + own - self.base_parameters
         if np.isfinite(model.heldout_rmse):
             errors = fit_errors(self.blocks, model.heldout)
@@ -152,6 +154,11 @@ class Field:
         error = float(np.std(by_block) * np.sqrt(count)) if count >= FEWEST_BLOCKS else 0.0
         return (one.score - other.score) * TIE / max(TIE, error)
 
+    @property
+    def is_stood_in_for(self) -> bool:
+        """Return whether what predicts best reaches the noise as nothing of its own: it stands in for a law that nobody has."""
+        return self.best.model.edged(self.exact) and self.best.model.rmse < self.exact
+
     def near(self, one: Scored) -> list[Scored]:
         """Return the candidates that may be true and are not told from one."""
         return [s for s in self.possible if self.gap(one, s) <= TIE]
@@ -183,11 +190,21 @@ class Field:
         """Return the candidates that may be true.
 
         Where something is missing for sure, what does not explain it is out, if anything does. What nobody has met, a law
-        outside the catalogue, counts only where it leaves nothing; an effect at the edge of what it is, never.
+        outside the catalogue, counts only where it leaves nothing; an effect at the edge of what it is, never. Nor does it where
+        something beside it, which makes it no likelier, takes it off its edge.
         """
+        edged = [s for s in self.scored if s.model.edged(self.exact)]
+
+        def stands_in(scored: Scored) -> bool:
+            return any(
+                set(one.model.effects) <= set(scored.model.effects) and odds(scored) <= odds(one)
+                for one in edged
+                if one.model.shape == scored.model.shape
+            )
+
         known = [
             s for s in self.scored
-            if np.isfinite(s.score) and not (s.model.shape and self.inexact) and not s.model.edged(self.exact)
+            if np.isfinite(s.score) and not (s.model.shape and self.inexact) and s not in edged and not stands_in(s)
         ] or self.scored  # fmt: skip
         if not self.surely_missing:
             return known

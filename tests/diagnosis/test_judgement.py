@@ -27,6 +27,7 @@ from sysid.diagnosis.judgement import (
     families_of,
 )
 from sysid.diagnosis.search import Candidate, Search
+from sysid.diagnosis.surrogates import surrogate
 from sysid.diagnosis.wording import size_in_words
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
@@ -82,6 +83,33 @@ def test_a_law_that_is_only_another_one_here_is_no_candidate(friction):
     assert stribeck.model.at_edge
     assert stribeck.score == pytest.approx(field.best.score, abs=TIE)
     assert {s.model.effects for s in field.near(field.best)} == {("coulomb",)}
+
+
+@pytest.mark.parametrize(("gained", "possible"), [(2.0, False), (20.0, True)])
+def test_what_is_no_likelier_than_a_law_at_its_edge_that_it_contains_is_no_candidate(
+    friction, monkeypatch, gained, possible
+):
+    """An idle effect that takes a stop off its bound does not make a stop of it."""
+    _, field = friction
+    edged = next(s for s in field.scored if s.model.effects == ("stribeck",))
+    pair = replace(
+        edged, model=replace(edged.model, effects=("quadratic-damping", "stribeck")),
+        score=edged.score + gained, choices=edged.choices + 2,
+    )  # fmt: skip
+    monkeypatch.setattr(Candidate, "edged", lambda model, exact: model.effects == ("stribeck",))
+    monkeypatch.setattr(field, "scored", [*field.scored, pair])
+    assert (pair in field._possible()) is possible
+
+
+def test_when_a_wave_comes_is_no_choice_but_what_changed_between_releases_is(friction):
+    search, field = friction
+    linear, heldout = field.base.model, field.base.model.heldout
+    wave, changed = (
+        field.score(replace(surrogate(search, linear, (), shape), heldout=heldout))
+        for shape in ("sin t", "k d")
+    )
+    assert wave.choices == 1 + 2  # strength and frequency
+    assert changed.choices >= 1 + 3  # a spring in each release at least
 
 
 def test_what_is_scored_on_the_same_motion_is_not_scored_again(friction):
