@@ -56,7 +56,11 @@ def walk(setup: Setup, spec: mujoco.MjSpec) -> Arc:
     Raises:
         SysidError: The pose violates a loop, or a joint that was named is not there.
     """
-    model = spec.compile()
+    try:
+        model = spec.compile()
+    except ValueError as error:  # read, but not physical: a moving body without a mass
+        said = " ".join(str(error).removeprefix("Error: ").split())
+        raise SysidError(f"{setup.file}: MuJoCo cannot compile it ({said}).") from error
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     model.opt.disableflags |= int(
         mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT

@@ -94,8 +94,15 @@ def synth(
     effects = complete_effects(dict(parse_effect(text) for text in effect))
     if len(effects) < len(effect):
         raise SysidError("an effect is given twice; each may be given once.")
-    rest = true_law(record, effects).equilibrium() if record.model else 0.0
+    own = {part.name: [q.value for q in part.parameters.values()] for part in record.effects}
+    law = true_law(record, {**own, **effects})
+    rest = law.equilibrium() if record.model else 0.0
     angles = _angles(release_angle, releases, limit, rest, show)
+    if not any(law.pull(angle) for angle in angles):
+        raise SysidError(
+            f"nothing pulls '{record.name}' back to its rest, neither a spring nor a weight: let go, it stays where it is. "
+            "Give its joint a stiffness, or choose another."
+        )
     if beyond := [a for a in angles if abs(a - rest) > limit]:
         printer.warn(
             f"release at {show(beyond[0], 3)} is beyond the range of the record ({_about(rest, limit, show)}); "

@@ -126,29 +126,28 @@ class TrueLaw:
         """Roll at which the deck comes to rest when nothing sticks [rad].
 
         Raises:
-            SysidError: There is none within ±90°: gravity tips the deck over.
+            SysidError: There is none within 90° of the spring's: gravity tips the deck over.
         """
         from scipy.optimize import brentq
 
-        modes = Modes()
-
-        def residual(roll: float) -> float:
-            support = -self.gravity * math.sin(roll) / self.support_stiffness if self.support_inertia else 0.0
-            x = roll - support - self.rest
-            return self.smooth_torque(x, 0.0, modes.regions(self, x)) - self.gravity * math.sin(roll)
-
         # Downhill from the spring's own rest: a softening law may balance again far away.
-        way = math.copysign(0.01, residual(self.rest))
+        way = math.copysign(0.01, self.pull(self.rest))
         near, far = self.rest, self.rest + way
-        while residual(far) * way > 0:
+        while self.pull(far) * way > 0:
             near, far = far, far + way
-            if abs(far) > math.pi / 2:
+            if abs(far - self.rest) > math.pi / 2:
                 raise SysidError(
-                    f"the board tips over: its spring ({self.stiffness:g} N*m/rad) finds no rest angle within "
-                    "±90 degrees against gravity and preload. Use milder effects."
+                    f"the joint tips over: its spring ({self.stiffness:g} N*m/rad) finds no rest angle within "
+                    "90 degrees of its own against gravity and preload. Use milder effects."
                 )
-        roll: Any = brentq(residual, min(near, far), max(near, far), xtol=1e-15)
+        roll: Any = brentq(self.pull, min(near, far), max(near, far), xtol=1e-15)
         return float(roll)
+
+    def pull(self, roll: float) -> float:
+        """Return the torque on a deck that stands at a roll, without dry friction and all that remembers [N*m]."""
+        support = -self.gravity * math.sin(roll) / self.support_stiffness if self.support_inertia else 0.0
+        x = roll - support - self.rest
+        return self.smooth_torque(x, 0.0, Modes().regions(self, x)) - self.gravity * math.sin(roll)
 
     def smooth_torque(self, x: float, u: float, modes: "Modes") -> float:
         """Joint torque without dry friction and all that remembers, in the regions that `modes` names [N*m]."""

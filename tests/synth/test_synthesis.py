@@ -490,3 +490,48 @@ def test_a_slide_of_a_model_is_made_in_its_own_units(tmp_path: Path) -> None:
     ):
         assert match in husky("synth", *joint, *options, "-o", tmp_path / "x.csv").stderr
         assert not (tmp_path / "x.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("body", "match"),
+    [
+        ('<joint name="j" axis="0 0 1"/><geom size="0.1" mass="1"/>', "nothing pulls 'm_j' back to its rest"),
+        (
+            '<joint name="j" axis="0 1 0"/><geom size="0.1" mass="0"/>',
+            "MuJoCo cannot compile it (mass and inertia of moving bodies",
+        ),
+    ],
+)
+def test_joints_that_cannot_swing_are_refused(tmp_path: Path, body: str, match: str) -> None:
+    model, log = tmp_path / "m.xml", tmp_path / "x.csv"
+    model.write_text(f"<mujoco><worldbody><body>{body}</body></worldbody></mujoco>")
+    done = husky("synth", "--model", model, "--joint", "j", "-o", log)
+    assert done.returncode == 1
+    assert match in done.stderr
+    assert not log.exists()
+
+
+def test_a_joint_may_rest_far_from_its_zero(tmp_path: Path) -> None:
+    """An arm that is modelled upright and a little askew hangs at 150 degrees."""
+    model, log = tmp_path / "m.xml", tmp_path / "x.csv"
+    tip = f"{0.3 * math.sin(math.radians(30)):.6f} 0 {0.3 * math.cos(math.radians(30)):.6f}"
+    body = f'<joint name="j" axis="0 1 0" damping="0.01"/><geom size="0.03" mass="1" pos="{tip}"/>'
+    model.write_text(f"<mujoco><worldbody><body>{body}</body></worldbody></mujoco>")
+    husky(
+        "synth",
+        "--model",
+        model,
+        "--joint",
+        "j",
+        "-o",
+        log,
+        "--noise-deg",
+        "0",
+        "--rate",
+        "100",
+        "--duration",
+        "20",
+    )
+    angle = np.degrees(np.loadtxt(log, delimiter=",", skiprows=1)[:, 1])
+    assert angle[0] == pytest.approx(150.0, abs=0.5)
+    assert angle.max() == pytest.approx(195.0, abs=1.0)
