@@ -146,6 +146,7 @@ class MarkerFollower:
         if np.any(rough < np.array(inner) + 2) or np.any(rough > np.array(outer) - 3):
             return None
         place, reach = rough, min(0.75 * cell, 3.0 + 3.0 * self._miss, 12.0)
+        ends = edges = np.empty(0)
         for _ in range(3):
             before = place
             ends = np.stack([place, np.roll(place, -1, axis=0)], axis=1)
