@@ -125,7 +125,7 @@ def synth(
     )
     for number, release in enumerate(log.releases, start=1):
         printer.say(
-            f"  release {number}: t = {release.start:.3f} s, {show.scale * release.angle:+.2f} {show.unit.strip()}"
+            f"  release {number}: t = {release.start:.3f} s, {show.scale * release.angle:+.2f}{show.unit}"
         )
     hidden = ", ".join(
         f"{name} ({', '.join(f'{v:g}' for v in values)})"

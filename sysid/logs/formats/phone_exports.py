@@ -19,7 +19,7 @@ from sysid.logs.formats.registry import Format
 from sysid.logs.formats.tables import sensor_tables
 from sysid.logs.table.clock import time_scale
 from sysid.logs.table.file import LogFile
-from sysid.logs.table.names import ACCEL_UNITS, parse_column
+from sysid.logs.table.names import ACCEL_UNITS, parse_column, sensor_of
 from sysid.roll import Array
 
 T = TypeVar("T")
@@ -122,12 +122,13 @@ def merge(path: Path, files: Sequence[Path]) -> LogFile:
 
 def _full_name(stem: str, name: str) -> str:
     """Put the sensor's name before a bare axis; what the phone fused itself counts as second-hand."""
-    sensor = " ".join(re.findall(r"[A-Z]?[a-z]+|[A-Z]+", stem)) or stem
-    column = parse_column(name)
+    sensor, column = sensor_of(stem), parse_column(name)
     if re.search(r"orient|attitude", stem, re.I):
         return f"{sensor} fused {name}"
-    unit = " (rad/s)" if re.search("gyro", stem, re.I) and column.unit is None else ""
-    return f"{sensor} {name}{unit}" if column.kind == "unknown" and column.axis else name
+    if column.kind == "unknown" and column.axis:
+        name = f"{sensor} {name}"
+    bare = name.startswith(f"{sensor} ") and column.unit is None
+    return f"{name} (rad/s)" if bare and re.search("gyro", stem, re.I) else name
 
 
 def _add_gravity(tables: dict[str, tuple[Array, dict[str, Array]]]) -> None:

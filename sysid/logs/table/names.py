@@ -134,15 +134,20 @@ def parse_column(name: str, unit: str | None = None) -> Column:
     return Column(name, kind, axis, found, doubt, group, bool(_ROLL_WORDS & set(words)))
 
 
+def sensor_of(table: str) -> str:
+    """Return the words in the name of a table: 'Total Acceleration' of TotalAcceleration.csv."""
+    return " ".join(re.findall(r"[A-Z]?[a-z]+|[A-Z]+", table)) or table
+
+
 def of_sensor(table: str, names: Sequence[str]) -> tuple[str, ...]:
     """Return column names with the sensor's before bare axes, where only the name of the table says it: Gyroscope.csv of x, y, z."""
-    columns = [parse_column(name) for name in names]
-    sensor = parse_column(f"{table} x")
+    columns, sensor_name = [parse_column(name) for name in names], sensor_of(table)
+    sensor = parse_column(f"{sensor_name} x")
     if sensor.kind not in ("rate", "accel") or any(
         column.kind in ("rate", "accel", "angle") for column in columns
     ):
         return tuple(names)
-    return tuple(f"{table} {c.name}" if c.kind == "unknown" and c.axis else c.name for c in columns)
+    return tuple(f"{sensor_name} {c.name}" if c.kind == "unknown" and c.axis else c.name for c in columns)
 
 
 def stem_of_clock(column: Column) -> tuple[str, ...]:
