@@ -2,7 +2,7 @@
 
 Run `python benchmarks/robustness.py [--minutes 10] [--workers 16] [--policies data/policies/*.onnx]`. Every round rides a
 few episodes of every condition with a seed of its own; rides are added to `results/robustness.jsonl`, so that a run that is
-stopped goes on where it was; those of a policy's earlier weights no longer count. At the end it writes `results/robustness.md` and `../docs/pictures/robustness*.png`.
+stopped goes on where it was; those of a policy's earlier weights no longer count where newer ones have ridden. At the end it writes `results/robustness.md` and `../docs/pictures/robustness*.png`.
 """
 
 import argparse
@@ -117,16 +117,31 @@ def weights(policy: Path) -> str:
 
 
 def read() -> list[dict[str, Any]]:
-    """Return the rows ridden so far, of each policy's newest weights."""
+    """Return the rows ridden so far, of the newest weights of each policy and condition."""
     rows = [json.loads(line) for line in ROWS.read_text().splitlines()] if ROWS.exists() else []
+    newest = {(row["policy"], row["condition"]): row["weights"] for row in rows}
+    return [row for row in rows if row["weights"] == newest[row["policy"], row["condition"]]]
+
+
+def of_earlier_weights(rows: list[dict[str, Any]]) -> str:
+    """Return a sentence on what was ridden by a policy's earlier weights only; nothing where there is none."""
     newest = {row["policy"]: row["weights"] for row in rows}
-    return [row for row in rows if row["weights"] == newest[row["policy"]]]
+    stale = {
+        (
+            row["condition"].split()[0] if row["condition"].startswith("map") else row["condition"],
+            row["policy"],
+        )
+        for row in rows
+        if row["weights"] != newest[row["policy"]]
+    }
+    return "; ".join(f"{condition} ({policy})" for condition, policy in sorted(stale))
 
 
 def report() -> None:
     """Write table and pictures of all rows."""
     cells: dict[tuple[str, str], list[dict[str, Any]]] = defaultdict(list)
-    for row in read():
+    ridden = read()
+    for row in ridden:
         cells[row["condition"], row["policy"]].append(row)
     policies = sorted({policy for _, policy in cells})
     share = {
@@ -151,6 +166,8 @@ def report() -> None:
         "errors are means over the rounds.",
         table(head, shown),
     ]
+    if stale := of_earlier_weights(ridden):
+        parts.append(f"Ridden by earlier weights of the policy: {stale}.")
     pictures = ROOT / "docs" / "pictures"
     suite_figure(
         [(name, p, share[name, p]) for name, p in suite], "Rides that last", pictures / "robustness.png"
