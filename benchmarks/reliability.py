@@ -150,7 +150,13 @@ def reliability(rows: Sequence[Row], name: str) -> str:
     ]
     head = (f"confidence, {name}", "right", "before calibration", "right")
     scores = f"Brier score {brier(after, hits):.3f}, before calibration {brier(before, hits):.3f}."
-    return f"{table(head, cells)}\n\n{scores}"
+    return f"{table(head, cells)}\n\n{balance(after, hits)}. {scores}"
+
+
+def balance(confidence: Any, hits: Any) -> str:
+    """Return how many verdicts are right, and how many their confidences promise, with the standard deviation of that if they are deserved."""
+    spread = np.sqrt(np.sum(confidence * (1 - confidence)))
+    return f"{np.sum(hits)} of {len(hits)} right, {np.sum(confidence):.0f} ± {spread:.0f} promised"
 
 
 def judged(rows: Sequence[Row]) -> tuple[Any, Any, Any]:
@@ -188,7 +194,7 @@ def picture(rows: Sequence[Row], path: Path) -> None:
             each = bins(confidence, hits)
             x, share = [b[0] for b in each], np.array([b[1] / b[2] for b in each])
             error = np.abs(np.array([wilson(b[1], b[2]) for b in each]).T - share)
-            label = f"{name}: {len(hits)} logs"
+            label = f"{name}: {balance(confidence, hits)}"
             axes.errorbar(x, share, error, color=colour, marker="o", capsize=3, linewidth=1.5, label=label)
         axes.set_xlabel("confidence of the verdict")
         axes.set_ylabel("share of these verdicts that is right")

@@ -34,7 +34,7 @@ from sysid.diagnosis.judgement import (
     odds,
     rest_of,
 )
-from sysid.diagnosis.remedy import REACHED, Learned, learn
+from sysid.diagnosis.remedy import REACHED, Learned, described, residual_noise, tables
 from sysid.diagnosis.report import fittable
 from sysid.diagnosis.search import Candidate as Model
 from sysid.diagnosis.search import Progress, Search, best_families
@@ -74,7 +74,7 @@ FINALISTS = 6
 """How many of the best sets of families, of single effects and of pairs, are predicted."""
 RIVALS = 4
 """How many models that predict as well are listed."""
-FAR = 3.0
+FAR = 2.0
 """Error over the noise from which a model on the coarse grid will not reach the noise on the fine one: a choice; only time depends on it."""
 UNNOTICED = 0.005
 """Error beyond the noise over the motion, both RMS, that nobody misses an effect by which another would take away: of eleven random
@@ -293,9 +293,10 @@ def diagnose(
             fixed=held, pool=pool, progress=progress,
         )  # fmt: skip
         started, (search, models) = search, _searched(search)
-        learning = partial(learn, judged, board, signal=signal, fixed=fixed)
+        learning = partial(tables, judged, board, signal=signal, fixed=fixed)
         # Begun as soon as it is clear that it will be wanted, while others work on the rest.
-        alone = pool.begin(learning, ()) if _beyond(search, models) else None
+        beyond = _beyond(search, models)
+        alone = pool.begin(partial(learning, whole=beyond > MATERIAL), ()) if beyond else None
         final = _finalists(search, models)
         free = untouched([*final, *_outside_all(search, final)], search.base)
         if free is not None:
@@ -307,11 +308,12 @@ def diagnose(
             if min(m.rmse for m in last) < REACHED * noise.std:
                 warnings.append(left_out)
                 judged, search, models, final = kept, again, others, last
-                learning, alone = partial(learn, judged, board, signal=signal, fixed=fixed), None
+                learning, alone = partial(tables, judged, board, signal=signal, fixed=fixed), None
         quantities = {id(m): pool.begin(parameter_quantities, m.problem, m.minimum, board) for m in final}
         first = Field(final, search.base, period, noise.std)
-        if first.surely_missing and first.winner().model.rmse > REACHED * noise.std:
-            alone = alone or pool.begin(learning, ())
+        ahead = first.winner()
+        if first.surely_missing and ahead.model.rmse > REACHED * noise.std:
+            alone = alone or pool.begin(partial(learning, whole=first.left(ahead) > MATERIAL), ())
         winner, final, idle = _material(search, first, final, board)
         outside = surrogates(search, winner, min(final, key=lambda m: m.cost))
         everything = Field([*final, *outside], search.base, period, noise.std, known=first)
@@ -323,12 +325,16 @@ def diagnose(
         # What is named may only mimic a law that nobody has met, alone or beside another.
         mimics = verdict.status == "missing" and best.rmse > SUSPECT * noise.std
         learned = None
-        results = [alone or pool.begin(learning, ())] if left_over or mimics else []
-        if left_over and (named := fittable(verdict.effects)):
-            results.append(pool.begin(learning, named))
+        named = fittable(verdict.effects) if left_over else ()
+        results = [((), alone or pool.begin(learning, ()))] if left_over or mimics else []
+        if named:
+            results.append((named, pool.begin(partial(learning, whole=True), named)))
         # At the same time by several processes; by one alone no more than is asked for.
-        for result in results:
-            learned = result()
+        for beside, result in results:
+            found = result()
+            last = left_over and beside == named  # what is offered
+            told = found is not None and (last or residual_noise(found) < REACHED * noise.std)
+            learned = described(found, beside) if told else None
             if mimics and learned is not None and _is_unmet(learned, winner, best, everything):
                 verdict = _unmet(verdict, learned, best, board)
                 break
@@ -457,12 +463,13 @@ def _searched(search: Search) -> tuple[Search, list[Model]]:
     return search, [reached if reached and m.effects == reached.effects else m for m in models]
 
 
-def _beyond(search: Search, models: Sequence[Model]) -> bool:
-    """Return whether what is missing matters, and every model is so far from the noise that none will reach it on the fine grid."""
+def _beyond(search: Search, models: Sequence[Model]) -> float:
+    """Return the error over the motion, both RMS, of the best model, if what is missing matters and none will reach the noise on the fine grid; else 0."""
     linear = next(m for m in models if m.effects == search.base)
     motion = float(np.sqrt(np.mean((np.concatenate(linear.problem.observed) - rest_of(linear)) ** 2)))
     best = min(models, key=lambda m: m.cost)
-    return linear.rmse > MATERIAL * motion and best.rmse > FAR * search.records[0].std
+    far = linear.rmse > MATERIAL * motion and best.rmse > FAR * search.records[0].std
+    return best.rmse / motion if far else 0.0
 
 
 def _outside_all(search: Search, models: Sequence[Model]) -> list[Model]:

@@ -9,7 +9,7 @@ import numpy as np
 from sysid.board import Board
 from sysid.diagnosis.judgement import TIE
 from sysid.errors import SysidError
-from sysid.fit_mjcf import fit
+from sysid.fit_mjcf import Fit, fit
 from sysid.fitting.formula import spread
 from sysid.fitting.record_update import require_usable
 from sysid.fitting.records import Signal
@@ -87,10 +87,40 @@ def learn(
         signal: What is fitted.
         fixed: Parameters held.
     """
+    found = tables(releases, board, effects, signal=signal, fixed=fixed)
+    return None if found is None else described(found, effects)
+
+
+def tables(
+    releases: Sequence[Release],
+    board: Board,
+    effects: Sequence[str],
+    *,
+    signal: Signal,
+    fixed: Mapping[str, float] | None,
+    whole: bool = False,
+) -> Fit | None:
+    """Return the fit of `learn` without what is said of it; None where there is none.
+
+    Args:
+        whole: Whether formula and held-out error, which take as long again, are worked out at once, as they will be asked for.
+    """
     try:
         found = fit(releases, board, (*effects, "learned"), signal=signal, fixed=fixed, any_period=True)
     except SysidError:  # what the verdict rests on stands without it
         return None
+    if whole and found.formula is not None:
+        _ = found.heldout_rmse
+    return found
+
+
+def residual_noise(found: Fit) -> float:
+    """Return the noise that the residuals of tables speak of [rad or rad/s]."""
+    return spread(found.joint.problem, found.joint.minimum)
+
+
+def described(found: Fit, effects: Sequence[str]) -> Learned | None:
+    """Return what is said of tables that were learned beside some effects; None where they are flat."""
     if found.formula is None:
         return None
     try:
@@ -104,6 +134,6 @@ def learn(
     return Learned(
         error_after=found.rmse, heldout_rmse=found.heldout_rmse, text=text,
         formula=tuple(shape.name for shape in found.formula.shapes) if says_it else (),
-        known=found.formula.is_known, smooth=not effects and not remembers, spread=spread(found.joint.problem, found.joint.minimum),
+        known=found.formula.is_known, smooth=not effects and not remembers, spread=residual_noise(found),
         refused=refused,
     )  # fmt: skip

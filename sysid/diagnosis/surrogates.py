@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.diagnosis.search import COARSE, Candidate, Search, completed, inherited, take_motion
 from sysid.effects._algebra import NUMPY, Algebra, Value, Values
@@ -85,6 +86,8 @@ SHARP = 2.0
 read to 1e-4 rad, are left 5 % more than the noise with 1, 3 % with 1.5, and as little with 2 as with 4 and 8; magnets and cogs less."""
 CREEP = 1e-3
 """Share of the largest rate below which a root of the rate is a damper: its slope has no end there."""
+AT_ONCE = 64
+"""Frequencies that are asked together: a few megabytes of waves."""
 LAWS: dict[str, Law] = {
     "x⁵": Law("a spring that hardens at wide tilts only, like x⁵", (lambda m, x, v, t: x**5,)),
     "x|x|": Law("a spring that hardens in proportion to the tilt, like x|x|", (lambda m, x, v, t: x * m.abs(x),)),
@@ -240,23 +243,25 @@ def _in_step(problem: Problem, before: Candidate) -> Array:
         for record, (residual, jacobian) in zip(inside.records, inside.linearise(before.minimum.point), strict=True)
     ]  # fmt: skip
 
-    def response(frequency: float) -> tuple[float, Array]:
-        """Return the squares that a wave takes away, and what it is in each release, a + ib for a cos + b sin."""
-        taken, waves = 0.0, list[complex]()
+    def response(frequencies: Array) -> tuple[Array, npt.NDArray[np.complex128]]:
+        """Return for each frequency the squares that a wave takes away, and what it is in each release, a + ib for a cos + b sin."""
+        taken, waves = np.zeros(len(frequencies)), list[npt.NDArray[np.complex128]]()
         for residual, basis, time in missed:
-            swing = np.column_stack([np.cos(frequency * time), np.sin(frequency * time)])
-            swing -= basis @ (basis.T @ swing)
-            along = np.linalg.lstsq(swing, residual, rcond=1e-3)[0]
-            taken += float(residual @ swing @ along)
-            waves.append(complex(*along))
+            phase = np.outer(frequencies, time)
+            swing = np.stack([np.cos(phase), np.sin(phase)], axis=1)
+            swing -= (swing @ basis) @ basis.T
+            along = np.linalg.pinv(swing @ swing.transpose(0, 2, 1), rcond=1e-6, hermitian=True)
+            along = (along @ (swing @ residual)[:, :, None])[:, :, 0]
+            taken += np.sum((swing @ residual) * along, axis=1)
+            waves.append(along[:, 0] + 1j * along[:, 1])
         return taken, np.array(waves)
 
     grid = np.arange(0.1 * scales.frequency, 5.0 * scales.frequency, 1.0 / scales.duration)
-    frequency = max(grid, key=lambda f: response(f)[0])
+    taken = np.concatenate([response(some)[0] for some in np.array_split(grid, -(-len(grid) // AT_ONCE))])
+    frequency = float(grid[np.argmax(taken)])
+    wave = response(np.array([frequency]))[1][:, 0]
     stiffness = scales.stiffness - scales.inertia * frequency**2 + 1j * frequency * scales.damping
-    driven = (
-        -np.conj(response(frequency)[1]) * stiffness / (1j * frequency if inside.records[0].is_rate else 1)
-    )
+    driven = -np.conj(wave) * stiffness / (1j * frequency if inside.records[0].is_rate else 1)
     sizes = problem.sizes()
     for name, value in (("strength", float(np.abs(driven).mean())), ("frequency", frequency)):
         where = problem.names.index(f"surrogate.{name}")

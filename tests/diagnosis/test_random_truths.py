@@ -148,6 +148,12 @@ def test_calibration_finds_what_confidence_is_deserved() -> None:
     assert (mean, hits, count) == (pytest.approx(0.93), 1, 2)
 
 
+def test_promised_beside_right() -> None:
+    """A hundred verdicts at 0.9 promise 90 right ones, give or take three."""
+    said = reliability.balance(np.full(100, 0.9), np.arange(100) < 84)
+    assert said == "84 of 100 right, 90 ± 3 promised"
+
+
 @pytest.mark.parametrize(
     "seed", [87042, 86854], ids=["stamps that jitter", "a stop within the first milliseconds"]
 )

@@ -8,7 +8,7 @@ import pytest
 from sysid.board import load_board
 from sysid.diagnosis import diagnose, remedy
 from sysid.diagnosis.diagnose import UNNOTICED
-from sysid.diagnosis.remedy import Learned, learn
+from sysid.diagnosis.remedy import Learned, learn, tables
 from sysid.joint import JointLaw
 from sysid.workspace import shipped_data
 
@@ -76,3 +76,18 @@ def test_what_fit_would_not_record_is_known_before_it_is_told_to(monkeypatch):
     assert "did not converge" in learned.refused
     assert learned.smooth
     assert not beside.smooth
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_formula_and_held_out_error_are_worked_out_when_they_are_asked_for(monkeypatch, whole):
+    """Tables that are only asked whether they reach the noise cost half as much without."""
+    asked: list[str] = []
+
+    class Found:
+        formula = property(lambda self: asked.append("formula") or "magnet")
+        heldout_rmse = property(lambda self: asked.append("held out"))
+
+    monkeypatch.setattr(remedy, "fit", lambda *_, **__: Found())
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    assert tables([], board, (), signal="auto", fixed=None, whole=whole)
+    assert asked == (["formula", "held out"] if whole else [])
