@@ -16,7 +16,6 @@ import tempfile
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -25,19 +24,17 @@ import numpy as np
 from pages import table, write_result
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
-from film import Camera, film, write_calibration
+from film import Camera, film, frame_times, write_calibration
 from film_set import Motion, rock
+from films import TestFilm
 
 from sysid.board import Board
 from sysid.errors import SysidError
 from sysid.free_decay import fit_decay
 from sysid.releases import find_releases
 from sysid.roll import Array, Roll
-from sysid.video.film.camera import USUAL_FOCAL, Lens, lens_of
-from sysid.video.film.frames import open_clip
-from sysid.video.film.reel import Reel
-from sysid.video.select import follow_board
-from sysid.video_roll import VideoOptions, roll_of
+from sysid.video.film.camera import USUAL_FOCAL, Lens
+from sysid.video_roll import VideoOptions, roll_from_video
 from sysid.workspace import Workspace
 
 LEVEL = Camera(pitch_deg=0.0, width=640, height=360, focal=1.4)
@@ -172,21 +169,16 @@ def read_take(job: Job, folder: Path, latest: float) -> None:
     camera, motion = drawn(job)
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / ("film.avi" if "JPEG" in job.name else "film.mp4")
-        stamps = film(path, load(job.board), motion, MARKS[job.method], camera, seed=job.take)
+        film(path, load(job.board), motion, MARKS[job.method], camera, seed=job.take)
         calibration = None
         if "calibrated" in job.name:
             calibration = Path(place) / "lens.json"
             lens = Lens(camera.matrix, np.array([camera.distortion, 0, 0, 0, 0]), True, "")
             calibration.write_text(write_calibration(lens, (camera.width, camera.height)))
         options = job.options(camera, calibration)
-        clip = open_clip(path)
-        lens = lens_of(clip, calibration)
-        kept: tuple[Roll, float] | str
+        kept: Roll | str
         try:
-            with closing(Reel(clip, lens, options)) as reel:
-                followed = follow_board(reel)
-            roll, rows = roll_of(clip, lens, followed, options)
-            kept = roll, float(stamps[followed.track.index[rows[0]]])
+            kept = roll_from_video(path, options)
         except SysidError as error:
             kept = str(error)
     (folder / job.file).write_bytes(gzip.compress(pickle.dumps(kept)))
@@ -228,13 +220,13 @@ def row(takes: list[Job], folder: Path) -> tuple[str, ...]:
         path = folder / job.file
         if not path.exists():
             continue
-        kept = pickle.loads(gzip.decompress(path.read_bytes()))
-        if isinstance(kept, str):
-            refused.append(kept[-60:])
+        roll = pickle.loads(gzip.decompress(path.read_bytes()))
+        if isinstance(roll, str):
+            refused.append(roll[-60:])
             continue
-        roll, start = kept
         camera, motion = drawn(job)
-        error = against(roll, motion, start + camera.readout / 2)
+        stamps = frame_times(camera, motion.time[-1], np.random.default_rng(job.take))
+        error = TestFilm(path, motion, stamps, camera).error(roll)
         errors.append(error)
         inside.append(np.abs(error) < 1.96 * roll.std)
         ratio, holds = k_and_d(roll, motion, load(job.board))
@@ -263,22 +255,6 @@ def off(percent: Array) -> str:
     good = np.abs(percent[np.isfinite(percent)])
     none = f", none in {len(percent) - len(good)}" if len(good) < len(percent) else ""
     return (f"{np.median(good):.2f} ({good.max():.2f})" if len(good) else "") + none
-
-
-def against(roll: Roll, motion: Motion, start: float) -> Array:
-    """Error of each sample [rad], but for the clock's constant offset and the rest angle.
-
-    Args:
-        roll: Its clock starts with the first frame that shows the board.
-        motion: The truth.
-        start: When that frame was taken [s].
-    """
-
-    def error(offset: float) -> Array:
-        difference = roll.roll - motion.at(roll.time + start + offset)
-        return difference - np.median(difference[-15:])
-
-    return error(min(np.linspace(-0.008, 0.008, 161), key=lambda at: np.sum((error(at) / roll.std) ** 2)))
 
 
 def k_and_d(roll: Roll, motion: Motion, board: Board) -> tuple[tuple[float, float], list[bool]]:

@@ -46,9 +46,9 @@ class TestFilm:
 
         def error(offset: float) -> Array:
             difference = roll.roll - self.motion.at(roll.time + start + offset)
-            return difference - np.median(difference[-10:])
+            return difference - np.median(difference[-15:])
 
-        return error(min(np.linspace(-0.006, 0.006, 121), key=lambda o: np.sum((error(o) / roll.std) ** 2)))
+        return error(min(np.linspace(-0.008, 0.008, 801), key=lambda o: np.sum((error(o) / roll.std) ** 2)))
 
 
 def shared_film(folder: Path, name: str) -> TestFilm:

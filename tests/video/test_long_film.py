@@ -42,11 +42,12 @@ def test_a_long_film_does_not_drift(tmp_path, method):
     assert len(find_releases(roll)) == RELEASES
 
 
-@pytest.mark.parametrize("speck", [False, True])
-def test_a_still_beginning_that_is_left_out_shifts_no_times(tmp_path, monkeypatch, speck):
+@pytest.mark.parametrize(("speck", "hand"), [(False, False), (True, False), (True, True)])
+def test_a_still_beginning_that_is_left_out_shifts_no_times(tmp_path, monkeypatch, speck, hand):
     """What memory does not hold of it is gone, and said; the release stays where a player shows it.
 
-    A speck that moves first, as what compression redraws does, is not taken for all that will move.
+    A speck that moves first, as what compression redraws does, is not taken for all that will move; and the board is no speck
+    beside a hand that passes once it rests.
     """
     monkeypatch.setattr(reel, "MEMORY", 40 * 640 * 360 * 3 // 2)
     stamps = np.arange(170) / 60
@@ -56,6 +57,8 @@ def test_a_still_beginning_that_is_left_out_shifts_no_times(tmp_path, monkeypatc
         picture = wall()
         if speck:
             picture[20:36, 40 : 56 + min(number, 24)] = 255
+        if hand and 150 <= number < 160:
+            picture[:, 60 * (number - 150) : 60 * (number - 150) + 90] = 230
         return picture
 
     film = draw_film(tmp_path / "held.mp4", marked(plate(300, 90), 70), truth, background=behind)

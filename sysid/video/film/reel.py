@@ -25,6 +25,8 @@ MARGIN = 0.35
 MOST = 0.5
 """Share of what moves in the end that must lie in the part that was kept: what moved first may have been a speck, or
 what a compressed film redraws while nothing moves."""
+BEGUN = 0.1
+"""Share of what moves in the end from which on the board moves: a speck is less, and a hand that passes later is several times as much."""
 LOOKED_AT = 4
 """Each so many frames are looked at for motion."""
 SURVEY_FRAMES = 40
@@ -85,7 +87,7 @@ class Reel:
         if part is not None and _inside(part, moving) < MOST * moving.sum():
             self._source.close()
             self._begin()
-            motion, _ = self._fill(_with_margin(moving), round(MOST * moving.sum()))
+            motion, _ = self._fill(_with_margin(moving), round(BEGUN * moving.sum()))
         if not self._frames:
             raise SysidError(
                 f"{self.clip.path}: no frame can be decoded. Copy the file again from the camera."
