@@ -53,6 +53,11 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
     data = log.read(names)
     try:
         clock, data, cleaned = _clean(choice, time, data, options)
+        if source.unwrap is not None:
+            choice, data[choice.columns[0]], kept = source.unwrap(choice, data[choice.columns[0]])
+            if kept is not None:
+                clock.select(kept)
+                data = {name: column[kept] for name, column in data.items()}
         if not options.keep_outliers:
             data, outliers = _without_outliers(source, choice, clock, data)
             cleaned += outliers
@@ -105,12 +110,6 @@ def _without_outliers(
 ) -> tuple[dict[str, Array], Remarks]:
     """Drop lone samples that no motion explains, from the clock too, and say where they were."""
     motion = {name: data[name] for name in choice.columns[: source.moving]}
-    if source.turn is not None:  # an angle that wraps jumps by a whole turn, and back
-        turns = [source.turn(choice, column) for column in motion.values()]
-        motion = {
-            name: np.unwrap(column, discont=0.75 * turn, period=turn) if np.isfinite(turn) else column
-            for (name, column), turn in zip(motion.items(), turns, strict=True)
-        }
     kept, remarks = measured_motion(motion, clock.time, choice.unit, rates=source.quantity == "rate")
     if kept is not None:
         clock.select(kept)
