@@ -84,6 +84,10 @@ def _clean(
     rows = signals[choice.columns[0]].size
     kept, dropped = measured_rows(signals, stamps)
     count = rows if kept is None else kept.size
+    if stamps is not None and time is not None and not np.isfinite(stamps).any():
+        raise SysidError(
+            f"the column of time '{time.name}' is empty. Name another with --time-column, or give --rate."
+        )
     if count < MIN_SAMPLES:
         raise SysidError(
             f"{count} of {rows} rows hold numbers in {', '.join(map(repr, choice.columns))}; "

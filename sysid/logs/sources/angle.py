@@ -25,7 +25,13 @@ and some turns are what an arm may make."""
 
 def find_angle(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
     """Return the angles, about an axis if one is given, the one whose name is the plainest first."""
-    angles = [c for c in columns if c.kind == "angle" and (not axis or (c.axis or "x") == axis)]
+    quaternions = {
+        c.group for c in columns if c.kind == "angle" and c.axis == "w"
+    }  # no angle has a fourth axis
+    angles = [
+        c for c in columns
+        if c.kind == "angle" and c.group not in quaternions and (not axis or (c.axis or "x") == axis)
+    ]  # fmt: skip
 
     def odd(column: Column) -> tuple[object, ...]:
         return column.doubt, not axis and column.axis in ("y", "z"), not column.is_roll

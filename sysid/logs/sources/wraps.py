@@ -71,7 +71,7 @@ def unit_by_wraps(angle: Array) -> str | None:
 
 
 def without_wraps(angle: Array, turn: float) -> tuple[Array, npt.NDArray[np.intp] | None, int]:
-    """Return an angle, shape (n,), without its jumps by a whole turn, the rows that are no part of a jump (None for all), and how many there were."""
+    """Return an angle in the unit of the turn, shape (n,), without its jumps by one, the rows that are no part of a jump (None for all), and how many there were."""
     before, after = find_wraps(angle, turn)
     turns = np.zeros(angle.size)
     turns[after] = -np.sign(angle[after] - angle[before]) * np.maximum(
