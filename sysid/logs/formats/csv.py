@@ -2,15 +2,17 @@
 
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.logs.formats import dialect
+from sysid.logs.formats.long_table import by_sensor, sensor_column
 from sysid.logs.formats.registry import Format
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import of_sensor
@@ -116,33 +118,41 @@ class TextTable:
         rows: list[list[Any]] = []
         words: list[str] = []
         cut = ""
-        with self.path.open(encoding=self.encoding, errors="replace", newline=None) as file:
-            for number, line in enumerate(file):
-                said = self.comment and line.lstrip().startswith(self.comment)
-                if number < self.skip or said or not line.strip():
-                    continue
-                if cut:  # a log may be cut in its last row, and no other
-                    raise SysidError(f"{self.path}: {cut}")
-                cells = dialect.split_line(line.rstrip("\n"), self.delimiter)
-                row = [self._value(cells, index) for index in wanted]
-                if wrong := [index for index, value in zip(wanted, row, strict=True) if value is None]:
-                    said = (
-                        f"line {number + 1}, column '{self.names[wrong[0]]}': '{cells[wrong[0]][:40]}' is not a number. "
-                        "Mend the line, or name another column with --column."
-                    )
-                    if any(value is not None and value == value for value in row):
-                        cut = said
-                    else:
-                        words.append(said)
-                elif len(cells) > self.width:
-                    raise SysidError(
-                        f"{self.path}: line {number + 1} has {len(cells)} fields where {self.width} were expected; "
-                        "two writers, or a text with the delimiter in it. Mend or delete the line."
-                    )
-                rows.append([np.nan] * len(row) if wrong else row)
+        for number, cells in self._cells():
+            if cut:  # a log may be cut in its last row, and no other
+                raise SysidError(f"{self.path}: {cut}")
+            row = [self._value(cells, index) for index in wanted]
+            if wrong := [index for index, value in zip(wanted, row, strict=True) if value is None]:
+                said = (
+                    f"line {number}, column '{self.names[wrong[0]]}': '{cells[wrong[0]][:40]}' is not a number. "
+                    "Mend the line, or name another column with --column."
+                )
+                if any(value is not None and value == value for value in row):
+                    cut = said
+                else:
+                    words.append(said)
+            elif len(cells) > self.width:
+                raise SysidError(
+                    f"{self.path}: line {number} has {len(cells)} fields where {self.width} were expected; "
+                    "two writers, or a text with the delimiter in it. Mend or delete the line."
+                )
+            rows.append([np.nan] * len(row) if wrong else row)
         if 2 * len(words) > len(rows):
             raise SysidError(f"{self.path}: {words[0]}")
         return pd.DataFrame(rows, columns=list(wanted))
+
+    def _cells(self) -> Iterator[tuple[int, list[str]]]:
+        """Yield the number of each line that is no comment, from the first row on, and its cells."""
+        with self.path.open(encoding=self.encoding, errors="replace") as file:
+            for number, line in enumerate(file, 1):
+                said = self.comment and line.lstrip().startswith(self.comment)
+                if number > self.skip and not said and line.strip():
+                    yield number, dialect.split_line(line.rstrip("\n"), self.delimiter)
+
+    def texts(self, name: str) -> npt.NDArray[np.str_]:
+        """Return a column as it is written, shape (n,), without unit."""
+        index = self.names.index(name)
+        return np.array([cells[index] if index < len(cells) else "" for _, cells in self._cells()])
 
     def _value(self, cells: Sequence[str], index: int) -> Any:
         """Return a number, NaN where it is missing, the text of a date, or None where it is neither."""
@@ -224,7 +234,13 @@ def open_csv(path: Path) -> LogFile:
         dates=dates,
         stamped=stamped,
     )
-    return LogFile(path=path, names=names, units=units, dates=dates, notes=tuple(notes), read=table.read)
+    log = LogFile(path=path, names=names, units=units, dates=dates, notes=tuple(notes), read=table.read)
+    sensor = sensor_column(names)
+    if sensor is None or all(
+        dialect.is_number(row[names.index(sensor)], decimal) for row in sample if len(row) >= width
+    ):
+        return log
+    return by_sensor(path, log, table.texts(sensor), sensor)
 
 
 def seconds_of(texts: Any) -> Array:
