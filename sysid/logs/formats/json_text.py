@@ -103,8 +103,9 @@ def _column(value: Any) -> list[Any] | None:
     """Return a list of numbers or texts, or the numbers of a dictionary whose keys count; None where it is neither."""
     if isinstance(value, dict) and value and all(str(key).isdigit() for key in value):
         value = list(value.values())
-    plain = isinstance(value, list) and value and not any(isinstance(item, list | dict) for item in value)
-    return value if plain else None
+    if not isinstance(value, list) or not value or any(isinstance(item, list | dict) for item in value):
+        return None
+    return list(value)
 
 
 def _rows(value: Mapping[str, Any]) -> Table | None:
@@ -114,8 +115,9 @@ def _rows(value: Mapping[str, Any]) -> Table | None:
         if not isinstance(rows[0], list) or len(rows) < MIN_SAMPLES:
             continue
         for heads in lists.values():
-            names = [head.get("name") if isinstance(head, dict) else head for head in heads]
-            if len(heads) != len(rows[0]) or not all(isinstance(name, str) for name in names):
+            named = [head.get("name") if isinstance(head, dict) else head for head in heads]
+            names = [name for name in named if isinstance(name, str)]
+            if not len(heads) == len(names) == len(rows[0]):
                 continue
             units = [
                 head.get("units", head.get("unit")) if isinstance(head, dict) else None for head in heads

@@ -132,7 +132,7 @@ def _parsed(lines: Iterable[str], units: dict[str, str]) -> Iterator[dict[str, s
             found[name] = number.replace("−", "-")
             run.append(name)
             if unit and parse_unit(unit):  # and the unit at their end is that of all
-                units.update(dict.fromkeys(run if sensor else [name], unit))
+                units.update((own, unit) for own in (run if sensor else [name]))
         if found:
             yield {**({ARRIVAL: stamp} if stamp else {}), **found}
 
