@@ -21,7 +21,7 @@ ARRIVAL = "arrival"
 """Column of the time of day that a serial monitor puts before a line."""
 _NUMBER = r"[-+−]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PAIR = re.compile(
-    r"(?<![\w.])([^\W\d][\w .°/()\[\]-]*?)\s*[:=]\s*"
+    r"(?<![\w.])([^\W\d][\w .°/()\[\]-]{0,40}?)\s*[:=]\s*"
     rf"({_NUMBER})(?![\w.]*[xX:])(?:\s*((?:°|[^\W\d])[^\s,;|:=]*)(?![^\s,;|])(?!\s*[:=]))?"
 )
 """Name, number and, behind it, a word that may be its unit and is no name of the next."""
