@@ -75,9 +75,10 @@ class Verdict:
             head = ("tilt joint", "stiffness N·m/rad", "damping N·m·s/rad", "inertia kg·m²")
             lines.append(table(head, parts, width=width))
         if self.passed:
+            hidden = 100 * decays.hidden
             lines.append(
                 f"passed: NRMSE {100 * decays.nrmse:.2f} % (tolerance {100 * decays.tolerance:g} %; an error below "
-                f"{100 * decays.hidden:.1f} % could not be seen in this noise)"
+                f"{hidden:{'.1f' if hidden >= 0.1 else '.1g'}} % could not be seen in this noise)"
             )
         return "\n".join(lines)
 

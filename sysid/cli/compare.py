@@ -10,7 +10,7 @@ from sysid.cli.console import OUTPUT, Common, Made, Printer, require_share
 from sysid.cli.log_options import LogArguments, refuse_overwriting_logs, space_of
 from sysid.cli.subject import Subject
 from sysid.cli.view import read_logs, write_recording
-from sysid.files import write_figure, write_json
+from sysid.files import require_writable, write_figure, write_json
 
 
 def compare(
@@ -45,6 +45,8 @@ def compare(
     printer = Printer(common)
     refuse_overwriting_logs(logs, arguments, printer, {"--rerun": rerun})
     record = subject.load(common, printer)
+    folder = common.space.outputs(record.name)
+    require_writable(folder / "compare.json")
     logs, setups = subject.logs(logs)
     files = find_logs(record, logs, common.space) if logs else []
     material = read_logs(files, arguments, printer, films=rerun is not None)
@@ -54,7 +56,6 @@ def compare(
         result = compare_recordings(material.recordings, record, tolerance=tolerance)
     printer.warnings(result.warnings, material.recordings)
     content = result.to_json()
-    folder = common.space.outputs(record.name)
     write_json(folder / "compare.json", content)
     written = [folder / "compare.json"]
     if picture:

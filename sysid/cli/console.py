@@ -98,14 +98,17 @@ class Printer:
         return self._stderr
 
     def keep(self, inputs: Iterable[Path], outputs: Mapping[str, Path | None] | None = None) -> None:
-        """Refuse to write the command's JSON, or another of its outputs, over a file that it reads.
+        """Refuse to write the command's JSON, or another of its outputs, over a file that it reads or where nothing can be written.
 
         Raises:
-            SysidError: An output is an input.
+            SysidError: An output is an input, or its folder cannot be written to.
         """
         json = self.common.json
         own = {"--json": None if json is None or json == "-" else Path(json)}
         refuse_overwriting(inputs, own | dict(outputs or {}))
+        for output in (outputs or {}).values():
+            if output is not None:
+                require_writable(output)
 
     def say(self, text: str = "") -> None:
         """Print a result line on stdout."""

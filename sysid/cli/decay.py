@@ -9,7 +9,7 @@ from sysid.cli.console import OUTPUT, Common, Made, Printer
 from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs, space_of
 from sysid.cli.subject import Subject
 from sysid.errors import SysidError
-from sysid.files import write_figure, write_json
+from sysid.files import require_writable, write_figure, write_json
 
 
 def decay(
@@ -44,6 +44,9 @@ def decay(
         )
     refuse_overwriting_logs(logs, arguments, printer, {"--rerun": rerun})
     record = subject.find(common, printer)
+    folder = common.space.outputs("" if record is None else record.name)
+    if record is not None:
+        require_writable(folder / "decay.json")
     recordings = load_recordings(logs, arguments, printer)
     result = fit_decay(recordings, board=record)
     printer.warnings(result.warnings, recordings)
@@ -58,7 +61,6 @@ def decay(
     content = result.to_json()
     written: list[Path] = []
     if record is not None:
-        folder = common.space.outputs(record.name)
         written.append(folder / "decay.json")
         write_json(written[-1], content)
         if picture:

@@ -53,6 +53,11 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
     data = log.read(names)
     try:
         clock, data, cleaned = _clean(choice, time, data, options)
+        if source.unwrap is not None:
+            choice, data[choice.columns[0]], kept = source.unwrap(choice, data[choice.columns[0]])
+            if kept is not None:
+                clock.select(kept)
+                data = {name: column[kept] for name, column in data.items()}
         if not options.keep_outliers:
             data, outliers = _without_outliers(source, choice, clock, data)
             cleaned += outliers
@@ -79,6 +84,10 @@ def _clean(
     rows = signals[choice.columns[0]].size
     kept, dropped = measured_rows(signals, stamps)
     count = rows if kept is None else kept.size
+    if stamps is not None and time is not None and not np.isfinite(stamps).any():
+        raise SysidError(
+            f"the column of time '{time.name}' is empty. Name another with --time-column, or give --rate."
+        )
     if count < MIN_SAMPLES:
         raise SysidError(
             f"{count} of {rows} rows hold numbers in {', '.join(map(repr, choice.columns))}; "
@@ -105,12 +114,6 @@ def _without_outliers(
 ) -> tuple[dict[str, Array], Remarks]:
     """Drop lone samples that no motion explains, from the clock too, and say where they were."""
     motion = {name: data[name] for name in choice.columns[: source.moving]}
-    if source.turn is not None:  # an angle that wraps jumps by a whole turn, and back
-        turns = [source.turn(choice, column) for column in motion.values()]
-        motion = {
-            name: np.unwrap(column, discont=0.75 * turn, period=turn) if np.isfinite(turn) else column
-            for (name, column), turn in zip(motion.items(), turns, strict=True)
-        }
     kept, remarks = measured_motion(motion, clock.time, choice.unit, rates=source.quantity == "rate")
     if kept is not None:
         clock.select(kept)

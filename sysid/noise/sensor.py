@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.roll import Array
 
@@ -11,6 +12,15 @@ MAX_BLOCKS = 2000
 DIFFERENCE = 6
 """Samples of a block, blocks looked at at most, order of the differences: choices. Of a motion with 25 samples a period
 0.03 % is left in sixth differences."""
+BAND, SIDE = 4.0, 3
+"""Noise of a sample [1] within which those of a flat top agree, and by which a round one would be higher at least; and rows on each side
+that tell, three for a parabola through noise."""
+FULL_SCALES = np.deg2rad([scale * 2.0**k for scale in (125.0, 2**15 * 4.375e-3) for k in range(5)])
+FULL_SCALE_ERROR = 0.03
+"""Limits of gyros [rad/s]: ±125 to 2000 deg/s, and those of ST's, whose counts are 4.375 mdeg/s and multiples; and share by which they
+differ."""
+SOFT = 0.9
+"""Share of its limit from which a sensor may already give way; what goes beyond it is left out in every swing."""
 _GAIN = 924.0
 """Sum of the squared coefficients of the sixth difference: the factor by which the variance of white noise grows."""
 
@@ -90,6 +100,30 @@ def saturated(signal: Array, noise: Noise) -> Array | None:
             start, stop = starts[run], stops[run]
             excess[start:stop] = slopes[run] * (stop - start) / 4
     return excess
+
+
+def clipped_rows(rate: Array, noise: Noise) -> npt.NDArray[np.bool_]:
+    """Return which samples of a rotation rate [rad/s], shape (n,), its sensor may have cut off.
+
+    Beside tops of one value (`saturated`) these are tops that are flat but for noise, or that bend softly: where the parabola through
+    the rows on both sides of a round one would lie beyond it. A motion that decays has no two of them at one level, in either
+    direction; one alone, as a deck with play has in each swing, is the sensor's at a limit that gyros have. Of an angle this would take a deck that is held, or that stands at a stop; a rate that stays large is the sensor's.
+    """
+    size = np.abs(rate)
+    band, top = BAND * max(noise.std, noise.step), float(np.partition(size, -4)[-4])
+    flat = 0
+    for level in (rate, -rate):
+        inside = np.concatenate(([False], level > top - band, [False]))
+        starts, stops = np.flatnonzero(np.diff(inside.astype(np.int8))).reshape(-1, 2).T
+        enough = (stops - starts >= 3) & (starts >= SIDE) & (stops <= rate.size - SIDE)
+        for start, stop in zip(starts[enough], stops[enough], strict=True):
+            beside = np.concatenate((np.arange(start - SIDE, start), np.arange(stop, stop + SIDE)))
+            middle = 0.5 * (start + stop - 1)
+            round_top = float(np.polyfit(beside - middle, level[beside], 2)[-1])
+            flat += round_top > level[start:stop].max() + band
+    at_limit = np.abs(top / FULL_SCALES - 1).min() < FULL_SCALE_ERROR
+    found = flat > 1 or (flat and at_limit) or saturated(rate, noise) is not None
+    return size > SOFT * top if found else np.zeros(rate.size, dtype=np.bool_)
 
 
 def _blocks(signal: Array) -> Array:

@@ -135,7 +135,7 @@ def test_a_message_is_one_line_whatever_a_cell_holds(tmp_path):
     assert "\x1b" not in done.stderr
 
 
-@pytest.mark.parametrize("command", ["diagnose", "fit"])
+@pytest.mark.parametrize("command", ["diagnose", "fit", "decay", "compare"])
 @pytest.mark.parametrize(
     "where", [("--workspace", "a_file"), ("--json", "a_file/x.json"), ("--json", ".")], ids="/".join
 )
@@ -146,6 +146,15 @@ def test_what_cannot_be_written_is_said_before_anything_is_computed(tmp_path, co
     assert "cannot write there" in done.stderr
     assert "samples" not in done.stderr  # no log was read
     assert not done.stdout
+
+
+@pytest.mark.parametrize("command", ["decay", "compare"])
+def test_so_is_a_recording_that_cannot_be_written(tmp_path, command):
+    (tmp_path / "a_file").touch()
+    done = in_process(command, str(PINK), "--board", "pink", "--rerun", "a_file/x.rrd", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "cannot write there" in done.stderr
+    assert "samples" not in done.stderr
 
 
 def test_a_folder_that_will_be_made_can_be_written(tmp_path):

@@ -218,7 +218,52 @@ def test_a_saturated_gyro_is_a_warning(tmp_path):
     rate = np.clip(rocking(TIME, release=2.0, zeta=0.02)[1], -5, 5) + 0.0
     roll = read_roll(write_csv(tmp_path / "log.csv", ("t_s", "gyro_rad_s"), TIME, rate))
     assert any("saturated at 5 rad/s" in warning for warning in roll.warnings)
-    assert roll.rate_std.max() > 0.1
+    assert np.abs(roll.rate).max() < 5
+
+
+def limited(rate, soft):
+    """A rate [deg/s] that its sensor keeps below 250, from a share `soft` below that on little by little."""
+    begin = 250 * (1 - soft)
+    beyond = np.abs(rate) - begin
+    bent = begin + (np.minimum(beyond, 0) if soft == 0 else 250 * soft * np.tanh(beyond / (250 * soft)))
+    return np.where(beyond > 0, np.sign(rate) * bent, rate)
+
+
+@pytest.mark.parametrize("soft", [0.0, 0.03, 0.1])
+@pytest.mark.parametrize(("noise", "amplitude"), [(0.05, 26), (0.3, 35), (2.0, 45)])
+@pytest.mark.parametrize("zeta", [0.03, 0.08])
+def test_a_flat_top_is_left_out_though_no_value_repeats(tmp_path, soft, noise, amplitude, zeta):
+    from sysid.free_decay import fit_decay
+    from sysid.releases import find_releases
+
+    time = np.arange(0, 9, 0.01)
+    true = np.degrees(rocking(time, amplitude=np.radians(amplitude), omega=4 * np.pi, zeta=zeta)[1])
+    rate = limited(true, soft) + np.random.default_rng(9).normal(0, noise, len(time))
+    roll = read_roll(write_csv(tmp_path / "log.csv", ("t_s", "gyro_dps"), time, rate))
+    assert any("saturated" in warning for warning in roll.warnings)
+    assert not np.isin(time[np.abs(true) > 260], roll.time).any()
+    damping = fit_decay(find_releases(roll)).numbers.damping_ratio
+    assert abs(damping.value / zeta - 1) < max(0.01, 2 * 1.96 * damping.std / zeta)
+
+
+@pytest.mark.parametrize("noise", [0.05, 0.3, 2.0])
+@pytest.mark.parametrize("zeta", [0.005, 0.03, 0.2])
+@pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0])
+def test_round_tops_are_no_limit(tmp_path, noise, zeta, rate):
+    time = np.arange(0, 9, 1 / rate)
+    clean = np.degrees(rocking(time, amplitude=0.35, omega=4 * np.pi, zeta=zeta)[1])
+    noisy = np.round(clean + np.random.default_rng(9).normal(0, noise, len(time)), 2)
+    roll = read_roll(write_csv(tmp_path / "log.csv", ("t_s", "gyro_dps"), time, noisy))
+    assert not any("saturated" in warning for warning in roll.warnings)
+
+
+def test_a_deck_with_play_coasts_without_a_limit(tmp_path):
+    time = np.arange(0, 9, 0.01)
+    rate = np.degrees(rocking(time, amplitude=0.6, omega=4 * np.pi, zeta=0.05)[1])
+    tops = np.exp(-0.05 * 4 * np.pi * np.maximum(time - 1, 0)) * 330
+    coasting = np.clip(rate, -tops, tops) + np.random.default_rng(9).normal(0, 0.3, len(time))
+    roll = read_roll(write_csv(tmp_path / "log.csv", ("t_s", "gyro_dps"), time, coasting))
+    assert not any("saturated" in warning for warning in roll.warnings)
 
 
 # Orientation

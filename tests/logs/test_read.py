@@ -185,7 +185,7 @@ ROWS = "".join(f"{t:.6g},{r:.6g}\n" for t, r in zip(TIME, ROLL, strict=True))
         ("binary.csv", bytes(range(256)) * 100, "binary file"),
         (
             "text.csv",
-            "t_s,roll_rad\n" + ROWS.replace("0.32", "oops", 1),
+            "t_s,roll_rad\n0,0.32\n0.0005,0.32\n" + ROWS.replace("0.32", "oops", 1),
             r"line \d+, column 'roll_rad': 'oops",
         ),
         ("ragged.csv", "t_s,roll_rad\n" + ROWS + "1,2,3,4\n", "line 3002 has 4 fields where 2"),

@@ -119,6 +119,8 @@ def test_formats_and_sensors_keep_their_order():
             "compressed",
             "MATLAB",
             "HDF5",
+            "JSON",
+            "labelled text",
             "text table",
         )
     ]

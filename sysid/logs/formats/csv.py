@@ -2,16 +2,17 @@
 
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.logs.formats import dialect
+from sysid.logs.formats.long_table import by_sensor, sensor_column
 from sysid.logs.formats.registry import Format
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import of_sensor
@@ -36,6 +37,8 @@ class TextTable:
     """Whether blanks follow delimiters."""
     dates: frozenset[str]
     """Columns that hold dates or times of day instead of numbers."""
+    stamped: bool
+    """Whether a serial monitor put the time of day before each line."""
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Return whole columns, shape (n,) each, in the log's units; missing values as NaN, dates as seconds.
@@ -47,26 +50,20 @@ class TextTable:
         self._require_memory(len(wanted))
         dates = [index for index in wanted if self.names[index] in self.dates]
         try:
-            try:
-                frame = self._frame(wanted, texts=dates)
-            except ValueError:  # units in the cells, thousands or a typographic minus: slower, cell by cell
-                frame = self._frame(wanted, texts=wanted)
-                for index in set(wanted) - set(dates):
-                    frame[index] = (
-                        frame[index]
-                        .fillna("nan")
-                        .map(partial(dialect.read_number, decimal=self.decimal, label=self.names[index]))
-                    )
+            frame = self._by_rows(wanted) if self.stamped else self._frame(wanted, texts=dates)
         except MemoryError as error:
             raise SysidError(
                 f"{self.path}: too large for this computer's memory. Cut it into parts."
             ) from error
-        except (ValueError, OverflowError) as error:  # pandas' ParserError is a ValueError
-            raise SysidError(f"{self.path}: {self._explain(error, wanted)}") from error
+        except (ValueError, OverflowError):
+            # units in the cells, thousands, a typographic minus, words between the rows: slower, cell by cell
+            frame = self._by_rows(wanted)
         columns: dict[str, Array] = {}
         for index in wanted:
             name = self.names[index]
-            columns[name] = seconds_of(frame[index]) if name in self.dates else frame[index].to_numpy()
+            columns[name] = (
+                seconds_of(frame[index]) if name in self.dates else frame[index].to_numpy(dtype=np.float64)
+            )
         return columns
 
     def _frame(self, wanted: list[int], *, texts: Sequence[int]) -> Any:
@@ -110,35 +107,62 @@ class TextTable:
                 f"{free / 1e9:.1f} GB are free. Cut it into parts."
             )
 
-    def _explain(self, error: Exception, wanted: Sequence[int]) -> str:
-        """Return why pandas could not read the file, with the line and the cell where it is one."""
-        found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
-        if found:
-            return (
-                f"line {found[2]} has {found[3]} fields where {found[1]} were expected; "
-                "two writers, or a text with the delimiter in it. Mend or delete the line."
-            )
+    def _by_rows(self, wanted: Sequence[int]) -> Any:
+        """Return columns by their index, read cell by cell; lines of words between the rows, and rows that were cut, are missing.
+
+        Raises:
+            SysidError: A cell among numbers is none, or a row is too long.
+        """
+        import pandas as pd
+
+        rows: list[list[Any]] = []
+        words: list[str] = []
+        cut = ""
+        for number, cells in self._cells():
+            if cut:  # a log may be cut in its last row, and no other
+                raise SysidError(f"{self.path}: {cut}")
+            row = [self._value(cells, index) for index in wanted]
+            if wrong := [index for index, value in zip(wanted, row, strict=True) if value is None]:
+                said = (
+                    f"line {number}, column '{self.names[wrong[0]]}': '{cells[wrong[0]][:40]}' is not a number. "
+                    "Mend the line, or name another column with --column."
+                )
+                if any(value is not None and value == value for value in row):
+                    cut = said
+                else:
+                    words.append(said)
+            elif len(cells) > self.width:
+                raise SysidError(
+                    f"{self.path}: line {number} has {len(cells)} fields where {self.width} were expected; "
+                    "two writers, or a text with the delimiter in it. Mend or delete the line."
+                )
+            rows.append([np.nan] * len(row) if wrong else row)
+        if 2 * len(words) > len(rows):
+            raise SysidError(f"{self.path}: {words[0]}")
+        return pd.DataFrame(rows, columns=list(wanted))
+
+    def _cells(self) -> Iterator[tuple[int, list[str]]]:
+        """Yield the number of each line that is no comment, from the first row on, and its cells."""
+        with self.path.open(encoding=self.encoding, errors="replace") as file:
+            for number, line in enumerate(file, 1):
+                said = self.comment and line.lstrip().startswith(self.comment)
+                if number > self.skip and not said and line.strip():
+                    yield number, dialect.split_line(line.rstrip("\n"), self.delimiter)
+
+    def texts(self, name: str) -> npt.NDArray[np.str_]:
+        """Return a column as it is written, shape (n,), without unit."""
+        index = self.names.index(name)
+        return np.array([cells[index] if index < len(cells) else "" for _, cells in self._cells()])
+
+    def _value(self, cells: Sequence[str], index: int) -> Any:
+        """Return a number, NaN where it is missing, the text of a date, or None where it is neither."""
+        cell = cells[index] if index < len(cells) else ""
+        if self.names[index] in self.dates:
+            return cell if dialect.DATE.fullmatch(cell) else None if cell else np.nan
         try:
-            with self.path.open(encoding=self.encoding, errors="replace", newline="") as file:
-                for number, line in enumerate(file, 1):
-                    said = line.lstrip().startswith(self.comment or "\0")
-                    if number <= self.skip or not line.strip() or said:
-                        continue
-                    cells = dialect.split_line(line.rstrip("\r\n"), self.delimiter)
-                    for index in wanted:
-                        cell = cells[index] if index < len(cells) else ""
-                        if self.names[index] in self.dates:
-                            continue
-                        try:
-                            dialect.read_number(cell, self.decimal, self.names[index])
-                        except ValueError:
-                            return (
-                                f"line {number}, column '{self.names[index]}': '{cell[:40]}' is not a number. "
-                                "Mend the line, or name another column with --column."
-                            )
-        except OSError:
-            pass
-        return f"cannot be read as a table ({str(error).splitlines()[0][:120]})."
+            return dialect.read_number(cell, self.decimal)
+        except ValueError:
+            return None
 
 
 def open_csv(path: Path) -> LogFile:
@@ -176,7 +200,9 @@ def open_csv(path: Path) -> LogFile:
     shown = [*sample, *([header] if header else [])]
     while width > 1 and not any(len(row) >= width and row[width - 1] for row in shown):
         width -= 1  # a delimiter at the end of each line
-    header = header or dialect.labels(sample[0])
+    stamped = any(dialect.split_stamp(line)[0] for _, line in rows[first : first + 50])
+    if stamped:
+        header = ["arrival", *(header or [f"column {n}" for n in range(1, width + 1)])[1:]]
     names = dialect.unique_names(header[:width] if header else [f"column {n}" for n in range(1, width + 1)])
     names = of_sensor(path.stem, names)
     dates = frozenset(
@@ -206,8 +232,15 @@ def open_csv(path: Path) -> LogFile:
         comment=comment[0] if comment else None,
         blanks=delimiter != " " and any(delimiter + " " in line for _, line in rows),
         dates=dates,
+        stamped=stamped,
     )
-    return LogFile(path=path, names=names, units=units, dates=dates, notes=tuple(notes), read=table.read)
+    log = LogFile(path=path, names=names, units=units, dates=dates, notes=tuple(notes), read=table.read)
+    sensor = sensor_column(names)
+    if sensor is None or all(
+        dialect.is_number(row[names.index(sensor)], decimal) for row in sample if len(row) >= width
+    ):
+        return log
+    return by_sensor(path, log, table.texts(sensor), sensor)
 
 
 def seconds_of(texts: Any) -> Array:
@@ -215,11 +248,14 @@ def seconds_of(texts: Any) -> Array:
     import pandas as pd
 
     clean = texts.str.strip()
-    first = dialect.DATE.fullmatch(str(clean.iloc[0])) if len(clean) else None
+    first = next((match for text in clean if (match := dialect.DATE.fullmatch(str(text)))), None)
     day = (first and first[1]) or ""
     if re.match(r"\d{4}-", day):
         clean = clean.str.replace(",", ".", regex=False)
-        stamps = pd.to_datetime(clean, errors="coerce", utc=True, format="ISO8601")
+        form: Any = "ISO8601" if re.match(r"\d{4}-\d\d-\d\d\D", day) else "mixed"
+        stamps = pd.to_datetime(clean, errors="coerce", utc=True, format=form)
+    elif re.search("[A-Za-z]{3}", day):
+        stamps = pd.to_datetime(clean, errors="coerce", format="mixed")
     elif day:
         fields = clean.str.extract(r"^(\d+)\D(\d+)").astype(float)
         # Only differences count: where no day is beyond 12, the usual order of that sign will do.
@@ -227,7 +263,7 @@ def seconds_of(texts: Any) -> Array:
         stamps = pd.to_datetime(clean, errors="coerce", format="mixed", dayfirst=day_first)
     else:
         stamps = _time_of_day(clean.str.lower().str.replace(",", ".", regex=False))
-    return ((stamps - stamps.iloc[0]) / pd.Timedelta(seconds=1)).to_numpy(dtype=np.float64)
+    return ((stamps - stamps.dropna().iloc[0]) / pd.Timedelta(seconds=1)).to_numpy(dtype=np.float64)
 
 
 def _time_of_day(texts: Any) -> Any:

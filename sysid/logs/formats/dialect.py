@@ -31,20 +31,33 @@ COMMENTS = ("#", "%", "//")
 _BOMS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf", "+inf", "#n/a", "<na>"}
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?")
-_DAY = r"\d{4}-\d\d-\d\d[T ]|\d{4}/\d\d?/\d\d? |\d\d?[./-]\d\d?[./-]\d{2,4},? "
+_DAY = (
+    r"\d{4}-\d\d?-\d\d?[T ]|\d{4}/\d\d?/\d\d? |\d\d?[./-]\d\d?[./-]\d{2,4},? |\d\d?[- ][A-Za-z]{3}[- ]\d{4} "
+)
 DATE = re.compile(rf"({_DAY})?\d{{1,2}}:\d\d(:\d\d([.,]\d+)?)?( ?[AaPp][Mm])?(Z|[+-]\d\d:?\d\d)?")
 """A time of day, or a date and time: 2024-03-31T14:05:00.5, 31.03.2024 14:05, 3/31/2024 2:05:00 PM."""
 _DAY_ALONE = re.compile(r"\d{4}-\d\d-\d\d|\d{4}/\d\d?/\d\d?|\d\d?[./-]\d\d?[./-]\d{2,4}")
-_LABEL = re.compile(r"([^\W\d][\w ]*)[:=]\s*(?=[-+.\d])")
-"""What stands before a number in its own cell, as in 'roll: 1.2'."""
+_STAMP = re.compile(rf"\s*(?:\[\s*({DATE.pattern})\s*\]|({DATE.pattern})(?=\s*->))\s*(?:->|:)?[ \t]?")
+"""What a serial monitor puts before each line: '12:34:56.789 -> ' or '[12:34:56.789] '."""
+_BOOT = re.compile(r":(0x|\d)|[:=]\s*$")
+"""A cell that belongs to no header but to a message of a board that starts."""
 _THOUSANDS = {".": re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*"), ",": re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*")}
 """Numbers with separated thousands, by decimal sign; without that sign 1,234 may as well be a decimal comma."""
 _MEASURE = re.compile(r"([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-].*)")
 """A number with its unit in one cell."""
 
 
+def split_stamp(line: str) -> tuple[str, str]:
+    """Return the time of day that a serial monitor put before a line, '' for none, and the line."""
+    stamp = _STAMP.match(line) if ":" in line[:40] else None
+    return (stamp[0].strip(" \t->[]"), line[stamp.end() :]) if stamp else ("", line)
+
+
 def split_line(line: str, delimiter: str) -> list[str]:
-    """Return the cells of one line, without quotes and blanks around them."""
+    """Return the cells of one line, without quotes and blanks around them; a serial monitor's time is the first of them."""
+    stamp, line = split_stamp(line)
+    if stamp:
+        return [stamp, *split_line(line, delimiter)]
     if delimiter == " ":
         return line.split()
     try:
@@ -112,7 +125,8 @@ def find_dialect(path: Path, lines: Sequence[str]) -> tuple[str, str, int]:
         regular = [row for row in rows if len(row) == width]
         cells = [cell for row in regular for cell in row]
         good = sum(is_number(cell, decimal) or _is_date(cell) for cell in cells) / len(cells)
-        score = (round(good * len(regular) / len(sample), 2), width)
+        blanks = 0.95 if delimiter == " " else 1.0  # they are within cells as well, as in a date and time
+        score = (round(blanks * good * len(regular) / len(sample), 2), width)
         if score > best_score:
             best, best_score = (delimiter, decimal, width), score
     if best is None or best_score[0] < 0.25:
@@ -125,12 +139,20 @@ def find_dialect(path: Path, lines: Sequence[str]) -> tuple[str, str, int]:
 
 
 def first_row(rows: Sequence[tuple[int, str]], delimiter: str, decimal: str, width: int) -> int:
-    """Return the index of the first of `rows` that holds numbers."""
-    for index, (_, line) in enumerate(rows):
-        cells = split_line(line, delimiter)
-        numbers = sum(bool(_NUMBER.fullmatch(plain_number(cell, decimal))) for cell in cells)
-        read = numbers + sum(map(_is_date, cells))
-        if len(cells) == width and numbers and read * 2 >= sum(1 for cell in cells if cell):
+    """Return the index of the first of `rows` that is like those below it: numbers and dates where they have some."""
+    cells = [split_line(line, delimiter) for _, line in rows]
+    read = [[_is_date(cell) or is_number(cell, decimal) for cell in row] for row in cells]
+    body = [marks for row, marks in zip(cells, read, strict=True) if len(row) == width and any(row)][-200:]
+    numeric = [sum(column) * 2 > len(body) for column in zip(*body, strict=True)]
+    fits = [
+        len(row) == width
+        and all(mark or not wanted for mark, wanted in zip(marks, numeric, strict=True))
+        and any(cell and mark for cell, mark in zip(row, marks, strict=True))
+        for row, marks in zip(cells, read, strict=True)
+    ]
+    for index, fit in enumerate(fits):
+        after = fits[index + 1 : index + 11]
+        if fit and all(after[:1]) and sum(after) * 2 >= len(after):
             return index
     return 0
 
@@ -151,17 +173,37 @@ def find_header(
         above = [
             cells for cells in (split_line(line, delimiter) for line in commented) if len(cells) == width
         ]
-    above = [row for row in above if width - 1 <= len(row) <= width + 1 and sum(map(bool, row)) * 2 > width]
+    above = [
+        [*row, ""][:width]
+        for row in above
+        if width - 1 <= len(row) <= width + 1
+        and sum(map(bool, row)) * 2 > width
+        and not any(_BOOT.search(cell) for cell in row)
+        and sum(bool(cell) and is_number(cell, decimal) for cell in row) * 2 < width
+    ]
     if not above:
         return [], []
-    last = [*above[-1], ""][:width] if len(above[-1]) < width else above[-1][:width]
-    units = [parse_unit(cell) for cell in last]
-    filled = sum(map(bool, last))
-    if len(above) > 1 and sum(unit is not None for unit in units) * 2 >= filled and len(set(last)) <= filled:
-        names = [*above[-2], ""][:width] if len(above[-2]) < width else above[-2][:width]
-        if sum(parse_unit(cell) is not None for cell in names) < sum(unit is not None for unit in units):
-            return names, list(units)
-    return last, []
+    units = [parse_unit(cell) for cell in above[-1]]
+    known = sum(unit is not None for unit in units)
+    below_names = len(above) > 1 and sum(parse_unit(cell) is not None for cell in above[-2]) < known
+    if below_names and known * 2 >= sum(map(bool, above[-1])):
+        return _with_names_above(above[:-1]), list(units)
+    return _with_names_above(above), []
+
+
+def _with_names_above(above: Sequence[list[str]]) -> list[str]:
+    """Return the names in the last of some rows; those that are there more than once with the row's above that tell them apart."""
+    last = list(above[-1])
+    for row in reversed(above[:-1]):
+        shared = {before for before, name in zip(row, last, strict=True) if name and last.count(name) > 1}
+        if not shared:
+            break
+        pairs = zip(row, last, strict=True)
+        joined = [
+            f"{before} {name}" if before in shared and before and name else name for before, name in pairs
+        ]
+        last = joined if len(set(joined)) > len(set(last)) else last
+    return last
 
 
 def dialect_note(delimiter: str, decimal: str, header: bool) -> str:
@@ -189,15 +231,9 @@ def _is_date(cell: str) -> bool:
     return bool(DATE.fullmatch(cell) or _DAY_ALONE.fullmatch(cell))
 
 
-def labels(row: Sequence[str]) -> list[str]:
-    """Return what stands before the numbers of a row, as in 'ax: 0.1'; none unless it is before each of them."""
-    found = [_LABEL.match(cell) for cell in row]
-    return [label[1].strip() for label in found if label] if all(found) else []
-
-
 def plain_number(cell: str, decimal: str) -> str:
-    """Return a cell as Python reads numbers: without label, unit, brackets, separated thousands and typographic minus."""
-    cell = _LABEL.sub("", cell.strip().strip("[]").replace("−", "-"), count=1)
+    """Return a cell as Python reads numbers: without unit, brackets, separated thousands and typographic minus."""
+    cell = cell.strip().strip("[]").replace("−", "-")
     measure = _MEASURE.fullmatch(cell)
     if measure and parse_unit(measure[2]) is not None:
         cell = measure[1]
@@ -206,15 +242,12 @@ def plain_number(cell: str, decimal: str) -> str:
     return cell.replace(",", ".") if decimal == "," else cell
 
 
-def read_number(cell: str, decimal: str, label: str = "") -> float:
-    """Return the number in a cell, NaN where it stands for a missing one; only its column's label may stand before it.
+def read_number(cell: str, decimal: str) -> float:
+    """Return the number in a cell, NaN where it stands for a missing one.
 
     Raises:
         ValueError: It is neither.
     """
-    before = _LABEL.match(cell.strip())
-    if before and before[1].strip() != label:
-        raise ValueError(cell)
     if cell.strip().lower() in _MISSING:
         return float("nan")
     plain = plain_number(cell, decimal)

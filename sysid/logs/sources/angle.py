@@ -4,9 +4,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.logs.sources.registry import LENGTHS, Reading, Source
+from sysid.logs.sources.wraps import TURNS, unit_by_wraps, without_wraps
 from sysid.logs.table.choose import Choice, chosen, std_of
 from sysid.logs.table.names import ANGLE_UNITS, Column, unit_kind
 from sysid.logs.table.remarks import Remarks, note, warning
@@ -23,7 +25,13 @@ and some turns are what an arm may make."""
 
 def find_angle(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
     """Return the angles, about an axis if one is given, the one whose name is the plainest first."""
-    angles = [c for c in columns if c.kind == "angle" and (not axis or (c.axis or "x") == axis)]
+    quaternions = {
+        c.group for c in columns if c.kind == "angle" and c.axis == "w"
+    }  # no angle has a fourth axis
+    angles = [
+        c for c in columns
+        if c.kind == "angle" and c.group not in quaternions and (not axis or (c.axis or "x") == axis)
+    ]  # fmt: skip
 
     def odd(column: Column) -> tuple[object, ...]:
         return column.doubt, not axis and column.axis in ("y", "z"), not column.is_roll
@@ -104,12 +112,23 @@ def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
     return ANGLE_UNITS[unit], doubt if unsure else note("unit", why)
 
 
-def whole_turn(choice: Choice, angle: Array) -> float:
-    """Return a whole turn in the unit of an angle, shape (n,); infinite of a slide, which does not turn."""
+def unwrap_angle(choice: Choice, angle: Array) -> tuple[Choice, Array, npt.NDArray[np.intp] | None]:
+    """Return an angle, shape (n,), without its jumps by a whole turn, which also tell its unit, and the rows to keep, None for all."""
     if choice.unit in LENGTHS["angle"]:
-        return np.inf
+        return choice, angle, None  # a slide does not turn
+    if choice.unit is None and choice.scale is None and (unit := unit_by_wraps(angle)):
+        name, turn = choice.columns[0], f"{TURNS[unit]:.4g}"
+        choice = replace(choice, unit=unit).with_remarks(
+            note("unit", f"'{name}' names no unit; {unit}, because it jumps by {turn}")
+        )
     unit = choice.unit or _likely_unit(_reach(angle))
-    return 2 * np.pi / abs(choice.scale or ANGLE_UNITS[unit])
+    whole = 2 * np.pi / abs(choice.scale or ANGLE_UNITS[unit])
+    unwrapped, kept, count = without_wraps(angle, whole)
+    if not count:
+        return choice, angle, None
+    lost = "" if kept is None else f"; {angle.size - kept.size} rows within the jumps left out"
+    told = note("angle", f"wrapped by a whole turn {count} times, unwrapped{lost}")
+    return choice.with_remarks(told), unwrapped, kept
 
 
 def _reach(angle: Array) -> float:
@@ -131,8 +150,8 @@ def roll_from_angle(reading: Reading) -> Roll:
     slides = choice.unit in LENGTHS["angle"]
     show = display(is_rate=False, slides=slides)
     if not slides:
-        roll, unwrapping = _unwrapped(roll)
-        remarks += unwrapping
+        roll, moved = _near_zero(roll)
+        remarks += moved
     noise = estimate_noise(roll)
     if reading.std is not None and np.all(reading.std > 0):
         std = reading.std * abs(scale)
@@ -151,22 +170,15 @@ def roll_from_angle(reading: Reading) -> Roll:
     return reading.as_roll(roll, std, "position" if slides else "angle", remarks)
 
 
-def _unwrapped(roll: Array) -> tuple[Array, Remarks]:
-    """Undo jumps of a whole turn, and bring the middle of the record into ±half a turn."""
-    turn, remarks = 2 * np.pi, Remarks()
-    if np.ptp(roll) > 0.75 * turn:
-        steps = np.diff(roll)
-        jumps = np.flatnonzero(np.abs(steps) > 0.75 * turn)
-        if jumps.size:
-            turns = np.zeros(roll.size)
-            turns[jumps + 1] = -np.round(steps[jumps] / turn)
-            roll = roll + np.cumsum(turns) * turn
-            remarks += note("angle", f"wrapped by a whole turn {jumps.size} times, unwrapped")
+def _near_zero(roll: Array) -> tuple[Array, Remarks]:
+    """Bring the middle of the record into ±half a turn."""
+    turn = 2 * np.pi
     whole = float(np.round(np.median(roll[:: max(1, roll.size // 100_000)]) / turn))
-    if whole:
-        roll = roll - whole * turn
-        remarks += note("angle", f"{whole:+g} whole turns taken off")
-    return roll, remarks
+    return (
+        (roll - whole * turn, note("angle", f"{whole:+g} whole turns taken off"))
+        if whole
+        else (roll, Remarks())
+    )
 
 
 SOURCE = Source(
@@ -176,7 +188,7 @@ SOURCE = Source(
     find=find_angle,
     to_roll=roll_from_angle,
     moving=1,
-    turn=whole_turn,
+    unwrap=unwrap_angle,
     turning=angle_turning,
     from_column=angle_from,
 )

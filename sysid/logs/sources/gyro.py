@@ -11,7 +11,7 @@ from sysid.logs.sources.registry import LENGTHS, Reading, Source
 from sysid.logs.table.choose import Choice, chosen, triple
 from sysid.logs.table.names import RATE_UNITS, Column, unit_kind
 from sysid.logs.table.remarks import Remarks, note, warning
-from sysid.noise.sensor import estimate_noise, saturated
+from sysid.noise.sensor import clipped_rows, estimate_noise
 from sysid.roll import Array, Roll
 
 REST_BLOCK = 0.2
@@ -118,14 +118,12 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
     angle -= resting_level(angle[counted])
     walk = noise.std * np.sqrt(np.cumsum(np.concatenate((steps[:1], steps))) * np.median(steps))
     rate_std = np.full(rate.size, noise.std)
-    excess = saturated(rate, noise)
-    if excess is not None:
-        np.maximum(rate_std, excess, out=rate_std)
+    clipped = clipped_rows(rate, noise)
+    if clipped.any():
         remarks += warning(
-            f"the gyro is saturated at {np.abs(rate[excess > 0]).max():.3g} rad/s in {np.count_nonzero(excess)} "
-            "samples: angles after them are off, use a range that is wide enough"
+            f"the gyro is saturated at {np.abs(rate[clipped]).max():.3g} rad/s in {np.count_nonzero(clipped)} "
+            "samples: left out, and angles after them are off; use a range that is wide enough"
         )
-        walk = np.sqrt(walk**2 + np.cumsum((excess * np.median(steps)) ** 2))
     if not np.isfinite(bias.std):
         remarks += warning(
             "no rest and no oscillation to find the gyro's offset from: taken as 0, roll may drift"
@@ -134,9 +132,11 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
     remarks += note("noise", f"{noise.std:.2g} rad/s of the gyro")
     remarks += note("zero", "at rest: a gyro knows no vertical")
     std = np.maximum(walk, noise.std * float(np.median(steps)))
-    return reading.as_roll(
-        angle, std, "gyro", remarks, zero="drifting", measured="rate", rate=free, rate_std=rate_std
-    )
+    kept = ~clipped
+    return replace(reading, time=time[kept]).as_roll(
+        angle[kept], std[kept], "gyro", remarks, zero="drifting", measured="rate", rate=free[kept],
+        rate_std=rate_std[kept],
+    )  # fmt: skip
 
 
 def estimate_bias(time: Array, rate: Array, noise: float) -> Bias:

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.errors import SysidError, did_you_mean
 from sysid.logs import sources as package
@@ -93,8 +94,9 @@ class Source:
     moving: int = 0
     """How many of its columns, from the first on, are angles or rates that a deck moves smoothly: a lone sample beside its
     neighbours is an outlier there. Accelerations are knocked, and a quaternion's sign is free."""
-    turn: Callable[[Choice, Array], float] | None = None
-    """The whole turn after which a column, shape (n,), may begin again, in its unit; None where it does not."""
+    unwrap: Callable[[Choice, Array], tuple[Choice, Array, npt.NDArray[np.intp] | None]] | None = None
+    """Its one column, shape (n,), without jumps by a whole turn, what these tell of it, and the rows that stay, None for all;
+    None where it does not begin again."""
     turning: Callable[[Choice, Sequence[Array], float], Array] | None = None
     """How fast it turns [rad/s], shape (n,), from its columns, shape (n,) each, sampled every so many seconds; None where
     that is not told by so little. Of several that turn differently, the one that moves is the deck's."""

@@ -1,14 +1,18 @@
 """Which columns of a log hold time and roll, in which unit: by name, and by content where the name is silent."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from sysid.errors import SysidError, did_you_mean
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import Column, Kind, parse_column
 from sysid.logs.table.options import LogOptions
 from sysid.logs.table.remarks import Remarks, note
+from sysid.roll import Array
 
 AXIS_NAMES = {"roll": "x", "pitch": "y", "yaw": "z", "x": "x", "y": "y", "z": "z"}
 
@@ -56,12 +60,26 @@ def columns_of(log: LogFile, options: LogOptions) -> tuple[Column | None, list[C
         SysidError: There is no time, or nothing says what the columns are.
     """
     columns = [parse_column(name, log.units.get(name)) for name in log.names]
-    if not any(column.kind != "unknown" for column in columns) and options.column is None:
+    named = [column for column in columns if not re.fullmatch(r"column \d+", column.name)]
+    silent = not any(column.kind != "unknown" for column in columns) or (
+        len(named) < len(columns) and all(column.kind == "time" for column in named)
+    )
+    if silent and options.column is None:
         from sysid.logs.table.content import name_columns_by_content
 
         columns = name_columns_by_content(log, columns)
     time = time_column(log, columns, options)
+    others = sum(column.kind == "time" for column in columns) - 1
+    while time and others > 0 and options.time_column is None and not _runs(log.read([time.name])[time.name]):
+        columns = [column for column in columns if column is not time]  # a receiver without a satellite
+        time, others = time_column(log, columns, options), others - 1
     return time, [column for column in columns if time is None or column.name != time.name]
+
+
+def _runs(stamps: Array) -> bool:
+    """Return whether a column, shape (n,), holds times at all, and more than one."""
+    known = stamps[np.isfinite(stamps)]
+    return known.size > 1 and known.min() < known.max()
 
 
 def find_column(log: LogFile, wanted: str, columns: Sequence[Column], option: str) -> Column:

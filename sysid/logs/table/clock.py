@@ -66,6 +66,8 @@ def time_scale(stamps: Array, unit: str | None) -> tuple[float, str]:
     Where the name gives no unit, the size of an epoch stamp or the usual step gives it: sampling rates of
     boards lie between 5 Hz and 5 kHz, and the units are a thousand apart.
     """
+    if unit == "100 us" and typical_step(stamps) * TIME_UNITS[unit] > 0.2:
+        unit = "us"  # Xsens counts so in its trackers, and in microseconds in its DOTs
     if unit is not None:
         return TIME_UNITS[unit], f"in {unit}, by its name"
     first, step = abs(float(stamps[0])), typical_step(stamps)

@@ -14,8 +14,7 @@ from sysid.roll import Array
 def name_columns_by_content(log: LogFile, columns: Sequence[Column]) -> list[Column]:
     """Return the columns with the quantities that their numbers tell.
 
-    Time is the first column that always increases, unless it counts the rows, in whole numbers one after
-    the other. Four columns of unit norm are a quaternion w, x, y, z; three whose norm rests at 9.81 m/s² or 1 g an accelerometer, and three others beside it a gyro. One
+    Time is what always increases, unless it counts the rows, in whole numbers one after the other. Four columns of unit norm are a quaternion w, x, y, z; three whose norm rests at 9.81 m/s² or 1 g an accelerometer, and three others beside it a gyro. One
     column that moves is the angle; of two, the angle is the one whose slope the other is.
 
     Raises:
@@ -29,7 +28,7 @@ def name_columns_by_content(log: LogFile, columns: Sequence[Column]) -> list[Col
         column = data[name]
         if column.size < 2 or column.min() == column.max():
             continue
-        if not any(kind == "time" for kind, _ in found.values()) and np.all(np.diff(column) > 0):
+        if np.all(np.diff(column) > 0):  # what swings goes back
             found[name] = ("count" if _counts(column) else "time", "")
         else:
             moving.append(name)

@@ -28,6 +28,7 @@ _UNITS_OF: dict[Kind, dict[str, tuple[float, str]]] = {
             "deg s|degps|dps|°/s|º/s|deg/sec|deg sec|degrees/s|degrees s|deg s 1",
         ),
         "mdeg/s": (1.7453292519943295e-5, "mdps|mdeg s"),
+        "turn/s": (6.283185307179586, "turns/s|rev/s|rps"),
         "rpm": (0.10471975511965977, "rev/min|rev min"),
     },
     "accel": {
@@ -41,6 +42,7 @@ _UNITS_OF: dict[Kind, dict[str, tuple[float, str]]] = {
         "us": (1e-6, "usec|usecs|micros|microsecond|microseconds|µs|μs"),
         "ns": (1e-9, "nsec|nsecs|nanos|nanosec|nanosecond|nanoseconds"),
         "cs": (1e-2, "centisecond|centiseconds"),
+        "100 us": (1e-4, "100us"),
         "100 ns": (1e-7, "100ns"),
         "min": (60.0, "minute|minutes"),
         "h": (3600.0, "hr|hrs|hour|hours"),
@@ -60,14 +62,16 @@ _UNITS = {
 }
 
 _TIME_WORDS = {"t", "time", "times", "timestamp", "timestamps", "stamp", "elapsed", "clock", "zeit", "tiempo",
-               "temps", "ts", "epoch", "datetime", "utc", "millis", "micros"}  # fmt: skip
+               "temps", "ts", "epoch", "datetime", "utc", "millis", "micros", "arrival",
+               "tick", "ticks"}  # fmt: skip
 _RATE_WORDS = {"gyro", "gyr", "gyroscope", "gyroscopes", "omega", "rate", "speed", "velocity", "vel", "dot", "qvel",
                "angvel", "thetadot", "phidot", "angularvelocity", "angularrate", "rotationrate"}  # fmt: skip
 _ACCEL_WORDS = {"acc", "accel", "accelerometer", "acceleration", "acceler"}
 _QUATERNION_WORDS = {"q", "quat", "quaternion", "orientation", "attitude"}
 _ROLL_WORDS = {"roll", "phi", "bank", "heel", "tilt", "lean"}
 _ANGLE_WORDS = _ROLL_WORDS | {"angle", "theta", "pitch", "yaw", "heading", "psi", "pos", "position", "qpos", "encoder",
-                              "winkel", "angulo", "inclination", "deflection", "swing"}  # fmt: skip
+                              "winkel", "angulo", "inclination", "deflection", "swing", "euler", "rpy", "ang",
+                              "rotation"}  # fmt: skip
 _OTHER_WORDS = {"mag", "magnetometer", "magnetic", "magn", "temp", "temperature", "pressure", "battery", "voltage",
                 "current", "torque", "effort", "force", "latitude", "longitude", "altitude", "heave", "surge", "sway",
                 "area", "px", "frame", "index", "sample", "count", "seq", "id", "row", "accuracy", "absolute", "norm",
@@ -78,7 +82,8 @@ _KNOWN_WORDS = (
 _STD_WORDS = {"std", "sigma", "stdev", "stddev", "sd"}
 _DOUBTFUL = {"ref", "reference", "truth", "mocap", "optical", "goal", "target", "cmd", "command", "commanded",
              "setpoint", "desired", "des", "raw", "logged", "err", "error", "model", "sim", "simulated", "predicted",
-             "uncalibrated", "wrapped", "old", "linear", "user", "fused"}  # fmt: skip
+             "uncalibrated", "wrapped", "old", "linear", "user", "fused", "free",
+             "arrival", "receive", "received", "gps"}  # fmt: skip
 """Words of columns that are not the plain measurement: goals, references, second-hand copies."""
 _DRIVING = {"motor", "rotor"}
 """Words of what turns on the other side of a gear, which is less doubtful than any of those and more than the joint."""
@@ -86,6 +91,21 @@ _GLUED = re.compile(
     r"(gyroscope|gyro|gyr|omega|w|g|accelerometer|accel|acc|a|magnetometer|mag|m|quat|q|rot)([xyzw])"
 )
 _GLUED_WORD = {"w": "omega", "g": "gyro", "a": "acc", "m": "mag", "q": "quat", "rot": "gyro"}
+_CLOCKS = {"sample time fine": "100 us", "x value": "s"}
+"""What Xsens and LabVIEW call their clocks."""
+_VECTORS = _QUATERNION_WORDS | {
+    "gyro",
+    "gyr",
+    "gyroscope",
+    "acc",
+    "accel",
+    "accelerometer",
+    "angular",
+    "rpy",
+    "euler",
+    "xyz",
+}
+"""Words of what has three or four parts: the index behind them is an axis, which that of `position[0]` is not."""
 _GREEK = str.maketrans({"φ": "phi", "ϕ": "phi", "θ": "theta", "ω": "omega", "γ": "tilt", "ψ": "psi"})
 
 
@@ -125,13 +145,27 @@ def parse_column(name: str, unit: str | None = None) -> Column:
     found = (parse_unit(unit) if unit else None) or (parse_unit(in_brackets) if in_brackets else None)
     if found is None:
         words, found = _split_unit(words)
+    if clock := _CLOCKS.get(" ".join(words)):
+        return Column(name, "time", "", clock, 0, "")
+    if index := re.search(r"\[([0-3])\]", name):
+        words = _indexed(words, int(index[1]))
     kind = _kind(words, found)
+    if kind == "rate" and unit_kind(found) == "angle":
+        found = f"{found}/s"  # 'gyro_x_rads' and 'gyro_deg'
     if found is not None and kind != "std" and unit_kind(found) != kind:
         found = None
     axis = _axis(words, kind)
     doubt = 2 * sum(word in _DOUBTFUL for word in words) + bool(_DRIVING & set(words))
     group = " ".join(word for word in words if word not in _KNOWN_WORDS)
     return Column(name, kind, axis, found, doubt, group, bool(_ROLL_WORDS & set(words)))
+
+
+def _indexed(words: list[str], index: int) -> list[str]:
+    """Return the words of a vector's part with its axis: gyro[0] is x, q[0] w."""
+    rest = [word for word in words if word != str(index)]
+    if not _VECTORS & set(rest):
+        return words
+    return [*rest, "wxyz"[index] if _QUATERNION_WORDS & set(rest) else "xyzw"[index]]
 
 
 def sensor_of(table: str) -> str:
@@ -175,6 +209,8 @@ def _words(label: str) -> list[str]:
         glued = _GLUED.fullmatch(word)
         if numbered := re.fullmatch(r"(?:q|quat|quaternion)([0-3])", word):
             words += ["quat", "wxyz"[int(numbered[1])]]
+        elif (counted := re.fullmatch(r"([a-z]{3,})(\d)", word)) and counted[1] in _KNOWN_WORDS:
+            words += [counted[1], counted[2]]
         elif glued:
             words += [_GLUED_WORD.get(glued[1], glued[1]), glued[2]]
         elif word:
@@ -199,8 +235,12 @@ def _kind(words: list[str], unit: str | None) -> Kind:
     found = set(words)
     if found & _STD_WORDS:
         return "std"
+    if words[:1] and words[0] in _TIME_WORDS and unit_kind(unit) == "time":
+        return "time"
     if found & _OTHER_WORDS:
         return "other"
+    if unit_kind(unit) == "angle" and found & _RATE_WORDS:
+        return "rate"
     if unit_kind(unit) in ("rate", "accel", "angle"):
         return unit_kind(unit)
     if found & _QUATERNION_WORDS and found & set("xyzw"):

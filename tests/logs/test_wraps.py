@@ -1,0 +1,57 @@
+"""Angles that begin again after a whole turn: their unit, and jumps that resampling has spread."""
+
+import numpy as np
+import pytest
+from rocking import rocking, write_csv
+
+from sysid.logs import read_roll
+from sysid.logs.sources.wraps import find_wraps, unit_by_wraps
+
+TIME = np.arange(0, 9, 0.01)
+TURN = {"deg": 360.0, "rad": 2 * np.pi}
+
+
+def wrapped(unit, rest, seed=0):
+    roll = rocking(TIME, rest=np.radians(rest), omega=2 * np.pi * 2)[0]
+    roll = roll + np.random.default_rng(seed).normal(0, 5e-4, len(TIME))
+    angle = np.degrees(roll) if unit == "deg" else roll
+    return roll, (angle + TURN[unit] / 2) % TURN[unit] - TURN[unit] / 2
+
+
+@pytest.mark.parametrize("unit", ["deg", "rad"])
+@pytest.mark.parametrize("name", ["roll", "angle", "theta"])
+def test_a_wrap_gives_the_unit_away(tmp_path, unit, name):
+    roll, angle = wrapped(unit, 175)
+    read = read_roll(write_csv(tmp_path / "log.csv", ("time_s", name), TIME, angle))
+    assert np.ptp(read.roll) == pytest.approx(np.ptp(roll), rel=1e-6)
+    assert any(f"{unit}, because it jumps by {TURN[unit]:.4g}" in text for text in read.notes)
+    assert not any("unit" in text for text in read.warnings)
+
+
+@pytest.mark.parametrize("unit", ["deg", "rad"])
+@pytest.mark.parametrize("rate", [73.0, 130.0, 237.0])
+@pytest.mark.parametrize("rest", [-176, 178])
+def test_resampled_wraps_leave_no_sample_within_the_jump(tmp_path, unit, rate, rest):
+    roll, angle = wrapped(unit, rest, seed=3)
+    time = np.arange(0, 8.9, 1 / rate)
+    path = write_csv(tmp_path / "log.csv", ("time_s", "roll"), time, np.interp(time, TIME, angle))
+    read = read_roll(path)
+    true = np.interp(read.time, TIME, roll)
+    assert len(read.time) > 0.95 * len(time)
+    assert np.abs(read.roll - true - np.median(read.roll - true)).max() < np.radians(1.5)
+    assert any("within the jumps left out" in text for text in read.notes)
+
+
+@pytest.mark.parametrize("rate", [12.0, 20.0, 50.0])
+@pytest.mark.parametrize("amplitude", [130.0, 150.0, 175.0])
+def test_a_swing_through_most_of_a_turn_is_no_wrap(rate, amplitude):
+    angle = np.degrees(
+        rocking(np.arange(0, 9, 1 / rate), amplitude=np.radians(amplitude), omega=2 * np.pi)[0]
+    )
+    assert len(find_wraps(angle, 360.0)[0]) == 0
+    assert unit_by_wraps(angle) is None
+
+
+def test_a_step_of_6_degrees_is_no_turn_in_radians():
+    angle = np.where(TIME < 2, 0.0, 2 * np.pi) + np.random.default_rng(0).normal(0, 1e-3, len(TIME))
+    assert unit_by_wraps(np.concatenate((angle, [20.0]))) is None
