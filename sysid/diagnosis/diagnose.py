@@ -4,7 +4,7 @@ The score of a candidate is how likely its errors are on motion that it was not 
 from the best is taken, and named if what it adds matters and explains most of what can be explained.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -54,6 +54,7 @@ from sysid.diagnosis.wording import (
 from sysid.diagnosis.workers import WorkerPool
 from sysid.effects import effect
 from sysid.errors import SysidError
+from sysid.fit_mjcf import Fit
 from sysid.fitting.covariance import parameter_quantities
 from sysid.fitting.joint import FitOptions, check_parameters, held_parameters
 from sysid.fitting.records import Signal, make_records, signal_of
@@ -326,15 +327,19 @@ def diagnose(
         mimics = verdict.status == "missing" and best.rmse > SUSPECT * noise.std
         learned = None
         named = fittable(verdict.effects) if left_over else ()
-        results = [((), alone or pool.begin(learning, ()))] if left_over or mimics else []
+        results: list[tuple[tuple[str, ...], Callable[[], Fit | None]]] = []
+        if left_over or mimics:
+            results.append(((), alone or pool.begin(learning, ())))
         if named:
             results.append((named, pool.begin(partial(learning, whole=True), named)))
         # At the same time by several processes; by one alone no more than is asked for.
         for beside, result in results:
             found = result()
-            last = left_over and beside == named  # what is offered
-            told = found is not None and (last or residual_noise(found) < REACHED * noise.std)
-            learned = described(found, beside) if told else None
+            offered = left_over and beside == named
+            if found is not None and (offered or residual_noise(found) < REACHED * noise.std):
+                learned = described(found, beside)
+            else:
+                learned = None
             if mimics and learned is not None and _is_unmet(learned, winner, best, everything):
                 verdict = _unmet(verdict, learned, best, board)
                 break
