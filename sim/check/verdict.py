@@ -78,7 +78,7 @@ class Verdict:
             hidden = 100 * decays.hidden
             lines.append(
                 f"passed: NRMSE {100 * decays.nrmse:.2f} % (tolerance {100 * decays.tolerance:g} %; an error below "
-                f"{hidden:{'.1f' if hidden >= 0.1 else '.1g'}} % could not be seen in this noise)"
+                f"{hidden:{'.1f' if hidden >= 0.05 else '.1g'}} % could not be seen in this noise)"
             )
         return "\n".join(lines)
 
