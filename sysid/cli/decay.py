@@ -44,8 +44,8 @@ def decay(
         )
     refuse_overwriting_logs(logs, arguments, printer, {"--rerun": rerun})
     record = subject.find(common, printer)
-    folder = common.space.outputs("" if record is None else record.name)
-    if record is not None:
+    folder = None if record is None else common.space.outputs(record.name)
+    if folder is not None:
         require_writable(folder / "decay.json")
     recordings = load_recordings(logs, arguments, printer)
     result = fit_decay(recordings, board=record)
@@ -60,7 +60,7 @@ def decay(
         printer.say(f"to learn what is missing: {space.command('diagnose', *options, logs=logs)}{made}")
     content = result.to_json()
     written: list[Path] = []
-    if record is not None:
+    if folder is not None:
         written.append(folder / "decay.json")
         write_json(written[-1], content)
         if picture:

@@ -70,27 +70,6 @@ class Learned:
         }  # fmt: skip
 
 
-def learn(
-    releases: Sequence[Release],
-    board: Board,
-    effects: Sequence[str],
-    *,
-    signal: Signal,
-    fixed: Mapping[str, float] | None,
-) -> Learned | None:
-    """Learn the torque that some releases show beyond the record and what was named; None where that is nothing.
-
-    Args:
-        releases: From one board.
-        board: The record.
-        effects: What the verdict names.
-        signal: What is fitted.
-        fixed: Parameters held.
-    """
-    found = tables(releases, board, effects, signal=signal, fixed=fixed)
-    return None if found is None else described(found, effects)
-
-
 def tables(
     releases: Sequence[Release],
     board: Board,
@@ -100,9 +79,14 @@ def tables(
     fixed: Mapping[str, float] | None,
     whole: bool = False,
 ) -> Fit | None:
-    """Return the fit of `learn` without what is said of it; None where there is none.
+    """Learn the torque that some releases show beyond the record and what was named, as tables; None where no fit is found.
 
     Args:
+        releases: From one board.
+        board: The record.
+        effects: What the verdict names.
+        signal: What is fitted.
+        fixed: Parameters held.
         whole: Whether formula and held-out error, which take as long again, are worked out at once, as they will be asked for.
     """
     try:

@@ -8,7 +8,7 @@ import pytest
 from sysid.board import load_board
 from sysid.diagnosis import diagnose, remedy
 from sysid.diagnosis.diagnose import UNNOTICED
-from sysid.diagnosis.remedy import Learned, learn, tables
+from sysid.diagnosis.remedy import Learned, described, tables
 from sysid.joint import JointLaw
 from sysid.workspace import shipped_data
 
@@ -69,8 +69,9 @@ def test_what_fit_would_not_record_is_known_before_it_is_told_to(monkeypatch):
     )  # fmt: skip
     monkeypatch.setattr(remedy, "fit", lambda *_, **__: found)
     board = load_board(shipped_data() / "boards" / "pink.toml")
-    learned = learn([], board, (), signal="auto", fixed=None)
-    beside = learn([], board, ("coulomb",), signal="auto", fixed=None)
+    fitted = tables([], board, (), signal="auto", fixed=None)
+    assert fitted is not None
+    learned, beside = described(fitted, ()), described(fitted, ("coulomb",))
     assert learned is not None
     assert beside is not None
     assert "did not converge" in learned.refused

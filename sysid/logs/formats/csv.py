@@ -202,7 +202,7 @@ def open_csv(path: Path) -> LogFile:
         width -= 1  # a delimiter at the end of each line
     stamped = any(dialect.split_stamp(line)[0] for _, line in rows[first : first + 50])
     if stamped:
-        header = ["arrival", *(header or [f"column {n}" for n in range(1, width + 1)])[1:]]
+        header = [dialect.ARRIVAL, *(header or [f"column {n}" for n in range(1, width + 1)])[1:]]
     names = dialect.unique_names(header[:width] if header else [f"column {n}" for n in range(1, width + 1)])
     names = of_sensor(path.stem, names)
     dates = frozenset(

@@ -37,6 +37,8 @@ _DAY = (
 DATE = re.compile(rf"({_DAY})?\d{{1,2}}:\d\d(:\d\d([.,]\d+)?)?( ?[AaPp][Mm])?(Z|[+-]\d\d:?\d\d)?")
 """A time of day, or a date and time: 2024-03-31T14:05:00.5, 31.03.2024 14:05, 3/31/2024 2:05:00 PM."""
 _DAY_ALONE = re.compile(r"\d{4}-\d\d-\d\d|\d{4}/\d\d?/\d\d?|\d\d?[./-]\d\d?[./-]\d{2,4}")
+ARRIVAL = "arrival"
+"""Column of the time of day that a serial monitor puts before each line."""
 _STAMP = re.compile(rf"\s*(?:\[\s*({DATE.pattern})\s*\]|({DATE.pattern})(?=\s*->))\s*(?:->|:)?[ \t]?")
 """What a serial monitor puts before each line: '12:34:56.789 -> ' or '[12:34:56.789] '."""
 _BOOT = re.compile(r":(0x|\d)|[:=]\s*$")

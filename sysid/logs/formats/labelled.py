@@ -17,8 +17,6 @@ from sysid.logs.table.names import parse_unit
 from sysid.roll import Array
 from sysid.text import count as count_of
 
-ARRIVAL = "arrival"
-"""Column of the time of day that a serial monitor puts before a line."""
 _NUMBER = r"[-+−]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PAIR = re.compile(
     r"(?<![\w.])([^\W\d][\w .°/()\[\]-]{0,40}?)\s*[:=]\s*"
@@ -41,7 +39,7 @@ class _Samples:
     now: dict[str, str] = field(default_factory=dict[str, str])
 
     def add(self, line: dict[str, str]) -> None:
-        if not self.now.keys().isdisjoint(line.keys() - {ARRIVAL}):
+        if not self.now.keys().isdisjoint(line.keys() - {dialect.ARRIVAL}):
             self.end()
         self.now = line | self.now
 
@@ -65,7 +63,7 @@ def open_labelled(path: Path) -> LogFile:
     names = tuple(name for name, times in count.items() if times > _SHARE * len(rows))
     if not names:
         raise SysidError(f"{path}: no number behind a name.")
-    stamps = frozenset({ARRIVAL} & set(names))
+    stamps = frozenset({dialect.ARRIVAL} & set(names))
     notes = [f"table: numbers behind their names, {', '.join(names)}"]
     if left_out:
         notes.append(f"table: {count_of(left_out, 'line')} unlike the others left out")
@@ -134,7 +132,7 @@ def _parsed(lines: Iterable[str], units: dict[str, str]) -> Iterator[dict[str, s
             if unit and parse_unit(unit):  # and the unit at their end is that of all
                 units.update((own, unit) for own in (run if sensor else [name]))
         if found:
-            yield {**({ARRIVAL: stamp} if stamp else {}), **found}
+            yield {**({dialect.ARRIVAL: stamp} if stamp else {}), **found}
 
 
 def _sniff(path: Path, head: bytes) -> bool:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,6 @@ from sysid.roll import Array
 SENSOR = ("sensor", "sensor name", "sensor_name", "sensortype", "sensor_type", "topic", "variable", "type", "name", "signal",
           "channel")  # fmt: skip
 """What the column of sensors is called."""
-MAX_SENSORS = 200
-"""More names than these are words of people."""
 
 
 def sensor_column(names: Sequence[str]) -> str | None:
@@ -40,11 +39,12 @@ def by_sensor(path: Path, table: LogFile, sensors: npt.NDArray[np.str_], column:
     """
     logs: dict[str, LogFile] = {}
     names = tuple(name for name in table.names if name != column)
+    whole = cache(table.read)  # all sensors have the same columns
     for sensor in motion_first(np.unique(sensors)):
         rows = np.flatnonzero(sensors == sensor)
 
         def read(wanted: Sequence[str], rows: npt.NDArray[np.intp] = rows) -> dict[str, Array]:
-            return {name: values[rows] for name, values in table.read(wanted).items()}
+            return {name: values[rows] for name, values in whole(tuple(wanted)).items()}
 
         logs[str(sensor)] = replace(table, names=names, read=read)
     return merge_logs(path, logs, f"rows of each '{column}'")
