@@ -58,6 +58,10 @@ class Shape:
     unit: str = ""
     """Of its coefficient."""
 
+    def __reduce__(self) -> tuple[Callable[[str], "Shape"], tuple[str]]:
+        """Travel between processes by name, as a law is code."""
+        return _shape, (self.name,)
+
 
 _ANGLES = tuple(np.linspace(0.1, 0.9, 33))
 _WIDTHS = tuple(np.geomspace(0.02, 0.4, 25))
@@ -148,6 +152,10 @@ SHAPES: tuple[Shape, ...] = (
         words="pushes to one side when it is fast, like v²; {c}", unit="N*m*s^2/rad^2",
     ),
 )  # fmt: skip
+
+
+def _shape(name: str) -> Shape:
+    return next(shape for shape in SHAPES if shape.name == name)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

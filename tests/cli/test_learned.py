@@ -19,7 +19,7 @@ LOG = ROOT / "docs/examples/magnet.csv"
 def test_a_magnet_is_found_learned_checked_and_written(tmp_path):
     """The five commands of docs/learned_torque.md, in their order."""
     common = ("--board", "pink", "--workspace", tmp_path)
-    told = husky("diagnose", LOG, *common, "--workers", "1")
+    told = husky("diagnose", LOG, *common)
     assert told.returncode == 0, told.stderr
     assert "no effect of the catalogue explains" in " ".join(told.stdout.split())
     command = re.search("to learn it: husky-sysid (.*)", told.stdout)[1]

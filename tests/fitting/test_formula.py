@@ -1,5 +1,6 @@
 """A learned torque in words: the right shape, where it acts, and nothing where nothing was learned."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,11 @@ from sysid.fitting.joint import fit_joint
 def test_code_and_law_of_a_shape_are_one(shape):
     m, x, v, a = NUMPY, np.linspace(-0.2, 0.2, 11), np.linspace(-5, 7, 11), 0.07
     assert shape.law(m, x, v, a) == pytest.approx(eval(shape.code, {"m": m, "x": x, "v": v, "a": a}))
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.name)
+def test_a_shape_travels_between_processes(shape):
+    assert pickle.loads(pickle.dumps(shape)) is shape
 
 
 def test_shapes_of_the_catalogue_lead_to_its_effects():
