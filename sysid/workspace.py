@@ -153,9 +153,12 @@ class Workspace:
         return Path(os.path.relpath(path.parent.resolve() / path.name, self.root.resolve())).as_posix()
 
     def recorded(self, name: str) -> Path:
-        """Return the file that a record of this workspace names so, as seen from the current folder."""
+        """Return the file that a record of this workspace names so, as seen from the current folder, or from / where either is absolute."""
         path = self.root / name
-        return path if path.is_absolute() else Path(os.path.relpath(path.parent.resolve() / path.name))
+        if Path(name).is_absolute():
+            return path
+        found = path.parent.resolve() / path.name
+        return found if path.is_absolute() else Path(os.path.relpath(found))
 
     def outputs(self, board: str) -> Path:
         """Return the folder for a board's outputs; it is made when something is written to it."""

@@ -46,6 +46,7 @@ def test_a_linked_workspace_finds_its_logs(tmp_path: Path, monkeypatch: pytest.M
         assert space.recorded(name) == Path("log.csv")
         assert (space.root.resolve() / name).resolve() == here / "log.csv"
     assert Workspace(Path("runs")).recorded("/a/log.csv") == Path("/a/log.csv")
+    assert Workspace(Path("/runs")).recorded("../a/log.csv") == Path("/a/log.csv")
 
 
 def test_logs_are_read_again_as_they_were_fitted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
