@@ -299,7 +299,7 @@ def diagnose(
         beyond = _beyond(search, models)
         alone = pool.begin(partial(learning, whole=beyond > MATERIAL), ()) if beyond else None
         final = _finalists(search, models)
-        free = untouched([*final, *_outside_all(search, final)], search.base)
+        free = untouched([*final, *_outside_all(search, final)], search.base, pool)
         if free is not None:
             kept, left_out = free
             records = make_records(kept, noise.std, rate=use_rate)

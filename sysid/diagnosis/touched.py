@@ -8,10 +8,12 @@ A board that changed before a release is no hand's: that is a decay by numbers o
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from sysid.diagnosis.search import Candidate
+from sysid.diagnosis.workers import WorkerPool
 from sysid.fitting.records import Record, make_records
 from sysid.fitting.search import first_swings
 from sysid.roll import Release
@@ -44,25 +46,36 @@ SHORTEST, SAMPLES = 0.6, 24
 """Periods and samples of a release that is too short for a verdict."""
 
 
-def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Release], str] | None:
+def untouched(
+    models: Sequence[Candidate], base: Sequence[str], pool: WorkerPool
+) -> tuple[list[Release], str] | None:
     """Return the releases without what a hand has touched, and what was left out of them; None where a hand is nowhere.
 
     Args:
         models: Fitted to all releases; the best, the record's own and the best with one law more are asked. What holds for all
             by a law outside the catalogue was touched by no hand.
         base: Effects of the record.
+        pool: Which fits them to what is left of the releases.
     """
     releases = [record.release for record in models[0].problem.records]
     simple = sorted((m for m in models if _laws(m) == len(base) + 1), key=lambda m: m.cost)[:ASKED]
     simple += [m for m in models if _laws(m) == len(base)]
-    asked = [*simple, min(models, key=_error)]
-    beyond = _error(asked[-1]) ** 2 - 1
+    best = min(models, key=_error)
+    asked = list({id(model): model for model in [*simple, best]}.values())
+    beyond = _error(best) ** 2 - 1
     if beyond > REACHED**2 - 1:
         found: list[tuple[bool, float, int, int, list[Release]]] = []
-        for index, cut in enumerate(CUTS):
-            kept = [part for record in models[0].problem.records for part in _middle(record, asked[-1], *cut)]
+        middles = [
+            [part for record in best.problem.records for part in _middle(record, best, *cut)] for cut in CUTS
+        ]
+        # A law outside the catalogue stays in this process: pickle takes what is no module's nowhere.
+        errors = [
+            [(partial if model.shape else pool.begin)(_error_on, model, kept) for model in asked if kept]
+            for kept in middles
+        ]
+        for index, (kept, results) in enumerate(zip(middles, errors, strict=True)):
             if kept:
-                laws, error = _simplest(asked, kept)
+                laws, error = _simplest([(_laws(m), e()) for m, e in zip(asked, results, strict=True)])
                 holds = error < REACHED
                 # A release too short to be cut goes for a law only.
                 if (holds or len(kept) == len(releases)) and error**2 - 1 < LEFT * beyond:
@@ -84,7 +97,7 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
                 kept,
                 f"the {where} of the releases are left out: no law holds there, as if a hand was on the deck",
             )
-    odd = touched_release(simple, _error(asked[-1]))
+    odd = touched_release(simple, _error(best), pool)
     if odd is None:
         return None
     return (
@@ -93,11 +106,15 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
     )
 
 
-def _simplest(models: Sequence[Candidate], releases: Sequence[Release]) -> tuple[int, float]:
-    """Return how many laws the simplest model has that is nearly as good as the best, fitted to parts of its releases, and its error."""
-    errors = [_error(_refitted_to(model, releases)) for model in models]
-    near = [(_laws(m), e) for m, e in zip(models, errors, strict=True) if e < NEARLY * min(errors)]
-    return min(near)
+def _simplest(models: Sequence[tuple[int, float]]) -> tuple[int, float]:
+    """Return laws and error of the simplest model that is nearly as good as the best, of how many laws and what error each has."""
+    least = min(error for _, error in models)
+    return min(model for model in models if model[1] < NEARLY * least)
+
+
+def _error_on(model: Candidate, releases: Sequence[Release]) -> float:
+    """Return the error over the noise of a model that is fitted to parts of its releases."""
+    return _error(_refitted_to(model, releases))
 
 
 def _middle(record: Record, model: Candidate, begin: float, end: float) -> Iterator[Release]:
@@ -130,19 +147,19 @@ def _refitted_to(model: Candidate, releases: Sequence[Release]) -> Candidate:
     return replace(model, problem=part, minimum=minimum)
 
 
-def touched_release(simple: Sequence[Candidate], whole: float) -> int | None:
+def touched_release(simple: Sequence[Candidate], whole: float, pool: WorkerPool) -> int | None:
     """Return the index of the one release that is not by the law of all others, if there is one.
 
     Args:
         simple: Models that are asked.
         whole: Error over the noise of the best of all models.
+        pool: Which fits them.
     """
     count = len(simple[0].problem.records)
     if count < FEWEST or whole < BROKEN:
         return None
-    errors = np.array(
-        [[_refitted(m, [i for i in range(count) if i != odd]) for odd in range(count)] for m in simple]
-    )
+    jobs = [(m, [i for i in range(count) if i != odd]) for m in simple for odd in range(count)]
+    errors = np.array(list(pool.each(_refitted, jobs))).reshape(len(simple), count)
     best, odd = (int(i) for i in np.unravel_index(np.argmin(errors), errors.shape))
     reached = max(REACHED, SHARE * whole)
     if errors[best, odd] > reached or _refitted(simple[best], [odd]) < BROKEN * reached:

@@ -45,7 +45,7 @@ def touched(*rolls, hold=1.0, effect="coulomb", outside=False):
     records = make_records(releases, NOISE, rate=False)
     search = Search(records=records, scales=scales_of(records, board), bias="shared")
     models = [search.single(()), search.single((effect,))]
-    return untouched([*models, *([nearest_outside(search, models[1])] if outside else [])], ())
+    return untouched([*models, *([nearest_outside(search, models[1])] if outside else [])], (), search.pool)
 
 
 FREE, WIDE = decay(-0.14), decay(0.17)
