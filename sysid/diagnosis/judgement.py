@@ -35,6 +35,8 @@ NEGLIGIBLE = 0.01
 GAIN = 1.0
 """Of a parameter that may move towards what it predicts, as of one that is fitted to it (Akaike 1974) [nats]; from eight
 periods on it pays half the log of their number (Schwarz 1978)."""
+STRAY = 5.0
+"""Deviations of the noise up to which a reading is that of a joint at rest: one in a million strays farther by chance."""
 TEMPERATURE = 2.0
 """By which differences of the log-likelihood are divided for a confidence: what the reliability diagram asks for."""
 FEWEST_BLOCKS = 8
@@ -88,6 +90,7 @@ class Field:
         """
         self.base_effects = base
         self.floor = floor
+        self.period = period
         linear = next(m for m in models if m.effects == base and not m.shape)
         self.base_parameters = len(linear.problem.names)
         self._nearest = min(models, key=lambda m: m.cost)
@@ -184,7 +187,8 @@ class Field:
         e = self.best.errors
         if len(self.blocks.cuts) >= FEWEST_BLOCKS and not self._follows(self.best):
             return self.best.model.heldout_rmse
-        return float(np.sqrt(e.white**2 + e.coloured**2 + np.mean((e.jitter * self.blocks.rate) ** 2)))
+        lasting = min(e.coloured, still_noise(self.best.model, self.period))
+        return float(np.sqrt(e.white**2 + lasting**2 + np.mean((e.jitter * self.blocks.rate) ** 2)))
 
     def _possible(self) -> list[Scored]:
         """Return the candidates that may be true.
@@ -335,6 +339,20 @@ def rest_of(model: Candidate) -> float:
     if model.problem.records[0].is_rate:
         return 0.0
     return model.parameters.get("rest_angle", 0.0) + model.parameters.get(zero(), 0.0)
+
+
+def still_noise(model: Candidate, period: float) -> float:
+    """Return how far readings stray while the joint rests at the ends of its releases [rad or rad/s]; inf where none does so for half a period, in which a swing would show.
+
+    Noise of the sensor that lasts goes on there. What only a model misses does not: a friction's deck that sticks aside of where the model has it.
+    """
+    strays: list[Array] = []
+    for record in model.problem.records:
+        away = np.abs(record.signal - np.median(record.signal[-max(8, len(record.signal) // 10) :]))
+        begin = int(np.flatnonzero(np.r_[True, away > STRAY * record.std])[-1])
+        if begin < len(away) and record.time[-1] - record.time[begin] >= period / 2:
+            strays.append(away[begin:])
+    return float(np.sqrt(np.mean(np.concatenate(strays) ** 2))) if strays else float("inf")
 
 
 def held_blocks(model: Candidate, period: float) -> Blocks:
