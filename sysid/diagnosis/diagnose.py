@@ -299,6 +299,8 @@ def diagnose(
         beyond = _beyond(search, models)
         alone = pool.begin(partial(learning, whole=beyond > MATERIAL), ()) if beyond else None
         final = _finalists(search, models)
+        first = Field(final, search.base, period, noise.std)
+        alone = alone or _learning_begun(pool, learning, first)
         free = untouched([*final, *_outside_all(search, final)], search.base, pool)
         if free is not None:
             kept, left_out = free
@@ -309,12 +311,10 @@ def diagnose(
             if min(m.rmse for m in last) < REACHED * noise.std:
                 warnings.append(left_out)
                 judged, search, models, final = kept, again, others, last
-                learning, alone = partial(tables, judged, board, signal=signal, fixed=fixed), None
+                learning = partial(tables, judged, board, signal=signal, fixed=fixed)
+                first = Field(final, search.base, period, noise.std)
+                alone = _learning_begun(pool, learning, first)
         quantities = {id(m): pool.begin(parameter_quantities, m.problem, m.minimum, board) for m in final}
-        first = Field(final, search.base, period, noise.std)
-        ahead = first.winner()
-        if first.surely_missing and ahead.model.rmse > REACHED * noise.std:
-            alone = alone or pool.begin(partial(learning, whole=first.left(ahead) > MATERIAL), ())
         winner, final, idle = _material(search, first, final, board)
         outside = surrogates(search, winner, min(final, key=lambda m: m.cost))
         everything = Field([*final, *outside], search.base, period, noise.std, known=first)
@@ -475,6 +475,16 @@ def _beyond(search: Search, models: Sequence[Model]) -> float:
     best = min(models, key=lambda m: m.cost)
     far = linear.rmse > MATERIAL * motion and best.rmse > FAR * search.records[0].std
     return best.rmse / motion if far else 0.0
+
+
+def _learning_begun(
+    pool: WorkerPool, learning: Callable[..., Fit | None], tried: Field
+) -> Callable[[], Fit | None] | None:
+    """Begin to learn what will be asked for in the end, while others work on the rest; None where it may not be."""
+    ahead = tried.winner()
+    if not tried.surely_missing or ahead.model.rmse <= SUSPECT * tried.floor:
+        return None
+    return pool.begin(partial(learning, whole=tried.left(ahead) > MATERIAL), ())
 
 
 def _outside_all(search: Search, models: Sequence[Model]) -> list[Model]:
