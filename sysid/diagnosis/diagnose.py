@@ -635,9 +635,7 @@ def _missing(
         text += " The evidence is thin: the model without it is nearly as likely."
     text += "".join(f" Beside it, {hint.text}" for hint in hints)
     # Where no model is exact, the rest may be the mark of another law.
-    confidence = tried.confidence(families_of(chosen.model, search.base), idle) * (
-        explained if tried.inexact else 1.0
-    )
+    confidence = tried.confidence(families_of(chosen.model, search.base), idle) / (1 + tried.unmet(chosen))
     experiment = _experiment(search, tried, chosen, board, rivals)
     return _verdict(tried, "missing", effects, confidence, sets, chosen, size, hints, experiment, text), final
 

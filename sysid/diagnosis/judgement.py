@@ -142,11 +142,14 @@ class Field:
         gap = self._raw_gap(one, other)
         if not (self.inexact and np.isfinite(gap)):
             return gap
-        count = len(self.blocks.cuts)
         small = min((NEGLIGIBLE * self.motion) ** 2, max(self.excess(self.best), 0.0))
-        before, after = (max(self.excess(s), 0.0) + small + 1e-30 for s in (one, other))
-        lawful = 0.5 * min(LAWFUL, 2 * count) * float(np.log(max(after / before, 1.0)))
+        lawful = self._lawful(*(max(self.excess(s), 0.0) for s in (one, other)), small)
         return min(gap, lawful + self.gain * (other.model.size - one.model.size))
+
+    def _lawful(self, one: float, other: float, small: float) -> float:
+        """Return how much likelier what no model has makes the smaller of two mean square errors [nats], where as much as `small` does not matter."""
+        count = min(LAWFUL, 2 * len(self.blocks.cuts))
+        return 0.5 * count * float(np.log(max((other + small + 1e-30) / (one + small + 1e-30), 1.0)))
 
     def _raw_gap(self, one: Scored, other: Scored) -> float:
         """Return how much worse a candidate is than one if each of them could be exact, in nats."""
@@ -254,6 +257,17 @@ class Field:
             idle: What is there or not, but does not matter.
         """
         return sum(p for key, p in self.likely().items() if families <= key <= families | idle)
+
+    def unmet(self, scored: Scored) -> float:
+        """Return the odds against a candidate of a law that nobody has met, of one parameter, that leaves nothing but noise [1].
+
+        It takes away all that the candidate leaves of the motion, which counts as it does between two candidates; nothing where the
+        best one is exact: then no more can be taken away.
+        """
+        if not self.inexact:
+            return 0.0
+        left = self._lawful(0.0, max(self.excess(scored), 0.0), (NEGLIGIBLE * self.motion) ** 2)
+        return float(np.exp(left / TEMPERATURE - UNMET - PRICE * (2 - scored.choices)))
 
     def winner(self, moved: Callable[[Candidate], int] = lambda _: 0) -> Scored:
         """Return the simplest of the candidates that may be true and that none beats: by effects and parameters, then by score.
