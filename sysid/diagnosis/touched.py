@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from sysid.diagnosis.search import Candidate
+from sysid.diagnosis.search import Candidate, promise
 from sysid.diagnosis.workers import WorkerPool
 from sysid.fitting.records import Record, make_records
 from sysid.fitting.search import first_swings
@@ -40,6 +40,8 @@ FIRST = 1.25
 LEFT = 0.2
 """Share of the squared error beyond the noise that may be left without ends that held hands: of fourteen random logs, those with
 hands kept at most 0.14, those whose law the catalogue lacks, and which were not at the noise, 0.4 or more."""
+BEGUN = 12
+"""Iterations after which a fit is left where it is if it does not promise enough: with six a gap that was fitted to a push was not back in step."""
 NEARLY = 1.05
 """Error of a model that is as good as the best, over that one's."""
 SHORTEST, SAMPLES = 0.6, 24
@@ -70,7 +72,11 @@ def untouched(
         ]
         # A law outside the catalogue stays in this process: pickle takes what is no module's nowhere.
         errors = [
-            [(partial if model.shape else pool.begin)(_error_on, model, kept) for model in asked if kept]
+            [
+                (partial if m.shape else pool.begin)(_error_on, m, kept, 1 + LEFT * beyond)
+                for m in asked
+                if kept
+            ]
             for kept in middles
         ]
         for index, (kept, results) in enumerate(zip(middles, errors, strict=True)):
@@ -112,9 +118,9 @@ def _simplest(models: Sequence[tuple[int, float]]) -> tuple[int, float]:
     return min(model for model in models if model[1] < NEARLY * least)
 
 
-def _error_on(model: Candidate, releases: Sequence[Release]) -> float:
-    """Return the error over the noise of a model that is fitted to parts of its releases."""
-    return _error(_refitted_to(model, releases))
+def _error_on(model: Candidate, releases: Sequence[Release], enough: float) -> float:
+    """Return the error over the noise of a model that is fitted to parts of its releases, to the end if it promises less than `enough`, squared."""
+    return _error(_refitted_to(model, releases, enough))
 
 
 def _middle(record: Record, model: Candidate, begin: float, end: float) -> Iterator[Release]:
@@ -130,8 +136,14 @@ def _middle(record: Record, model: Candidate, begin: float, end: float) -> Itera
         yield replace(release[inside], hold=0.0 if begin else release.hold, end="log" if end else release.end)
 
 
-def _refitted_to(model: Candidate, releases: Sequence[Release]) -> Candidate:
-    """Return a model fitted to parts of its releases."""
+def _refitted_to(model: Candidate, releases: Sequence[Release], enough: float) -> Candidate:
+    """Return a model fitted to parts of its releases.
+
+    Args:
+        model: Fitted to all of them.
+        releases: The parts.
+        enough: Squared error over the noise from which nobody asks how large it is: what does not promise less is left where it is.
+    """
     problem = model.problem
     free = bool(problem.structure.internal_states) and any(release.hold <= 0 for release in releases)
     record = problem.records[0]
@@ -143,8 +155,10 @@ def _refitted_to(model: Candidate, releases: Sequence[Release]) -> Candidate:
     early = part.with_(records=[first_swings(record, part.scales, FIRST) for record in part.records])
     start = part.start(model.parameters)
     near = early.fitted(start, 12, 1e-4).point
-    minimum = min((part.fitted(one, 25) for one in (start, near)), key=lambda m: m.normal.cost)
-    return replace(model, problem=part, minimum=minimum)
+    begun = [part.fitted(one, BEGUN) for one in (start, near)]
+    hopeful = [m for m in begun if 2 * promise(m) < enough * part.samples]
+    ends = [part.fitted(m.point, 25 - BEGUN, known=m.normal) for m in hopeful] or begun
+    return replace(model, problem=part, minimum=min(ends, key=lambda m: m.normal.cost))
 
 
 def touched_release(simple: Sequence[Candidate], whole: float, pool: WorkerPool) -> int | None:
