@@ -267,28 +267,30 @@ def diagnose(
         SysidError: The releases are too short, or their unit is wrong.
     """
     recordings, releases = unpack(data)
-    chosen = signal_of(releases, signal)
-    bias, use_rate = chosen["bias"], chosen["use_rate"]
-    noise = noise_floor(releases, rate=use_rate)
-    scales = scales_of(make_records(releases, noise.std, rate=use_rate), board)
-    period = 2 * np.pi / scales.frequency
-    warnings = check_releases(releases, board, period)
-    judged, left_out = judged_stretches(releases, period)
-    warnings += [left_out] if left_out else []
-    records = make_records(judged, noise.std, rate=use_rate)
-    options = FitOptions(bias=bias, use_rate=use_rate, fixed=dict(fixed or {}))
-    own = [part.name for part in board.effects]
-    check_parameters(own, options, board)
-    if any(effect(name).is_known for name in own):
-        held, bias = held_parameters(structure_of(own), board, options)
-    else:
-        held = dict(options.fixed)
-        if bias == "per-release" or use_rate:
-            held.setdefault("rest_angle", board.rest_angle)
-    # A table that was learned stays as it is: no candidate may bend it.
-    learned_parts = (part for part in board.effects if effect(part.name).role == "learned")
-    held |= {f"{part.name}.{name}": q.value for part in learned_parts for name, q in part.parameters.items()}
-    with WorkerPool(workers) as pool:
+    with WorkerPool(workers) as pool:  # which loads while the sizes of the problem are found
+        chosen = signal_of(releases, signal)
+        bias, use_rate = chosen["bias"], chosen["use_rate"]
+        noise = noise_floor(releases, rate=use_rate)
+        scales = scales_of(make_records(releases, noise.std, rate=use_rate), board)
+        period = 2 * np.pi / scales.frequency
+        warnings = check_releases(releases, board, period)
+        judged, left_out = judged_stretches(releases, period)
+        warnings += [left_out] if left_out else []
+        records = make_records(judged, noise.std, rate=use_rate)
+        options = FitOptions(bias=bias, use_rate=use_rate, fixed=dict(fixed or {}))
+        own = [part.name for part in board.effects]
+        check_parameters(own, options, board)
+        if any(effect(name).is_known for name in own):
+            held, bias = held_parameters(structure_of(own), board, options)
+        else:
+            held = dict(options.fixed)
+            if bias == "per-release" or use_rate:
+                held.setdefault("rest_angle", board.rest_angle)
+        # A table that was learned stays as it is: no candidate may bend it.
+        learned_parts = (part for part in board.effects if effect(part.name).role == "learned")
+        held |= {
+            f"{part.name}.{name}": q.value for part in learned_parts for name, q in part.parameters.items()
+        }
         search = Search(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
             fixed=held, pool=pool, progress=progress,
