@@ -6,7 +6,7 @@ the noise, and one does without that. What the catalogue lacks acts in every swi
 A board that changed before a release is no hand's: that is a decay by numbers of its own.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -70,15 +70,8 @@ def untouched(
         middles = [
             [part for record in best.problem.records for part in _middle(record, best, *cut)] for cut in CUTS
         ]
-        # A law outside the catalogue stays in this process: pickle takes what is no module's nowhere.
-        errors = [
-            [
-                (partial if m.shape else pool.begin)(_error_on, m, kept, 1 + LEFT * beyond)
-                for m in asked
-                if kept
-            ]
-            for kept in middles
-        ]
+        enough = 1 + LEFT * beyond
+        errors = [[_begun(pool, _error_on, m, kept, enough) for m in asked if kept] for kept in middles]
         for index, (kept, results) in enumerate(zip(middles, errors, strict=True)):
             if kept:
                 laws, error = _simplest([(_laws(m), e()) for m, e in zip(asked, results, strict=True)])
@@ -110,6 +103,13 @@ def untouched(
         [release for i, release in enumerate(releases) if i != odd],
         f"release {releases[odd].number} is left out: the others are by one law, and it is by none, as if a hand was on the deck",
     )
+
+
+def _begun(
+    pool: WorkerPool, function: Callable[..., float], model: Candidate, *more: object
+) -> Callable[[], float]:
+    """Begin a job on a model. A law outside the catalogue stays in this process: pickle takes what is no module's nowhere."""
+    return (partial if model.shape else pool.begin)(function, model, *more)
 
 
 def _simplest(models: Sequence[tuple[int, float]]) -> tuple[int, float]:
@@ -172,8 +172,12 @@ def touched_release(simple: Sequence[Candidate], whole: float, pool: WorkerPool)
     count = len(simple[0].problem.records)
     if count < FEWEST or whole < BROKEN:
         return None
-    jobs = [(m, [i for i in range(count) if i != odd]) for m in simple for odd in range(count)]
-    errors = np.array(list(pool.each(_refitted, jobs))).reshape(len(simple), count)
+    results = [
+        _begun(pool, _refitted, m, [i for i in range(count) if i != odd])
+        for m in simple
+        for odd in range(count)
+    ]
+    errors = np.array([result() for result in results]).reshape(len(simple), count)
     best, odd = (int(i) for i in np.unravel_index(np.argmin(errors), errors.shape))
     reached = max(REACHED, SHARE * whole)
     if errors[best, odd] > reached or _refitted(simple[best], [odd]) < BROKEN * reached:

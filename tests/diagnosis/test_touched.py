@@ -1,5 +1,6 @@
 """What a hand has touched is left out: ends, beginnings, or a release; a board that changed, or a law that nobody knows, is not."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from sysid.diagnosis.diagnose import diagnose
 from sysid.diagnosis.search import Search
 from sysid.diagnosis.surrogates import nearest_outside
 from sysid.diagnosis.touched import untouched
+from sysid.diagnosis.workers import WorkerPool
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
 from sysid.joint import JointLaw, simulate
@@ -21,6 +23,13 @@ from sysid.workspace import shipped_data
 NOISE = 1e-3
 TIME = np.arange(0.0, 1.0, 5e-3)
 LAW = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.05)
+
+
+class Sending(WorkerPool):
+    """Takes what another process would be sent."""
+
+    def begin(self, function, *arguments):
+        return super().begin(*pickle.loads(pickle.dumps((function, *arguments))))
 
 
 def decay(angle, law=LAW):
@@ -45,7 +54,7 @@ def touched(*rolls, hold=1.0, effect="coulomb", outside=False):
     records = make_records(releases, NOISE, rate=False)
     search = Search(records=records, scales=scales_of(records, board), bias="shared")
     models = [search.single(()), search.single((effect,))]
-    return untouched([*models, *([nearest_outside(search, models[1])] if outside else [])], (), search.pool)
+    return untouched([*models, *([nearest_outside(search, models[1])] if outside else [])], (), Sending(1))
 
 
 FREE, WIDE = decay(-0.14), decay(0.17)
