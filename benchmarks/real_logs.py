@@ -21,7 +21,7 @@ from pages import table, write_between
 
 from sysid.board import load_board
 from sysid.diagnosis.diagnose import Diagnosis, diagnose
-from sysid.diagnosis.remedy import learn
+from sysid.diagnosis.remedy import described, tables
 from sysid.diagnosis.report import fittable
 from sysid.errors import SysidError
 from sysid.logs import read_roll
@@ -96,7 +96,9 @@ def main() -> None:
         alike = "; ".join(", ".join(group) for group in v.indistinguishable_from)
         learned = result.learned
         if learned is None and result.best.rmse > NEAR * noise:
-            learned = learn(releases, board, fittable(v.effects), signal="auto", fixed=dict(result.held))
+            beside = fittable(v.effects)
+            found = tables(releases, board, beside, signal="auto", fixed=dict(result.held))
+            learned = None if found is None else described(found, beside)
         told = ("", "", "nothing")
         if learned is not None:
             errors = (f"{error / noise:.2f}" for error in (learned.error_after, learned.heldout_rmse))

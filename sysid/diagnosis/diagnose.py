@@ -267,28 +267,30 @@ def diagnose(
         SysidError: The releases are too short, or their unit is wrong.
     """
     recordings, releases = unpack(data)
-    chosen = signal_of(releases, signal)
-    bias, use_rate = chosen["bias"], chosen["use_rate"]
-    noise = noise_floor(releases, rate=use_rate)
-    scales = scales_of(make_records(releases, noise.std, rate=use_rate), board)
-    period = 2 * np.pi / scales.frequency
-    warnings = check_releases(releases, board, period)
-    judged, left_out = judged_stretches(releases, period)
-    warnings += [left_out] if left_out else []
-    records = make_records(judged, noise.std, rate=use_rate)
-    options = FitOptions(bias=bias, use_rate=use_rate, fixed=dict(fixed or {}))
-    own = [part.name for part in board.effects]
-    check_parameters(own, options, board)
-    if any(effect(name).is_known for name in own):
-        held, bias = held_parameters(structure_of(own), board, options)
-    else:
-        held = dict(options.fixed)
-        if bias == "per-release" or use_rate:
-            held.setdefault("rest_angle", board.rest_angle)
-    # A table that was learned stays as it is: no candidate may bend it.
-    learned_parts = (part for part in board.effects if effect(part.name).role == "learned")
-    held |= {f"{part.name}.{name}": q.value for part in learned_parts for name, q in part.parameters.items()}
-    with WorkerPool(workers) as pool:
+    with WorkerPool(workers) as pool:  # which loads while the sizes of the problem are found
+        chosen = signal_of(releases, signal)
+        bias, use_rate = chosen["bias"], chosen["use_rate"]
+        noise = noise_floor(releases, rate=use_rate)
+        scales = scales_of(make_records(releases, noise.std, rate=use_rate), board)
+        period = 2 * np.pi / scales.frequency
+        warnings = check_releases(releases, board, period)
+        judged, left_out = judged_stretches(releases, period)
+        warnings += [left_out] if left_out else []
+        records = make_records(judged, noise.std, rate=use_rate)
+        options = FitOptions(bias=bias, use_rate=use_rate, fixed=dict(fixed or {}))
+        own = [part.name for part in board.effects]
+        check_parameters(own, options, board)
+        if any(effect(name).is_known for name in own):
+            held, bias = held_parameters(structure_of(own), board, options)
+        else:
+            held = dict(options.fixed)
+            if bias == "per-release" or use_rate:
+                held.setdefault("rest_angle", board.rest_angle)
+        # A table that was learned stays as it is: no candidate may bend it.
+        learned_parts = (part for part in board.effects if effect(part.name).role == "learned")
+        held |= {
+            f"{part.name}.{name}": q.value for part in learned_parts for name, q in part.parameters.items()
+        }
         search = Search(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
             fixed=held, pool=pool, progress=progress,
@@ -299,7 +301,9 @@ def diagnose(
         beyond = _beyond(search, models)
         alone = pool.begin(partial(learning, whole=beyond > MATERIAL), ()) if beyond else None
         final = _finalists(search, models)
-        free = untouched([*final, *_outside_all(search, final)], search.base)
+        first = Field(final, search.base, period, noise.std)
+        alone = alone or _learning_begun(pool, learning, first)
+        free = untouched([*final, *_outside_all(search, final)], search.base, pool)
         if free is not None:
             kept, left_out = free
             records = make_records(kept, noise.std, rate=use_rate)
@@ -309,12 +313,10 @@ def diagnose(
             if min(m.rmse for m in last) < REACHED * noise.std:
                 warnings.append(left_out)
                 judged, search, models, final = kept, again, others, last
-                learning, alone = partial(tables, judged, board, signal=signal, fixed=fixed), None
+                learning = partial(tables, judged, board, signal=signal, fixed=fixed)
+                first = Field(final, search.base, period, noise.std)
+                alone = _learning_begun(pool, learning, first)
         quantities = {id(m): pool.begin(parameter_quantities, m.problem, m.minimum, board) for m in final}
-        first = Field(final, search.base, period, noise.std)
-        ahead = first.winner()
-        if first.surely_missing and ahead.model.rmse > REACHED * noise.std:
-            alone = alone or pool.begin(partial(learning, whole=first.left(ahead) > MATERIAL), ())
         winner, final, idle = _material(search, first, final, board)
         outside = surrogates(search, winner, min(final, key=lambda m: m.cost))
         everything = Field([*final, *outside], search.base, period, noise.std, known=first)
@@ -477,6 +479,16 @@ def _beyond(search: Search, models: Sequence[Model]) -> float:
     return best.rmse / motion if far else 0.0
 
 
+def _learning_begun(
+    pool: WorkerPool, learning: Callable[..., Fit | None], tried: Field
+) -> Callable[[], Fit | None] | None:
+    """Begin to learn what will be asked for in the end, while others work on the rest; None where it may not be."""
+    ahead = tried.winner()
+    if not tried.surely_missing or ahead.model.rmse <= SUSPECT * tried.floor:
+        return None
+    return pool.begin(partial(learning, whole=tried.left(ahead) > MATERIAL), ())
+
+
 def _outside_all(search: Search, models: Sequence[Model]) -> list[Model]:
     """Return the law outside the catalogue that comes nearest to all of the motion, where none of the catalogue reaches the noise."""
     best = min(models, key=lambda m: m.cost)
@@ -625,9 +637,7 @@ def _missing(
         text += " The evidence is thin: the model without it is nearly as likely."
     text += "".join(f" Beside it, {hint.text}" for hint in hints)
     # Where no model is exact, the rest may be the mark of another law.
-    confidence = tried.confidence(families_of(chosen.model, search.base), idle) * (
-        explained if tried.inexact else 1.0
-    )
+    confidence = tried.confidence(families_of(chosen.model, search.base), idle) / (1 + tried.unmet(chosen))
     experiment = _experiment(search, tried, chosen, board, rivals)
     return _verdict(tried, "missing", effects, confidence, sets, chosen, size, hints, experiment, text), final
 

@@ -35,6 +35,8 @@ NEGLIGIBLE = 0.01
 GAIN = 1.0
 """Of a parameter that may move towards what it predicts, as of one that is fitted to it (Akaike 1974) [nats]; from eight
 periods on it pays half the log of their number (Schwarz 1978)."""
+STRAY = 5.0
+"""Deviations of the noise up to which a reading is that of a joint at rest: one in a million strays farther by chance."""
 TEMPERATURE = 2.0
 """By which differences of the log-likelihood are divided for a confidence: what the reliability diagram asks for."""
 FEWEST_BLOCKS = 8
@@ -88,6 +90,7 @@ class Field:
         """
         self.base_effects = base
         self.floor = floor
+        self.period = period
         linear = next(m for m in models if m.effects == base and not m.shape)
         self.base_parameters = len(linear.problem.names)
         self._nearest = min(models, key=lambda m: m.cost)
@@ -139,11 +142,14 @@ class Field:
         gap = self._raw_gap(one, other)
         if not (self.inexact and np.isfinite(gap)):
             return gap
-        count = len(self.blocks.cuts)
         small = min((NEGLIGIBLE * self.motion) ** 2, max(self.excess(self.best), 0.0))
-        before, after = (max(self.excess(s), 0.0) + small + 1e-30 for s in (one, other))
-        lawful = 0.5 * min(LAWFUL, 2 * count) * float(np.log(max(after / before, 1.0)))
+        lawful = self._lawful(*(max(self.excess(s), 0.0) for s in (one, other)), small)
         return min(gap, lawful + self.gain * (other.model.size - one.model.size))
+
+    def _lawful(self, one: float, other: float, small: float) -> float:
+        """Return how much likelier what no model has makes the smaller of two mean square errors [nats], where as much as `small` does not matter."""
+        count = min(LAWFUL, 2 * len(self.blocks.cuts))
+        return 0.5 * count * float(np.log(max((other + small + 1e-30) / (one + small + 1e-30), 1.0)))
 
     def _raw_gap(self, one: Scored, other: Scored) -> float:
         """Return how much worse a candidate is than one if each of them could be exact, in nats."""
@@ -184,7 +190,8 @@ class Field:
         e = self.best.errors
         if len(self.blocks.cuts) >= FEWEST_BLOCKS and not self._follows(self.best):
             return self.best.model.heldout_rmse
-        return float(np.sqrt(e.white**2 + e.coloured**2 + np.mean((e.jitter * self.blocks.rate) ** 2)))
+        lasting = min(e.coloured, still_noise(self.best.model, self.period))
+        return float(np.sqrt(e.white**2 + lasting**2 + np.mean((e.jitter * self.blocks.rate) ** 2)))
 
     def _possible(self) -> list[Scored]:
         """Return the candidates that may be true.
@@ -250,6 +257,17 @@ class Field:
             idle: What is there or not, but does not matter.
         """
         return sum(p for key, p in self.likely().items() if families <= key <= families | idle)
+
+    def unmet(self, scored: Scored) -> float:
+        """Return the odds against a candidate of a law that nobody has met, of one parameter, that leaves nothing but noise [1].
+
+        It takes away all that the candidate leaves of the motion, which counts as it does between two candidates; nothing where the
+        best one is exact: then no more can be taken away.
+        """
+        if not self.inexact:
+            return 0.0
+        left = self._lawful(0.0, max(self.excess(scored), 0.0), (NEGLIGIBLE * self.motion) ** 2)
+        return float(np.exp(left / TEMPERATURE - UNMET - PRICE * (2 - scored.choices)))
 
     def winner(self, moved: Callable[[Candidate], int] = lambda _: 0) -> Scored:
         """Return the simplest of the candidates that may be true and that none beats: by effects and parameters, then by score.
@@ -335,6 +353,20 @@ def rest_of(model: Candidate) -> float:
     if model.problem.records[0].is_rate:
         return 0.0
     return model.parameters.get("rest_angle", 0.0) + model.parameters.get(zero(), 0.0)
+
+
+def still_noise(model: Candidate, period: float) -> float:
+    """Return how far readings stray while the joint rests at the ends of its releases [rad or rad/s]; inf where none does so for half a period, in which a swing would show.
+
+    Noise of the sensor that lasts goes on there. What only a model misses does not: a friction's deck that sticks aside of where the model has it.
+    """
+    strays: list[Array] = []
+    for record in model.problem.records:
+        away = np.abs(record.signal - np.median(record.signal[-max(8, len(record.signal) // 10) :]))
+        begin = int(np.flatnonzero(np.r_[True, away > STRAY * record.std])[-1])
+        if begin < len(away) and record.time[-1] - record.time[begin] >= period / 2:
+            strays.append(away[begin:])
+    return float(np.sqrt(np.mean(np.concatenate(strays) ** 2))) if strays else float("inf")
 
 
 def held_blocks(model: Candidate, period: float) -> Blocks:

@@ -250,7 +250,7 @@ class Search:
         trials = [problem.fitted(point, 4, 1e-3) for point in points]
         enough = ASTRAY * min(m.normal.cost for m in trials)
         near = [m for m in trials if m.normal.cost <= enough]
-        return Candidate(effects=effects, problem=problem, minimum=min(near, key=_promise))
+        return Candidate(effects=effects, problem=problem, minimum=min(near, key=promise))
 
     def finished(self, model: Candidate, *parents: Candidate) -> Candidate:
         """Return a model that was only begun with its fit brought to an end, no worse than what it contains."""
@@ -316,14 +316,14 @@ class Search:
             return []
         half = (begin + end) / 2
         waiting = sorted(
-            self.each("pair", Search.begun, wanted, begin, half), key=lambda m: _promise(m.minimum)
+            self.each("pair", Search.begun, wanted, begin, half), key=lambda m: promise(m.minimum)
         )
         parents = {tuple(sorted({*a.effects, *b.effects})): (a, b) for a, b in wanted}
         total, done = len(waiting), list[Candidate]()
         batch = max(4, total // 8)
         while waiting:
             reached = sorted(m.minimum.normal.cost for m in done)
-            if len(reached) >= BEATEN and 2 * _promise(waiting[0].minimum) > 2 * reached[BEATEN - 1] + FAR:
+            if len(reached) >= BEATEN and 2 * promise(waiting[0].minimum) > 2 * reached[BEATEN - 1] + FAR:
                 break
             now, waiting = waiting[:batch], waiting[batch:]
             share = half + (end - half) * len(done) / total
@@ -497,7 +497,7 @@ class Search:
         start = np.clip(model.minimum.point, *problem.bounds())
         here, reached = problem.normal(start), min((k.minimum.normal.cost for k in parents), default=np.inf)
         best = problem.fitted(start, TRIED if here.cost > reached else 30, known=here)
-        if here.cost > reached > _promise(best):
+        if here.cost > reached > promise(best):
             best = problem.fitted(best.point, 30, known=best.normal)
         for known in parents:
             if known.minimum.normal.cost < best.normal.cost:  # else it ends in no better valley
@@ -515,7 +515,7 @@ def _freed(model: Candidate) -> Candidate:
         return model
     problem = model.problem.with_(free_states=True)
     here = problem.fitted(inherited(problem, model), 0)
-    if 2 * _promise(here) > model.cost - UNSETTLED * states:
+    if 2 * promise(here) > model.cost - UNSETTLED * states:
         return model
     freed = replace(model, problem=problem, minimum=problem.fitted(here.point, 20, known=here.normal))
     # What is left may be more than the floor, and last: then it holds fewer values, and larger ones.
@@ -649,7 +649,7 @@ def _sensible(one: Candidate, other: Candidate) -> bool:
     return len(set(families)) == len(families) and not any(names & {*effect(name).excludes} for name in names)
 
 
-def _promise(minimum: Minimum) -> float:
+def promise(minimum: Minimum) -> float:
     """Return the cost that the quadratic model of it promises at best."""
     normal = minimum.normal
     if not np.isfinite(normal.cost):

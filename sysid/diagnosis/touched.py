@@ -6,12 +6,14 @@ the noise, and one does without that. What the catalogue lacks acts in every swi
 A board that changed before a release is no hand's: that is a decay by numbers of its own.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from sysid.diagnosis.search import Candidate
+from sysid.diagnosis.search import Candidate, promise
+from sysid.diagnosis.workers import WorkerPool
 from sysid.fitting.records import Record, make_records
 from sysid.fitting.search import first_swings
 from sysid.roll import Release
@@ -38,31 +40,41 @@ FIRST = 1.25
 LEFT = 0.2
 """Share of the squared error beyond the noise that may be left without ends that held hands: of fourteen random logs, those with
 hands kept at most 0.14, those whose law the catalogue lacks, and which were not at the noise, 0.4 or more."""
+BEGUN = 12
+"""Iterations after which a fit is left where it is if it does not promise enough: with six a gap that was fitted to a push was not back in step."""
 NEARLY = 1.05
 """Error of a model that is as good as the best, over that one's."""
 SHORTEST, SAMPLES = 0.6, 24
 """Periods and samples of a release that is too short for a verdict."""
 
 
-def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Release], str] | None:
+def untouched(
+    models: Sequence[Candidate], base: Sequence[str], pool: WorkerPool
+) -> tuple[list[Release], str] | None:
     """Return the releases without what a hand has touched, and what was left out of them; None where a hand is nowhere.
 
     Args:
         models: Fitted to all releases; the best, the record's own and the best with one law more are asked. What holds for all
             by a law outside the catalogue was touched by no hand.
         base: Effects of the record.
+        pool: Which fits them to what is left of the releases.
     """
     releases = [record.release for record in models[0].problem.records]
     simple = sorted((m for m in models if _laws(m) == len(base) + 1), key=lambda m: m.cost)[:ASKED]
     simple += [m for m in models if _laws(m) == len(base)]
-    asked = [*simple, min(models, key=_error)]
-    beyond = _error(asked[-1]) ** 2 - 1
+    best = min(models, key=_error)
+    asked = list({id(model): model for model in [*simple, best]}.values())
+    beyond = _error(best) ** 2 - 1
     if beyond > REACHED**2 - 1:
         found: list[tuple[bool, float, int, int, list[Release]]] = []
-        for index, cut in enumerate(CUTS):
-            kept = [part for record in models[0].problem.records for part in _middle(record, asked[-1], *cut)]
+        middles = [
+            [part for record in best.problem.records for part in _middle(record, best, *cut)] for cut in CUTS
+        ]
+        enough = 1 + LEFT * beyond
+        errors = [[_begun(pool, _error_on, m, kept, enough) for m in asked if kept] for kept in middles]
+        for index, (kept, results) in enumerate(zip(middles, errors, strict=True)):
             if kept:
-                laws, error = _simplest(asked, kept)
+                laws, error = _simplest([(_laws(m), e()) for m, e in zip(asked, results, strict=True)])
                 holds = error < REACHED
                 # A release too short to be cut goes for a law only.
                 if (holds or len(kept) == len(releases)) and error**2 - 1 < LEFT * beyond:
@@ -84,7 +96,7 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
                 kept,
                 f"the {where} of the releases are left out: no law holds there, as if a hand was on the deck",
             )
-    odd = touched_release(simple, _error(asked[-1]))
+    odd = touched_release(simple, _error(best), pool)
     if odd is None:
         return None
     return (
@@ -93,11 +105,22 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
     )
 
 
-def _simplest(models: Sequence[Candidate], releases: Sequence[Release]) -> tuple[int, float]:
-    """Return how many laws the simplest model has that is nearly as good as the best, fitted to parts of its releases, and its error."""
-    errors = [_error(_refitted_to(model, releases)) for model in models]
-    near = [(_laws(m), e) for m, e in zip(models, errors, strict=True) if e < NEARLY * min(errors)]
-    return min(near)
+def _begun(
+    pool: WorkerPool, function: Callable[..., float], model: Candidate, *more: object
+) -> Callable[[], float]:
+    """Begin a job on a model. A law outside the catalogue stays in this process: pickle takes what is no module's nowhere."""
+    return (partial if model.shape else pool.begin)(function, model, *more)
+
+
+def _simplest(models: Sequence[tuple[int, float]]) -> tuple[int, float]:
+    """Return laws and error of the simplest model that is nearly as good as the best, of how many laws and what error each has."""
+    least = min(error for _, error in models)
+    return min(model for model in models if model[1] < NEARLY * least)
+
+
+def _error_on(model: Candidate, releases: Sequence[Release], enough: float) -> float:
+    """Return the error over the noise of a model that is fitted to parts of its releases, to the end if it promises less than `enough`, squared."""
+    return _error(_refitted_to(model, releases, enough))
 
 
 def _middle(record: Record, model: Candidate, begin: float, end: float) -> Iterator[Release]:
@@ -113,8 +136,14 @@ def _middle(record: Record, model: Candidate, begin: float, end: float) -> Itera
         yield replace(release[inside], hold=0.0 if begin else release.hold, end="log" if end else release.end)
 
 
-def _refitted_to(model: Candidate, releases: Sequence[Release]) -> Candidate:
-    """Return a model fitted to parts of its releases."""
+def _refitted_to(model: Candidate, releases: Sequence[Release], enough: float) -> Candidate:
+    """Return a model fitted to parts of its releases.
+
+    Args:
+        model: Fitted to all of them.
+        releases: The parts.
+        enough: Squared error over the noise from which nobody asks how large it is: what does not promise less is left where it is.
+    """
     problem = model.problem
     free = bool(problem.structure.internal_states) and any(release.hold <= 0 for release in releases)
     record = problem.records[0]
@@ -126,23 +155,29 @@ def _refitted_to(model: Candidate, releases: Sequence[Release]) -> Candidate:
     early = part.with_(records=[first_swings(record, part.scales, FIRST) for record in part.records])
     start = part.start(model.parameters)
     near = early.fitted(start, 12, 1e-4).point
-    minimum = min((part.fitted(one, 25) for one in (start, near)), key=lambda m: m.normal.cost)
-    return replace(model, problem=part, minimum=minimum)
+    begun = [part.fitted(one, BEGUN) for one in (start, near)]
+    hopeful = [m for m in begun if 2 * promise(m) < enough * part.samples]
+    ends = [part.fitted(m.point, 25 - BEGUN, known=m.normal) for m in hopeful] or begun
+    return replace(model, problem=part, minimum=min(ends, key=lambda m: m.normal.cost))
 
 
-def touched_release(simple: Sequence[Candidate], whole: float) -> int | None:
+def touched_release(simple: Sequence[Candidate], whole: float, pool: WorkerPool) -> int | None:
     """Return the index of the one release that is not by the law of all others, if there is one.
 
     Args:
         simple: Models that are asked.
         whole: Error over the noise of the best of all models.
+        pool: Which fits them.
     """
     count = len(simple[0].problem.records)
     if count < FEWEST or whole < BROKEN:
         return None
-    errors = np.array(
-        [[_refitted(m, [i for i in range(count) if i != odd]) for odd in range(count)] for m in simple]
-    )
+    results = [
+        _begun(pool, _refitted, m, [i for i in range(count) if i != odd])
+        for m in simple
+        for odd in range(count)
+    ]
+    errors = np.array([result() for result in results]).reshape(len(simple), count)
     best, odd = (int(i) for i in np.unravel_index(np.argmin(errors), errors.shape))
     reached = max(REACHED, SHARE * whole)
     if errors[best, odd] > reached or _refitted(simple[best], [odd]) < BROKEN * reached:

@@ -124,9 +124,12 @@ def with_structure(
 
 
 def _learned(
-    problem: Problem, point: Array, horizons: Sequence[float] = _PERIODS
-) -> tuple[Problem, Minimum, int]:
-    """Fit tables from a point on, first swings first, with weights that are chosen again as the fit comes nearer."""
+    problem: Problem, point: Array, horizons: Sequence[float] = _PERIODS, known: tuple[Problem, Minimum] | None = None
+) -> tuple[Problem, Minimum, int]:  # fmt: skip
+    """Fit tables from a point on, first swings first, with weights that are chosen again as the fit comes nearer.
+
+    Where that predicts worse than what is known already, beyond doubt, it has lost its way, and what is known is returned.
+    """
     evaluations, cost, period = 0, 0.0, 2 * np.pi / problem.scales.frequency
     horizons = [p for p in horizons if p * period < problem.scales.duration or not np.isfinite(p)]
     for periods in horizons:
@@ -143,6 +146,8 @@ def _learned(
                 here.normal, point, low, high, iterations=15, tolerance=here.unnoticed, abandons=True
             )
             point, cost, evaluations = found.point, found.normal.cost, evaluations + found.evaluations
+            if known is not None and gain(*known, here, found) < -MIN_GAIN:
+                return *known, evaluations
             weights = chosen_weights(here, point)
             if weights in seen:  # as they are, or they go round in a circle
                 break
@@ -212,7 +217,7 @@ def _remembering(problem: Problem, found: Minimum, effects: Sequence[str]) -> tu
     before = _Linearised(problem, found.point).missed(problem.smoothing)
     if linear.nats(before / linear.missed(chosen)) < MIN_GAIN:
         return problem, found, len(starts)
-    return _learned(richer.with_(smoothing=weights), linear.point, _PERIODS[-1:])
+    return _learned(richer.with_(smoothing=weights), linear.point, _PERIODS[-1:], (problem, found))
 
 
 def gain(problem: Problem, found: Minimum, richer: Problem, there: Minimum) -> float:

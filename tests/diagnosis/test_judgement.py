@@ -25,6 +25,7 @@ from sysid.diagnosis.judgement import (
     UNMET,
     Field,
     families_of,
+    still_noise,
 )
 from sysid.diagnosis.search import Candidate, Search
 from sysid.diagnosis.surrogates import surrogate
@@ -294,6 +295,40 @@ def test_where_no_model_is_exact_what_the_best_leaves_does_not_matter(
     monkeypatch.setattr(field, "inexact", True)
     monkeypatch.setattr(Field, "excess", lambda self, scored: (left[scored.model.effects] * self.motion) ** 2)
     assert (field.gap(field.best, field.base) > TIE) is told
+
+
+def test_a_law_that_nobody_has_met_is_a_rival_by_what_is_left_where_no_model_is_exact(friction, monkeypatch):
+    _, field = friction
+    assert field.unmet(field.best) == 0.0
+    monkeypatch.setattr(field, "inexact", True)
+
+    def odds_if_left(share, scored=field.best):
+        monkeypatch.setattr(Field, "excess", lambda self, scored: (share * self.motion) ** 2)
+        return field.unmet(scored)
+
+    assert odds_if_left(0.0) == pytest.approx(np.exp(-UNMET + PRICE * (field.best.choices - 2)))
+    # Of a percent, a dozen values say two to one, six times the half of log 2, against one in twenty.
+    assert odds_if_left(0.01) / odds_if_left(0.0) == pytest.approx(2**3)
+    assert odds_if_left(0.001) < odds_if_left(0.01) < 1 < odds_if_left(0.03)
+    assert odds_if_left(0.01, replace(field.best, choices=field.best.choices + 1)) > odds_if_left(0.01)
+
+
+@pytest.mark.parametrize("calm", [True, False])
+def test_noise_that_lasts_shows_at_rest_too(friction, calm):
+    """Else what a model misses of the motion, and of where a deck sticks, would be the sensor's."""
+    search, field = friction
+    model, period = field.best.model, 2 * np.pi / search.scales.frequency
+    rng, time = np.random.default_rng(1), np.arange(0.0, 2.4, 4e-3)
+    ends = white(rng, len(time)) if calm else lasting(rng, len(time))
+    signal = np.where(time < 0.8, 0.15 * np.cos(40 * time), 0.01) + ends
+
+    def still(part):
+        record = replace(model.problem.records[0], time=time[part], signal=signal[part])
+        return still_noise(replace(model, problem=model.problem.with_(records=[record])), period)
+
+    noise = still(slice(None))
+    assert noise == pytest.approx(NOISE, rel=0.1) if calm else noise > 2 * NOISE
+    assert still(slice(0, 200)) == np.inf  # it still swings where the log ends
 
 
 def test_a_stop_as_soft_as_a_stop_may_be_is_no_candidate(friction):

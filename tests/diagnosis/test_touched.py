@@ -1,5 +1,6 @@
 """What a hand has touched is left out: ends, beginnings, or a release; a board that changed, or a law that nobody knows, is not."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,8 @@ from sysid.board import load_board
 from sysid.diagnosis.diagnose import diagnose
 from sysid.diagnosis.search import Search
 from sysid.diagnosis.surrogates import nearest_outside
-from sysid.diagnosis.touched import untouched
+from sysid.diagnosis.touched import _begun, _refitted, untouched
+from sysid.diagnosis.workers import WorkerPool
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
 from sysid.joint import JointLaw, simulate
@@ -23,6 +25,13 @@ TIME = np.arange(0.0, 1.0, 5e-3)
 LAW = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.05)
 
 
+class Sending(WorkerPool):
+    """Takes what another process would be sent."""
+
+    def begin(self, function, *arguments):
+        return super().begin(*pickle.loads(pickle.dumps((function, *arguments))))
+
+
 def decay(angle, law=LAW):
     return simulate(law, TIME, angle).roll
 
@@ -32,7 +41,7 @@ def caught(angle):
     return np.where(TIME < 0.4, decay(angle), 0.05 * np.minimum((TIME - 0.4) / 0.3, 1.0))
 
 
-def touched(*rolls, hold=1.0, effect="coulomb", outside=False):
+def searched(*rolls, hold=1.0, effect="coulomb"):
     rng = np.random.default_rng(3)
     releases = [
         Release(
@@ -44,8 +53,12 @@ def touched(*rolls, hold=1.0, effect="coulomb", outside=False):
     board = load_board(shipped_data() / "boards" / "pink.toml")
     records = make_records(releases, NOISE, rate=False)
     search = Search(records=records, scales=scales_of(records, board), bias="shared")
-    models = [search.single(()), search.single((effect,))]
-    return untouched([*models, *([nearest_outside(search, models[1])] if outside else [])], ())
+    return search, [search.single(()), search.single((effect,))]
+
+
+def touched(*rolls, outside=False, **options):
+    search, models = searched(*rolls, **options)
+    return untouched([*models, *([nearest_outside(search, models[1])] if outside else [])], (), Sending(1))
 
 
 FREE, WIDE = decay(-0.14), decay(0.17)
@@ -106,6 +119,13 @@ def test_what_no_law_follows_is_left_out_where_one_follows_the_rest(rolls, left)
         assert all(
             release.time[-1] < 0.6 for release in releases if left == "the ends" and release.number != 1
         )
+
+
+def test_a_law_outside_the_catalogue_is_asked_in_this_process():
+    search, models = searched(decay(0.17), decay(-0.14))
+    model = nearest_outside(search, models[1])
+    assert _begun(Sending(1), _refitted, model, [0])() == pytest.approx(_refitted(model, [0]))
+    assert _begun(Sending(1), _refitted, models[1], [0])() == pytest.approx(_refitted(models[1], [0]))
 
 
 @pytest.mark.parametrize(("outside", "left"), [(False, True), (True, False)])
