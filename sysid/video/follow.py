@@ -61,8 +61,7 @@ def track_of(reel: Reel, frames: Sequence[tuple[int, float]], points: Points) ->
             "the board. Give the film as the camera wrote it, or its frame rate with --rate."
         )
     turn = _turn(points, reel.lens.matrix[0, 0])
-    reel.background.leave_out(reel.look.moving, reel.skipped, turn)
-    shake = reel.background.shake(reel.skipped, reel.skipped + len(frames))
+    shake = reel.background.shake(reel.skipped, turn)
     index, time = np.array([number for number, _ in frames], np.intp), np.array([at for _, at in frames])
     return Track(time, points, _of_the_camera(shake, turn, reel.options), index, reel.repeated)
 

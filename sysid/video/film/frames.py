@@ -133,8 +133,8 @@ class Clip:
     readout: float | None = None
     """Time from the sensor's first to its last row [s], as the phone notes it."""
 
-    def frames(self, every: int = 1) -> Generator[Frame]:
-        """Decode the clip from its start; only every `every`-th frame is converted to a picture.
+    def frames(self) -> Generator[Frame]:
+        """Decode the clip from its start.
 
         Raises:
             SysidError: The file ends before its announced length.
@@ -143,12 +143,10 @@ class Clip:
         for frame in _decoded(self.path):
             if begin is None and frame.pts is not None:
                 begin = frame.time
-            if count % every == 0:
-                time = np.nan if begin is None or frame.pts is None else (frame.time - begin) / self.slowed
-                if self.progress is not None and self.announced:
-                    what = f"{self.path.name}: {'reading' if every == 1 else 'looking through'}"
-                    self.progress(what, min(count / self.announced, 1.0))
-                yield Frame(count, time, *_planes(frame, self.rotation))
+            time = np.nan if begin is None or frame.pts is None else (frame.time - begin) / self.slowed
+            if self.progress is not None and self.announced:
+                self.progress(f"{self.path.name}: reading", min(count / self.announced, 1.0))
+            yield Frame(count, time, *_planes(frame, self.rotation))
             count += 1
         missing = self.announced - count
         if missing > max(2, MAX_MISSING_SHARE * self.announced):
