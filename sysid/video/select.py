@@ -22,7 +22,7 @@ from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import upright
 from sysid.video.pose.view import View
 from sysid.video.registration import BodyPicture, picture_of_body
-from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, rests_at
+from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_at_rest, rests_at
 from sysid.video.types import Points
 
 MAX_LOST = 0.9
@@ -223,7 +223,7 @@ def _followed(reel: Reel, target: Target, track: Track) -> Followed | str:
     target = replace(
         target,
         shows_level=False,
-        zero=lambda found: -rests_at(found.angle),
+        zero=level_at_rest,
         zero_note=f"where the deck is at the end of the film: {off}",
     )
     return replace(one, target=target)

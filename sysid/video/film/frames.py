@@ -264,6 +264,13 @@ def _noted(metadata: dict[str, str], name: str, limit: float) -> float:
     return number if 0 < number < limit else 0.0
 
 
+def box_about(places: Array, margin: float) -> Box:
+    """Return left, top, right and bottom of places (m, 2) and a margin about them, all [px]; it may reach out of the picture."""
+    left, top = np.floor(places.min(axis=0) - margin).astype(int).tolist()
+    right, bottom = np.ceil(places.max(axis=0) + margin).astype(int).tolist()
+    return left, top, right, bottom
+
+
 def in_colour(bright: Picture, chroma: Sequence[Picture]) -> Picture:
     """Return blue, green and red, shape (h, w, 3), of brightness (h, w) and chroma, each of half as many rows and columns or as many."""
     planes = [cv2.resize(one, bright.shape[::-1], interpolation=cv2.INTER_NEAREST) for one in chroma]
