@@ -132,23 +132,21 @@ def _to_the_end(reel: Reel, led: Followed) -> Followed:
     target, points = led.target, list(led.track.points)
     stamps = [(frame.index, frame.time) for frame in reel.kept]
     body, corners = led.laid or (_lay_body(reel, led) if target.shows_body else None) or (None, [])
-    whole = None if body is None else _whole_body(reel, led, corners)
     last = next((seen for seen in reversed(corners) if np.isfinite(seen).all()), None)
     rest = ((frame, follow(target.follower, frame)) for frame in reel.others())
     with closing(ahead(rest, 1)) as others:
         for frame, seen in others:
             stamps.append((frame.index, frame.time))
             points.append(seen)
-            if body is not None and whole is not None:
+            if body is not None:
                 corners.append(body.seen(frame, seen, last))
                 last = corners[-1] if np.isfinite(corners[-1]).all() else last
     if len(points) > len(led.track.points):
-        all_of_it = _followed(reel, target, track_of(reel, stamps, np.array(points)))
-        if isinstance(all_of_it, str):
-            raise SysidError(f"{reel.clip.path}: {all_of_it}. {ADVICE}")
-        led = all_of_it
-        whole = None if whole is None else _whole_body(reel, led, corners)
-    return whole or led
+        whole_film = _followed(reel, target, track_of(reel, stamps, np.array(points)))
+        if isinstance(whole_film, str):
+            raise SysidError(f"{reel.clip.path}: {whole_film}. {ADVICE}")
+        led = whole_film
+    return (_whole_body(reel, led, corners) if corners else None) or led
 
 
 def _lay_body(reel: Reel, led: Followed) -> tuple[BodyPicture, list[Points]] | None:
@@ -187,7 +185,7 @@ def _best(usable: list[Followed]) -> Followed:
     stray = [  # what is too uncertain to agree contradicts nothing
         one.target.what
         for one in usable
-        if one.std < MAX_DISAGREEMENT * first.swing and not any(one is other for other in agreeing)
+        if one.std < MAX_DISAGREEMENT * first.swing and not _same_swing(one, first)
     ]
     if stray:
         words = f"{' and '.join(stray)} moves otherwise than {first.target.what} and is not used; --roi keeps to the board"
