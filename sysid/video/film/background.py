@@ -95,7 +95,7 @@ class Background:
         matrix = self.lens.matrix
         focal, centre = float(matrix[0, 0]), complex(matrix[0, 2], matrix[1, 2])
         seen = np.array(self._seen[first : first + len(turn)])
-        some = self._beside & _apart(seen.astype(np.float64), self._beside, turn)
+        some = self._beside & _apart(seen, self._beside, turn)
         if some.sum() < MIN_PATCHES:
             return still(len(turn), focal, centre)
         home, there = (
@@ -120,7 +120,7 @@ class Background:
         return places
 
 
-def _apart(seen: Array, some: Mask, turn: Array) -> Mask:
+def _apart(seen: Points, some: Mask, turn: Array) -> Mask:
     """Return which of some patches, seen at (n, m, 2) [px], neither move with the board's turn (n,) [rad] nor hold but noise."""
     step = np.diff(seen, axis=0)
     found = np.asarray(np.isfinite(step).all(axis=2), np.bool_)
