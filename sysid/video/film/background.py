@@ -78,7 +78,7 @@ class Background:
         return moved[len(moved) // 2].astype(np.float64) if len(moved) >= MIN_PATCHES else np.zeros(2)
 
     def leave_out(self, spare: Mask) -> None:
-        """Look no longer for patches that reach into the pixels in which the board moves, shape (height, width)."""
+        """Look no longer for patches that reach into the pixels in which the board moves, shape (height, width) [px]."""
         scale = spare.shape[0] // self._first.shape[0]
         reach = scale * (WINDOW + 4)  # and a little: it moves on
         near = cv2.boxFilter(spare.astype(np.uint8), -1, (reach, reach), normalize=False) > 0

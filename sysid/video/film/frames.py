@@ -272,7 +272,7 @@ def box_about(places: Array, margin: float) -> Box:
 
 
 def in_colour(bright: Picture, chroma: Sequence[Picture]) -> Picture:
-    """Return blue, green and red, shape (h, w, 3), of brightness (h, w) and chroma, each of half as many rows and columns or as many."""
+    """Return blue, green and red [grey levels], shape (h, w, 3), of brightness (h, w) and chroma, each of half as many rows and columns or as many."""
     planes = [cv2.resize(one, bright.shape[::-1], interpolation=cv2.INTER_NEAREST) for one in chroma]
     grey = np.array([[BLACK], [GREY], [GREY]])
     turn = np.hstack([TO_COLOUR, -TO_COLOUR @ grey])

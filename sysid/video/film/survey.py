@@ -68,7 +68,8 @@ class Motion:
     @property
     def _change(self) -> Image:
         """Range of each pixel of the small picture [grey levels], shape (h, w)."""
-        return (self._high - self._low).max(axis=2).astype(np.float32)
+        blue, green, red = cv2.split(cv2.subtract(self._high, self._low))
+        return cv2.max(cv2.max(blue, green), red).astype(np.float32)
 
     def mask(self, within: Box | None) -> Mask:
         """Return which pixels of the whole picture change, shape (height, width), inside a box [px] if there is one."""
@@ -88,7 +89,7 @@ def survey(clip: Clip, frames: tuple[Frame, ...], motion: Motion, moving: Mask, 
         clip: The film.
         frames: Some of it.
         motion: What changes in it.
-        moving: Pixels that do so inside the region that the user gave, if any; as large as the picture.
+        moving: Pixels that do so inside the region that the user gave, if any, shape (height, width).
         roi: That region, left, top, right and bottom [px].
 
     Raises:
@@ -171,7 +172,5 @@ def _moving(change: Image, shape: tuple[int, ...], box: Box | None) -> Mask:
     large = areas >= areas.max() / 5
     # A sticker on a plain deck moves by itself: nothing joins its path to that of the deck's edges.
     among = (centres[1:] > low[large].min(axis=0)) & (centres[1:] < (low + size)[large].max(axis=0))
-    kept = np.isin(labels, 1 + np.flatnonzero(large | (among.all(axis=1) & (areas > MIN_AREA)))).astype(
-        np.uint8
-    )
-    return cv2.resize(kept, shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    kept = np.concatenate([[False], large | (among.all(axis=1) & (areas > MIN_AREA))]).astype(np.uint8)
+    return cv2.resize(kept[labels], shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
