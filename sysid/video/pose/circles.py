@@ -21,7 +21,7 @@ from sysid.least_squares import Normal, minimise
 from sysid.roll import Array
 from sysid.video.pose.camera_state import DIFFERENCE_STEP, READOUT, CameraState
 from sysid.video.pose.keyframes import Keyframes
-from sysid.video.pose.point_noise import PointNoise, point_noise
+from sysid.video.pose.point_noise import BLUR_SHARE, PointNoise, point_noise
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import project, rectify, upright
 from sysid.video.pose.view import View
@@ -157,7 +157,7 @@ def fit_circles(
     p = len(before.free)
     unknown[np.ix_(before.free, before.free)] = covariance[:p, :p]
     # One noise for all solutions, so that they can be compared.
-    usual = PointNoise.usual(prior).variance(some.speed)
+    usual = PointNoise(prior.floor**2, BLUR_SHARE**2).variance(some.speed)
     cost = float(np.sum(residuals(x, some.share / usual) ** 2))
     state = replace(before, value=before.within(camera), covariance=unknown)
     return Found(unknowns, x, covariance, state, body, noise, cost)
