@@ -23,6 +23,8 @@ from sysid.video.types import Complex
 
 DRAWN = 2.0
 """Motion of which compression leaves out half as much as of the smallest [px/frame], as found in films of a phone's kind."""
+MIRRORED_STEPS = 20
+"""Steps of the search from the mirrored slant: by then it is in a valley of its own, or on its long way back to the other one."""
 LASTING_FRAMES = 4
 """Frames for which a motion drawn is good [1]: those about the turn of a swing."""
 
@@ -67,7 +69,7 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
     if {0, 1} <= set(before.free):
         # From afar, a slant to one side and to the other look alike: the search may have ended in the wrong one.
         away = found.camera_state.value * [-1, -1, 1, 1] + before.value * [2, 2, 0, 0]
-        other = fit_circles(view, some, matrix, before, prior, away)
+        other = fit_circles(view, some, matrix, before, prior, away, MIRRORED_STEPS)
         found, other = (other, found) if other.cost < found.cost else (found, other)
 
     def angle_of(one: Found, x: Array) -> Array:

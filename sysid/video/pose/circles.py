@@ -114,7 +114,13 @@ class Found:
 
 
 def fit_circles(
-    view: View, some: Keyframes, matrix: Array, before: CameraState, prior: BodyPrior, start: Array
+    view: View,
+    some: Keyframes,
+    matrix: Array,
+    before: CameraState,
+    prior: BodyPrior,
+    start: Array,
+    steps: int = 60,
 ) -> Found:
     """Find body and camera, three times, as the noise weighs the frames.
 
@@ -125,6 +131,7 @@ def fit_circles(
         before: What is known of the camera beforehand.
         prior: What is known of the body.
         start: Camera from which the search sets out, shape (4,).
+        steps: Steps of each search at most.
     """
     points, shear = view.points[some.rows], view.shear[some.rows]
     unknowns = Unknowns(before, matrix, points[len(points) // 2])
@@ -148,7 +155,7 @@ def fit_circles(
             slopes = (rows[1:] - rows[0]) / DIFFERENCE_STEP
             return Normal(float(0.5 * rows[0] @ rows[0]), slopes @ rows[0], slopes @ slopes.T)
 
-        found = minimise(normal, x, low, high, tolerance=LEAST_COST)
+        found = minimise(normal, x, low, high, iterations=steps, tolerance=LEAST_COST)
         x, information = found.point, found.normal.hessian
         noise, doubt = point_noise(unknowns.placed(points, shear, x)[1], some, len(before.free), prior)
     covariance = np.asarray(np.linalg.inv(information + np.diag(width**-2.0)), np.float64)
