@@ -99,7 +99,7 @@ class Background:
         if some.sum() < MIN_PATCHES:
             return still(len(turn), focal, centre)
         home, there = (
-            self.lens.straighten(places[..., some, :]) @ np.array([1, 1j]) - centre
+            np.asarray(self.lens.straighten(places[..., some, :]) @ np.array([1, 1j]) - centre, np.complex128)
             for places in (self._seen[0], seen)
         )
         return find_shake(home, there, focal, centre, known=self.lens.known)

@@ -173,4 +173,4 @@ def _moving(change: Image, shape: tuple[int, ...], box: Box | None) -> Mask:
     # A sticker on a plain deck moves by itself: nothing joins its path to that of the deck's edges.
     among = (centres[1:] > low[large].min(axis=0)) & (centres[1:] < (low + size)[large].max(axis=0))
     kept = np.concatenate([[False], large | (among.all(axis=1) & (areas > MIN_AREA))]).astype(np.uint8)
-    return cv2.resize(kept[labels], shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    return cv2.resize(kept[np.asarray(labels, np.intp)], shape[::-1], interpolation=cv2.INTER_NEAREST) > 0

@@ -47,4 +47,4 @@ def _between(time: Array, angle: Array) -> Array:
     others = [0, 1, 3, 4]
     step = (sliding_window_view(time, 5)[:, others] - time[2:-2, None]) / np.median(np.diff(time))
     cubic = np.linalg.solve(step[..., None] ** np.arange(4), sliding_window_view(angle, 5)[:, others, None])
-    return cubic[:, 0, 0]
+    return np.asarray(cubic[:, 0, 0], np.float64)
