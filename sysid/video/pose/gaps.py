@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from sysid.roll import Array
 from sysid.video.types import Rows
@@ -29,7 +28,7 @@ class Signal:
 
 
 def fill_gaps(signal: Signal, pace: float) -> tuple[Signal, int, int]:
-    """Interpolate over gaps shorter than an eighth of the period, by cubics, leave out others; count both.
+    """Interpolate over gaps shorter than an eighth of the period, leave out others; count both.
 
     Args:
         signal: What was seen.
@@ -38,13 +37,19 @@ def fill_gaps(signal: Signal, pace: float) -> tuple[Signal, int, int]:
     known = np.flatnonzero(np.isfinite(signal.roll))
     time, roll = signal.time, signal.roll.copy()
     deviations = [signal.std.copy(), signal.own.copy()]
-    straight = np.interp(time, time[known], roll[known])
-    for at in np.flatnonzero((np.diff(known) > 1) & (np.diff(known) - 1 <= min(MAX_GAP, pace / 8))):
-        near, gap = known[max(at - 1, 0) : at + 3], slice(known[at] + 1, known[at + 1])
-        roll[gap] = Polynomial.fit(time[near], roll[near], len(near) - 1)(time[gap])
-        # Where the deck was let go in the gap, the cubic is no better than the chord.
-        for std in deviations:
-            std[gap] = np.hypot(std[known[at : at + 2]].max(), np.abs(roll[gap] - straight[gap]))
+    missing = np.diff(known) - 1
+    short = np.flatnonzero((missing > 0) & (missing <= min(MAX_GAP, pace / 8)))
+    if len(short) and len(known) >= 4:
+        from scipy.interpolate import CubicSpline  # slow to start, and seldom needed
+
+        spline = CubicSpline(time[known], roll[known])
+        straight = np.interp(time, time[known], roll[known])
+        for at in short:
+            gap = slice(known[at] + 1, known[at + 1])
+            roll[gap] = spline(time[gap])
+            # Where the deck was let go in the gap, the cubic is no better than the chord.
+            for std in deviations:
+                std[gap] = np.hypot(std[known[at : at + 2]].max(), np.abs(roll[gap] - straight[gap]))
     keep = np.isfinite(roll)
     std, own = (one[keep] for one in deviations)
     filled = Signal(time[keep], roll[keep], std, own, signal.index[keep])
