@@ -12,6 +12,7 @@ from sysid.video.film.reel import Reel
 from sysid.video.film.shake import Shake, still
 from sysid.video.film.track import Track
 from sysid.video.options import VideoOptions
+from sysid.video.pose.pose import pose_between, turn_of
 from sysid.video.trackers._base import Follower
 from sysid.video.types import Points
 
@@ -60,8 +61,7 @@ def track_of(reel: Reel, frames: Sequence[tuple[int, float]], points: Points) ->
             "the board. Give the film as the camera wrote it, or its frame rate with --rate."
         )
     turn = _turn(points, reel.lens.matrix[0, 0])
-    reel.background.leave_out(reel.look.moving, reel.skipped, turn)
-    shake = reel.background.shake(reel.skipped, reel.skipped + len(frames))
+    shake = reel.background.shake(reel.skipped, turn)
     index, time = np.array([number for number, _ in frames], np.intp), np.array([at for _, at in frames])
     return Track(time, points, _of_the_camera(shake, turn, reel.options), index, reel.repeated)
 
@@ -78,21 +78,14 @@ def _of_the_camera(shake: Shake, turn: Array, options: VideoOptions) -> Shake:
 
 def _turn(points: Points, focal: float) -> Array:
     """Return roughly how the points (n, N, 2) turn as filmed, or a single one swings to and fro [rad], shape (n,)."""
-    place = points[..., 0].astype(np.float64) + 1j * points[..., 1]
-    seen = np.isfinite(place)
-    if not seen.any():
-        return np.zeros(len(place))
-    if place.shape[1] == 1:
-        path = place[:, 0] - place[seen[:, 0], 0].mean()
-        along = np.exp(0.5j * np.angle(np.sum(path[seen[:, 0]] ** 2)))
-        turn, good = np.real(path / along) / focal, seen[:, 0]
+    if points.shape[1] == 1:
+        path = points[:, 0] @ np.array([1, 1j])
+        path -= np.nanmean(path) if np.isfinite(path).any() else 0
+        along = np.exp(0.5j * np.angle(np.nansum(path**2)))
+        turn = np.real(path / along) / focal
     else:
-        arm = place - np.where(seen, place, 0).sum(axis=1, keepdims=True) / np.maximum(
-            seen.sum(axis=1, keepdims=True), 1
-        )
-        home = arm[int(np.argmax(seen.sum(axis=1)))]
-        good = seen.sum(axis=1) >= 2
-        turn = np.full(len(place), np.nan)
-        turn[good] = np.unwrap(np.angle(np.nansum(arm * home.conj(), axis=1)[good]))
-    number = np.arange(len(turn))
-    return np.interp(number, number[good], turn[good]) if good.any() else np.zeros(len(turn))
+        home = points[int(np.argmax(np.isfinite(points).sum(axis=(1, 2))))]
+        poses = (pose_between(home, seen) for seen in points)
+        turn = np.array([np.nan if pose is None else turn_of(pose) for pose in poses])
+    number, good = np.arange(len(turn)), np.isfinite(turn)
+    return np.interp(number, number[good], np.unwrap(turn[good])) if good.any() else np.zeros(len(turn))

@@ -46,6 +46,9 @@ MAX_CORRECTION = 4.0
 MIN_TRUST = 0.35
 """Share of the pixels that must agree with the mean in a picture that is believed."""
 
+NOT_MADE_OUT = np.full((4, 2), np.nan, np.float32)
+"""The corners of a board that is not made out [px]."""
+
 
 @dataclass(frozen=True, slots=True)
 class BodyPicture:
@@ -68,20 +71,23 @@ class BodyPicture:
     slopes: Image
     """Change of brightness with each of the six numbers, and of gain and offset with their slopes, at these pixels, shape (m, 12)."""
 
-    def lay(self, frame: Frame, rough: Array | None) -> Array | None:
-        """Return its pose [px] in a frame, near a rough one, both of shape (3, 3); None where it is not made out."""
-        return None if rough is None else lay_onto(self, *seen_upright(frame, self.box, self.upright), rough)
+    def seen(self, frame: Frame, points: Points, before: Points | None = None) -> Points:
+        """Return where a frame shows the board's `corners` [px], shape (4, 2); NaN where it is not made out.
 
-    def rough(self, points: Points, before: Array | None = None) -> Array | None:
-        """Return the pose, shape (3, 3), by where what was followed is in a frame [px], shape (N, 2); the one before if it is lost."""
-        pose = pose_between(self.home, project(self.upright, points.astype(np.float64)))
-        return before if pose is None else pose
-
-    def filmed(self, pose: Array | None, points: Array) -> Points:
-        """Return where a frame shows points of home [px], both of shape (N, 2), by its pose there; NaN without one."""
+        Args:
+            frame: The frame.
+            points: Where it shows what was followed [px], shape (N, 2).
+            before: Where an earlier frame shows the corners [px], shape (4, 2): what was followed may be lost in this one.
+        """
+        rough = pose_between(self.home, project(self.upright, points.astype(np.float64)))
+        if rough is None and before is not None:
+            rough = pose_between(self.corners, project(self.upright, before.astype(np.float64)))
+        if rough is None:
+            return NOT_MADE_OUT
+        pose = lay_onto(self, *seen_upright(frame, self.box, self.upright), rough)
         if pose is None:
-            return np.full(points.shape, np.nan, np.float32)
-        return project(_inverse(self.upright), project(pose, points)).astype(np.float32)
+            return NOT_MADE_OUT
+        return project(_inverse(self.upright) @ pose, self.corners).astype(np.float32)
 
 
 def seen_upright(frame: Frame, box: Box, upright: Array) -> tuple[Image, Array]:

@@ -22,7 +22,8 @@ from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import upright
 from sysid.video.pose.view import View
 from sysid.video.registration import BodyPicture, picture_of_body
-from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, rests_at
+from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_at_rest, rests_at
+from sysid.video.types import Points
 
 MAX_LOST = 0.9
 """Share of the frames from which on what is lost in them was nothing [1]."""
@@ -66,8 +67,8 @@ class Followed:
     before: CameraState
     """What was known of the camera before its points were looked at."""
     found: AngleTrack
-    laid: tuple[BodyPicture, list[Array | None]] | None = None
-    """What turns with it, and the pose of that in each frame that is in memory; None where that was not looked for."""
+    laid: tuple[BodyPicture, list[Points]] | None = None
+    """What turns with it, and its corners in each frame that is in memory; None where that was not looked for."""
 
     @property
     def std(self) -> float:
@@ -130,43 +131,40 @@ def _to_the_end(reel: Reel, led: Followed) -> Followed:
     """Follow a target through the rest of the film, and everything that turns as it does."""
     target, points = led.target, list(led.track.points)
     stamps = [(frame.index, frame.time) for frame in reel.kept]
-    body, poses = led.laid or (_lay_body(reel, led) if target.shows_body else None) or (None, [])
-    whole = None if body is None else _whole_body(reel, led, body, poses)
-    last = next((pose for pose in reversed(poses) if pose is not None), None)
+    body, corners = led.laid or (_lay_body(reel, led) if target.shows_body else None) or (None, [])
+    whole = _whole_body(reel, led, corners) if corners else None
+    last = next((seen for seen in reversed(corners) if np.isfinite(seen).all()), None)
     rest = ((frame, follow(target.follower, frame)) for frame in reel.others())
     with closing(ahead(rest, 1)) as others:
         for frame, seen in others:
             stamps.append((frame.index, frame.time))
             points.append(seen)
             if body is not None and whole is not None:
-                poses.append(body.lay(frame, body.rough(seen, last)))
-                last = last if poses[-1] is None else poses[-1]
+                corners.append(body.seen(frame, seen, last))
+                last = corners[-1] if np.isfinite(corners[-1]).all() else last
     if len(points) > len(led.track.points):
-        track = track_of(reel, stamps, np.array(points))
-        all_of_it = _followed(reel, target, track)
-        if isinstance(all_of_it, str):
-            raise SysidError(f"{reel.clip.path}: {all_of_it}. {ADVICE}")
-        led = all_of_it
-        if body is not None and whole is not None:
-            whole = _whole_body(reel, led, body, poses)
+        whole_film = _followed(reel, target, track_of(reel, stamps, np.array(points)))
+        if isinstance(whole_film, str):
+            raise SysidError(f"{reel.clip.path}: {whole_film}. {ADVICE}")
+        led = whole_film
+        whole = None if whole is None else _whole_body(reel, led, corners)
     return whole or led
 
 
-def _lay_body(reel: Reel, led: Followed) -> tuple[BodyPicture, list[Array | None]] | None:
-    """Return everything that turns with a target, and its pose in each frame in memory; None where nothing does."""
+def _lay_body(reel: Reel, led: Followed) -> tuple[BodyPicture, list[Points]] | None:
+    """Return everything that turns with a target, and its corners in each frame in memory; None where nothing does."""
     flat = upright(reel.lens.matrix, led.found.camera_state.value)
     body = picture_of_body(reel.kept, reel.look.box, led.track, flat)
     if body is None:
         return None
-    lay, rough = body.lay, body.rough
     with ThreadPoolExecutor() as pool:
-        return body, list(pool.map(lambda frame, seen: lay(frame, rough(seen)), reel.kept, led.track.points))
+        return body, list(pool.map(body.seen, reel.kept, led.track.points))
 
 
 def _borne_out(reel: Reel, one: Followed) -> Followed | str:
     """Return texture with what turns as it does; or why it is none of the board: patches of anything agree on some motion."""
     laid = _lay_body(reel, one)
-    if laid is None or sum(pose is not None for pose in laid[1]) < MIN_SEEN_SHARE * len(laid[1]):
+    if laid is None or np.isfinite(laid[1]).all(axis=(1, 2)).mean() < MIN_SEEN_SHARE:
         return f"{one.target.what} is none of the board: pictures turned back by it do not agree"
     return replace(one, laid=laid)
 
@@ -189,7 +187,7 @@ def _best(usable: list[Followed]) -> Followed:
     stray = [  # what is too uncertain to agree contradicts nothing
         one.target.what
         for one in usable
-        if one.std < MAX_DISAGREEMENT * first.swing and not any(one is other for other in agreeing)
+        if one.std < MAX_DISAGREEMENT * first.swing and not _same_swing(one, first)
     ]
     if stray:
         words = f"{' and '.join(stray)} moves otherwise than {first.target.what} and is not used; --roi keeps to the board"
@@ -225,7 +223,7 @@ def _followed(reel: Reel, target: Target, track: Track) -> Followed | str:
     target = replace(
         target,
         shows_level=False,
-        zero=lambda found: -rests_at(found.angle),
+        zero=level_at_rest,
         zero_note=f"where the deck is at the end of the film: {off}",
     )
     return replace(one, target=target)
@@ -263,9 +261,7 @@ def _strays(track: Track, angle: Array) -> bool:
     return stray > max(MAX_STRAY * moved, MIN_STRAY * 2 * track.shake.centre.real)
 
 
-def _whole_body(
-    reel: Reel, led: Followed, picture: BodyPicture, poses: list[Array | None]
-) -> Followed | None:
+def _whole_body(reel: Reel, led: Followed, corners: list[Points]) -> Followed | None:
     """Let everything that turns with a target tell the angle, if that contradicts it nowhere and tells it as well."""
     target = led.target
     body = replace(
@@ -276,8 +272,7 @@ def _whole_body(
         zero=lambda _: 0.0,
         joined=((0, 1), (1, 2), (2, 3), (3, 0)),
     )
-    corners = np.array([picture.filmed(pose, picture.corners) for pose in poses])
-    own = _followed(reel, body, replace(led.track, points=corners))
+    own = _followed(reel, body, replace(led.track, points=np.array(corners)))
     if isinstance(own, str) or not _same_swing(own, led):
         return None
     return own if own.std < WHOLE_BODY * led.std else None

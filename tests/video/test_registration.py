@@ -49,8 +49,7 @@ def error(film, homography):
     frames, track = film
     body = picture_of_body(frames, (0, 0, 640, 480), track, homography)
     assert body is not None
-    poses = [body.lay(frame, body.rough(seen)) for frame, seen in zip(frames, track.points, strict=True)]
-    found = np.array([body.filmed(pose, body.corners) for pose in poses])
+    found = np.array([body.seen(*one) for one in zip(frames, track.points, strict=True)])
     z = rectify(found.astype(np.float64), MATRIX, DIRECTION)
     z = z - z.mean(axis=1, keepdims=True)
     angle = np.angle((z * z[10].conj()).sum(axis=1))
@@ -68,19 +67,15 @@ def test_points_that_are_not_seen_show_no_body(film):
     frames, track = film
     body = picture_of_body(frames, (0, 0, 640, 480), track, np.eye(3))
     assert body is not None
-    assert body.rough(np.full((4, 2), np.nan, np.float32)) is None
-    assert np.isnan(body.filmed(None, body.corners)).all()
+    assert np.isnan(body.seen(frames[0], np.full((4, 2), np.nan, np.float32))).all()
 
 
 def test_a_body_whose_points_are_lost_is_laid_from_where_it_was(film):
     frames, track = film
     body = picture_of_body(frames, (0, 0, 640, 480), track, upright(MATRIX, DIRECTION))
     assert body is not None
-    before, lost = body.rough(track.points[10]), np.full((4, 2), np.nan, np.float32)
-    pose, known = (
-        body.lay(frames[11], rough) for rough in (body.rough(lost, before), body.rough(track.points[11]))
-    )
-    off = body.filmed(pose, body.corners) - body.filmed(known, body.corners)
+    before, lost = body.seen(frames[10], track.points[10]), np.full((4, 2), np.nan, np.float32)
+    off = body.seen(frames[11], lost, before) - body.seen(frames[11], track.points[11])
     assert np.abs(off).max() < 0.1  # px, after a turn of 2 degrees, which moves the points by 4 px
 
 
@@ -89,11 +84,8 @@ def test_light_that_falls_unevenly_turns_no_body(film):
     frames, track = film
     body = picture_of_body(frames, (0, 0, 640, 480), track, upright(MATRIX, DIRECTION))
     assert body is not None
-    rough = body.rough(track.points[10])
     down, across = np.mgrid[-1:1:480j, -1:1:640j]
     light = (0.8 + 0.15 * across + 0.15 * down) * frames[10].picture
     lit = frame_of(10, frames[10].time, np.clip(light, 0, 255).astype(np.uint8))
-    off = body.filmed(body.lay(lit, rough), body.corners) - body.filmed(
-        body.lay(frames[10], rough), body.corners
-    )
+    off = body.seen(lit, track.points[10]) - body.seen(frames[10], track.points[10])
     assert np.abs(off).max() < 0.08  # px; 0.2 where gain and offset are the same all over

@@ -430,7 +430,7 @@ def test_memory_grows_by_little_more_than_the_points(marker_film, tmp_path):
         for _ in range(count):
             background.update(frame)
         background.leave_out(np.zeros(frame.picture.shape[:2], bool))
-        background.shake(0, count)
+        background.shake(0, np.zeros(count))
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert (peaks[1] - peaks[0]) / 1000 < 4000  # bytes a frame, of some hundred patches; a picture has 691200

@@ -37,20 +37,18 @@ class Background:
     """Follows patches, always against the first frame, so that nothing drifts."""
 
     lens: Lens
-    _anchors: Points = field(default_factory=lambda: np.zeros((0, 2), np.float32))
-    """Middles of the patches in the first frame [px of the small picture], shape (m, 2)."""
-    _first: Picture | None = None
+    _first: Picture = field(default_factory=lambda: np.zeros((0, 0), np.uint8))
     """The first frame, small and in grey."""
     _before: Picture | None = None
     """The frame before."""
+    _anchors: Points = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    """Middles of the patches in the first frame [px of the small picture], shape (m, 2)."""
+    _beside: Mask = field(default_factory=lambda: np.zeros(0, np.bool_))
+    """Which patches lie beside the board and are looked for; all as long as it is not known where it moves."""
     _seen: list[Points] = field(default_factory=list)
     """Places in each frame [px], each (m, 2); NaN where one is not found, or not looked for."""
     _went: Array = field(default_factory=lambda: np.zeros(2))
     """How far most patches had moved in the last frame [px]."""
-    _followed: Mask | None = None
-    """Which patches are looked for; all as long as it is not known where the board moves."""
-    _still: Mask | None = None
-    """Which patches lie where nothing moves, as far as that is known."""
 
     def update(self, frame: Frame) -> Array:
         """Take in one more frame; return how far most patches have moved since the first one [px], shape (2,).
@@ -61,76 +59,55 @@ class Background:
         small, scale = halved(frame.picture, SMALL_SIDE)
         if self._before is None:
             self._first, self._anchors = small, _corners(small)
+            self._beside = np.ones(len(self._anchors), np.bool_)
         elif _is_cut(self._before, small):
             raise SysidError(
                 f"the whole picture changes at {frame.time:.2f} s (frame {frame.index}): a cut. "
                 "Give one uncut take; trim the film first."
             )
         self._before = small
-        self._seen.append(
-            self._follow(small, (self._went / scale).astype(np.float32)) * scale + (scale - 1) / 2
-        )
+        seen = self._follow(small, (self._went / scale).astype(np.float32))
+        self._seen.append(seen * scale + (scale - 1) / 2)
         self._went = self.shift(-1)
         return self._went
 
     def shift(self, number: int) -> Array:
         """Return how far most patches have moved from the first frame to another one [px], shape (2,)."""
-        moved = (self._seen[number] - self._seen[0])[self._still if self._still is not None else slice(None)]
+        moved = (self._seen[number] - self._seen[0])[self._beside]
         moved = np.sort(moved[np.isfinite(moved[:, 0])], axis=0)  # many times faster than numpy's median
         return moved[len(moved) // 2].astype(np.float64) if len(moved) >= MIN_PATCHES else np.zeros(2)
 
-    def leave_out(self, spare: Mask, first: int = 0, turn: Array | None = None) -> None:
-        """Let no patch count from now on that reaches into the board, moves with it, or holds but noise.
-
-        Args:
-            spare: Pixels in which the board moves, shape (height, width) [1].
-            first: Number of the first of n frames.
-            turn: The board's turn in them [rad], shape (n,).
-        """
-        assert self._first is not None
+    def leave_out(self, spare: Mask) -> None:
+        """Look no longer for patches that reach into the pixels in which the board moves, shape (height, width) [px]."""
         scale = spare.shape[0] // self._first.shape[0]
         reach = scale * (WINDOW + 4)  # and a little: it moves on
         near = cv2.boxFilter(spare.astype(np.uint8), -1, (reach, reach), normalize=False) > 0
         x, y = (scale * self._anchors.T).astype(int)
-        alone = self._followed = np.asarray(~near[y, x], np.bool_)
-        if turn is not None and alone.any():
-            alone = self._apart(np.array(self._seen[first : first + len(turn)], np.float64), alone, turn)
-        self._still = alone
+        self._beside = np.asarray(~near[y, x], np.bool_)
 
-    def _apart(self, seen: Array, some: Mask, turn: Array) -> Mask:
-        """Return which of some patches, seen at (n, m, 2) [px], neither move with the board's turn (n,) [rad] nor hold but noise."""
-        step = np.diff(seen, axis=0)
-        found = np.asarray(np.isfinite(step).all(axis=2), np.bool_)
-        some = some & (found.mean(axis=0) > MIN_FRAMES_SEEN)
-        if not some.any():
-            return some
-        step = np.where(found[..., None], step, 0.0)
-        size = np.sqrt((step**2).sum(axis=0)) * np.linalg.norm(np.diff(turn))
-        going = np.abs(np.einsum("n,npa->pa", np.diff(turn), step)) / np.maximum(size, 1e-9)
-        own = step - np.median(step[:, some], axis=1, keepdims=True)
-        rough = np.median(np.abs(own).max(axis=2), axis=0)
-        usual = np.sort(rough[some])[: 2 * MIN_PATCHES][-1]
-        return some & (going.max(axis=1) < MAX_GOING) & (rough < MAX_ROUGHNESS * usual + 0.05)
+    def shake(self, first: int, turn: Array) -> Shake:
+        """Return the motion of frames against the first of the film, by patches that neither move with the board nor hold but noise.
 
-    def shake(self, first: int, stop: int) -> Shake:
-        """Return the motion of the frames from number `first` up to `stop`, against the first of the film."""
+        Args:
+            first: Number of the first of n frames.
+            turn: The board's turn in them [rad], shape (n,).
+        """
         matrix = self.lens.matrix
         focal, centre = float(matrix[0, 0]), complex(matrix[0, 2], matrix[1, 2])
-        if self._still is None or self._still.sum() < MIN_PATCHES:
-            return still(stop - first, focal, centre)
-        home, seen = (
-            places[..., 0] + 1j * places[..., 1] - centre
-            for places in (
-                self.lens.straighten(some[..., self._still, :])
-                for some in (self._seen[0], np.array(self._seen[first:stop]))
-            )
+        seen = np.array(self._seen[first : first + len(turn)])
+        some = self._beside & _apart(seen, self._beside, turn)
+        if some.sum() < MIN_PATCHES:
+            return still(len(turn), focal, centre)
+        home, there = (
+            np.asarray(self.lens.straighten(places[..., some, :]) @ np.array([1, 1j]) - centre, np.complex128)
+            for places in (self._seen[0], seen)
         )
-        return find_shake(home, seen, focal, centre, known=self.lens.known)
+        return find_shake(home, there, focal, centre, known=self.lens.known)
 
     def _follow(self, small: Picture, went: Points) -> Points:
         """Find patches near where most were last, shape (m, 2) [px of the small picture]; NaN where one is not found."""
         places = np.full_like(self._anchors, np.nan)
-        some = slice(None) if self._followed is None else self._followed  # told by another thread, some time
+        some = self._beside  # told by another thread, some time
         start = self._anchors[some]
         if len(start):
             flow: Any = cv2.calcOpticalFlowPyrLK  # its stubs do not know the type of points
@@ -141,6 +118,22 @@ class Background:
             near = np.abs(moved - start - went).max(axis=1) < MAX_STEP
             places[some] = np.where((good.ravel() > 0)[:, None] & near[:, None], moved, np.nan)
         return places
+
+
+def _apart(seen: Points, some: Mask, turn: Array) -> Mask:
+    """Return which of some patches, seen at (n, m, 2) [px], neither move with the board's turn (n,) [rad] nor hold but noise."""
+    step = np.diff(seen, axis=0)
+    found = np.asarray(np.isfinite(step).all(axis=2), np.bool_)
+    some = some & (found.mean(axis=0) > MIN_FRAMES_SEEN)
+    if not some.any():
+        return some
+    step = np.where(found[..., None], step, 0.0)
+    size = np.sqrt((step**2).sum(axis=0)) * np.linalg.norm(np.diff(turn))
+    going = np.abs(np.einsum("n,npa->pa", np.diff(turn), step)) / np.maximum(size, 1e-9)
+    own = step - np.median(step[:, some], axis=1, keepdims=True)
+    rough = np.median(np.abs(own).max(axis=2), axis=0)
+    usual = np.sort(rough[some])[: 2 * MIN_PATCHES][-1]
+    return some & (going.max(axis=1) < MAX_GOING) & (rough < MAX_ROUGHNESS * usual + 0.05)
 
 
 def _corners(small: Picture) -> Points:
@@ -164,7 +157,7 @@ def _parts(length: int, count: int) -> tuple[list[int], list[int]]:
 
 
 def _is_cut(before: Picture, now: Picture) -> bool:
-    if cv2.absdiff(before, now).mean() < CUT_CHANGE:
+    if cv2.norm(before, now, cv2.NORM_L1) < CUT_CHANGE * now.size:
         return False
     height, width = (side // 5 for side in now.shape)  # a camera that pans shows most of it again
     inner = now[height:-height, width:-width]

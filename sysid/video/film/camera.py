@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import TypeVar
 
@@ -116,7 +117,7 @@ def _from_chessboard(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
     clip = open_clip(path)
     every = max(1, clip.announced // (3 * VIEWS))
     views: list[Array] = []
-    for frame in clip.frames(every):
+    for frame in islice(clip.frames(), 0, None, every):
         corners = _chessboard(frame.picture)
         if corners is not None and (not views or np.abs(corners - views[-1]).mean() > 0.01 * clip.width):
             views.append(corners)

@@ -5,7 +5,7 @@ it is used where the decoder left it, and colour is made only of the parts in wh
 """
 
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
@@ -39,8 +39,8 @@ MAX_RATE, MAX_READOUT = 1e5, 0.1
 PLANES, BLACK, WHITE = "yuv420p", 16, 235
 """How nearly all films hold pictures: 8 bits of brightness within this range, and chroma at half the resolution."""
 TO_COLOUR = np.array([[1.164, 2.018, 0.0], [1.164, -0.391, -0.813], [1.164, 0.0, 1.596]])
-"""Blue, green and red of brightness beyond `BLACK` and chroma beyond `NEUTRAL` (ITU-R BT.601), as OpenCV has it."""
-NEUTRAL = 128
+"""Blue, green and red of brightness beyond `BLACK` and chroma beyond `GREY` (ITU-R BT.601)."""
+GREY = 128
 """Chroma of grey."""
 TURNS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
 """What turns a picture clockwise [deg]."""
@@ -102,22 +102,8 @@ class Frame:
         if left == right or top == bottom:
             return np.zeros((bottom - top, right - left, 3), np.uint8), (left, top)
         some = self.cut((left, top, right, bottom))
-        odd = [side % 2 for side in some.picture.shape]
-        bright = cv2.copyMakeBorder(some.picture, 0, odd[0], 0, odd[1], cv2.BORDER_REPLICATE)
-        seen = cv2.cvtColorTwoPlane(bright, cv2.merge(some.chroma), cv2.COLOR_YUV2BGR_NV12)
-        down, across = top - some.corner[1], left - some.corner[0]
-        seen = seen[down : down + bottom - top, across : across + right - left]
-        return np.asarray(seen, np.uint8), (left, top)
-
-    def small(self, side: int) -> tuple[Picture, int]:
-        """Return all of it in colour, shape (h, w, 3), halved until its longer side is at most `side` [px], and the film's px in one of it."""
-        bright, times = halved(self.picture, side)
-        if times == 1:
-            return self.coloured()[0], times
-        chroma = [cv2.resize(halved(one, side)[0], bright.shape[::-1]) for one in self.chroma]
-        grey = np.array([[BLACK], [NEUTRAL], [NEUTRAL]])
-        turn = np.hstack([TO_COLOUR, -TO_COLOUR @ grey])
-        return np.asarray(cv2.transform(cv2.merge([bright, *chroma]), turn), np.uint8), times
+        seen = in_colour(some.picture, some.chroma)
+        return seen[top - some.corner[1] :, left - some.corner[0] :], (left, top)
 
     def within(self, box: Box) -> Box:
         """Return what was kept of a box [px]."""
@@ -147,8 +133,8 @@ class Clip:
     readout: float | None = None
     """Time from the sensor's first to its last row [s], as the phone notes it."""
 
-    def frames(self, every: int = 1) -> Generator[Frame]:
-        """Decode the clip from its start; only every `every`-th frame is converted to a picture.
+    def frames(self) -> Generator[Frame]:
+        """Decode the clip from its start.
 
         Raises:
             SysidError: The file ends before its announced length.
@@ -157,12 +143,10 @@ class Clip:
         for frame in _decoded(self.path):
             if begin is None and frame.pts is not None:
                 begin = frame.time
-            if count % every == 0:
-                time = np.nan if begin is None or frame.pts is None else (frame.time - begin) / self.slowed
-                if self.progress is not None and self.announced:
-                    what = f"{self.path.name}: {'reading' if every == 1 else 'looking through'}"
-                    self.progress(what, min(count / self.announced, 1.0))
-                yield Frame(count, time, *_planes(frame, self.rotation))
+            time = np.nan if begin is None or frame.pts is None else (frame.time - begin) / self.slowed
+            if self.progress is not None and self.announced:
+                self.progress(f"{self.path.name}: reading", min(count / self.announced, 1.0))
+            yield Frame(count, time, *_planes(frame, self.rotation))
             count += 1
         missing = self.announced - count
         if missing > max(2, MAX_MISSING_SHARE * self.announced):
@@ -278,6 +262,21 @@ def _noted(metadata: dict[str, str], name: str, limit: float) -> float:
     except ValueError:
         return 0.0
     return number if 0 < number < limit else 0.0
+
+
+def box_about(places: Array, margin: float) -> Box:
+    """Return left, top, right and bottom of places (m, 2) and a margin about them, all [px]; it may reach out of the picture."""
+    left, top = np.floor(places.min(axis=0) - margin).astype(int).tolist()
+    right, bottom = np.ceil(places.max(axis=0) + margin).astype(int).tolist()
+    return left, top, right, bottom
+
+
+def in_colour(bright: Picture, chroma: Sequence[Picture]) -> Picture:
+    """Return blue, green and red [grey levels], shape (h, w, 3), of brightness (h, w) and chroma, each of half as many rows and columns or as many."""
+    planes = [cv2.resize(one, bright.shape[::-1], interpolation=cv2.INTER_NEAREST) for one in chroma]
+    grey = np.array([[BLACK], [GREY], [GREY]])
+    turn = np.hstack([TO_COLOUR, -TO_COLOUR @ grey])
+    return np.asarray(cv2.transform(cv2.merge([bright, *planes]), turn), np.uint8)
 
 
 def halved(picture: Picture, side: int) -> tuple[Picture, int]:

@@ -88,18 +88,19 @@ class Reel:
             self._source.close()
             self._begin()
             motion, _ = self._fill(_with_margin(moving), round(BEGUN * moving.sum()))
+            moving = motion.mask(region)
         if not self._frames:
             raise SysidError(
                 f"{self.clip.path}: no frame can be decoded. Copy the file again from the camera."
             )
-        if (moving := motion.mask(region)).any():
+        if moving.any():
             self.background.leave_out(moving)
         self._frames = [
             replace(frame, shift=self.background.shift(self.skipped + row))
             for row, frame in enumerate(self._frames)
         ]
         some = np.unique(np.linspace(0, len(self._frames) - 1, SURVEY_FRAMES).astype(int))
-        return survey(self.clip, tuple(self._frames[number] for number in some), motion, self.options.roi)
+        return survey(self.clip, tuple(self._frames[number] for number in some), motion, moving, region)
 
     def _fill(self, part: Box | None, least: int) -> tuple[Motion, Box | None]:
         """Keep frames until memory is full of what moves; return the motion in them, and the part [px] that was kept.

@@ -64,10 +64,14 @@ class Shake:
     """Whether what was taken for background turned with the board, so that none of it is believed."""
 
     @property
+    def turns(self) -> Array:
+        """The camera's rotation about each axis [rad], shape (n, 3)."""
+        return self.motion[:, :3] / np.array([self.focal, self.focal, 1.0])
+
+    @property
     def size(self) -> float:
         """Standard deviation of the camera's rotation about the axis where it is largest [rad]."""
-        turns = self.motion[:, :3] / np.array([self.focal, self.focal, 1.0])
-        return float(np.std(turns, axis=0).max())
+        return float(np.std(self.turns, axis=0).max())
 
     @property
     def significant(self) -> bool:
@@ -82,8 +86,7 @@ class Shake:
 
         A camera shakes as it likes: it was the board, or its shadow, that was taken for background.
         """
-        step = np.diff(turn)
-        moved = np.diff(self.motion[:, :3] / [self.focal, self.focal, 1.0], axis=0)
+        step, moved = np.diff(turn), np.diff(self.turns, axis=0)
         size = np.maximum(np.linalg.norm(moved, axis=0), 1e-12)
         likeness = np.abs(step @ moved) / size / max(float(np.linalg.norm(step)), 1e-12)
         return bool(np.any((likeness > MAX_LIKENESS) & (size > MIN_SHARE * np.linalg.norm(step))))

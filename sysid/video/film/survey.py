@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from sysid.errors import SysidError
-from sysid.video.film.frames import Clip, Frame
-from sysid.video.types import Box, Mask, Picture
+from sysid.roll import Array
+from sysid.video.film.frames import Clip, Frame, halved, in_colour
+from sysid.video.types import Box, Image, Mask, Picture
 
 SMALL_SIDE = 640
 """Longer side of the pictures in which motion is looked for, and patches of the background are followed [px]."""
@@ -46,75 +46,74 @@ class Motion:
     """How far each pixel of small pictures changes; shake of the camera is no motion."""
 
     _start: Picture | None = None
-    _low: npt.NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
-    _high: npt.NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+    """The first picture, in colour, shape (h, w, 3)."""
+    _low: Picture = field(default_factory=lambda: np.zeros(0, np.uint8))
+    _high: Picture = field(default_factory=lambda: np.zeros(0, np.uint8))
     _shape: tuple[int, ...] = ()
     _furthest: float = 0.0
     """How far the camera went [px of the small picture]."""
 
     def add(self, frame: Frame) -> None:
         """Take in one more whole frame."""
-        self._shape = frame.picture.shape[:2]
-        small, times = frame.small(SMALL_SIDE)
-        scale = 1 / times
+        self._shape = frame.picture.shape
+        bright, times = halved(frame.picture, SMALL_SIDE)
+        small = in_colour(bright, [halved(one, SMALL_SIDE)[0] for one in frame.chroma])
+        shift = frame.shift / times
         if self._start is None:
-            self._start = _grey(small)
-            self._low = self._high = small.astype(np.float32)
-        self._furthest = max(self._furthest, scale * float(np.abs(frame.shift).max()))
-        still = self._held(small, scale * frame.shift)
+            self._start = self._low = self._high = small
+        self._furthest = max(self._furthest, float(np.abs(shift).max()))
+        still = _held(small, self._start, shift)
         self._low, self._high = np.minimum(self._low, still), np.maximum(self._high, still)
 
-    def _held(self, small: Picture, shift: npt.NDArray[np.float64]) -> npt.NDArray[np.float32]:
-        """Shift a small picture onto the first one; a shift that makes the whole less alike is none of the camera's."""
-        if not 0.05 < np.abs(shift).max() < MAX_SHAKE * SMALL_SIDE:
-            return small.astype(np.float32)
-        move = np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]])
-        size = (small.shape[1], small.shape[0])
-        held = cv2.warpAffine(small, move, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        assert self._start is not None
-        unlike = [cv2.absdiff(_grey(np.asarray(one, np.uint8)), self._start) for one in (small, held)]
-        plain, shifted = (float(np.minimum(one, MIN_CHANGE).mean()) for one in unlike)
-        return np.asarray(held if shifted < plain else small, np.float32)
+    @property
+    def _change(self) -> Image:
+        """Range of each pixel of the small picture [grey levels], shape (h, w)."""
+        blue, green, red = cv2.split(cv2.subtract(self._high, self._low))
+        return cv2.max(cv2.max(blue, green), red).astype(np.float32)
 
     def mask(self, within: Box | None) -> Mask:
         """Return which pixels of the whole picture change, shape (height, width), inside a box [px] if there is one."""
-        return _moving(self._high - self._low, self._shape, within)
+        return _moving(self._change, self._shape, within)
 
     @property
     def pans(self) -> bool:
         """Whether most of the picture changes, and the camera went far or nothing stands out."""
-        everywhere = float(np.median((self._high - self._low).max(axis=2))) > MIN_CHANGE
+        everywhere = float(np.median(self._change)) > MIN_CHANGE
         return everywhere and (self._furthest > MAX_SHAKE * SMALL_SIDE or not self.mask(None).any())
 
 
-def survey(
-    clip: Clip, frames: tuple[Frame, ...], motion: Motion, roi: tuple[int, int, int, int] | None
-) -> Survey:
+def survey(clip: Clip, frames: tuple[Frame, ...], motion: Motion, moving: Mask, roi: Box | None) -> Survey:
     """Say where it moves.
 
+    Args:
+        clip: The film.
+        frames: Some of it.
+        motion: What changes in it.
+        moving: Pixels that do so inside the region that the user gave, if any, shape (height, width).
+        roi: That region, left, top, right and bottom [px].
+
     Raises:
-        SysidError: Nothing moves, or the region of interest lies outside the picture.
+        SysidError: Nothing moves, or all of it outside that region.
     """
     if motion.pans:
         raise SysidError(
             f"{clip.path}: the whole picture moves: the camera pans, zooms or is carried. Put it on a tripod, and film from "
             "before the release until the board rests."
         )
-    given = None if roi is None else box_of(clip, roi)
-    moving = motion.mask(given)
-    if given is not None and roi is not None:
-        if not moving.any() and motion.mask(None).any():
-            raise SysidError(
-                f"{clip.path}: what moves is all outside --roi {' '.join(map(str, roi))}. Give the region in which the "
-                f"board moves (left, top, width and height in px of {clip.width}x{clip.height}), or leave it out."
-            )
-        return Survey(frames, given, moving)
-    if not moving.any():
+    if moving.any():
+        return Survey(frames, box_around(moving, BOX_MARGIN) if roi is None else roi, moving)
+    if roi is None:
         raise SysidError(
             f"{clip.path}: nothing moves in it. Is the board in the picture? Film the whole release, or give the "
             "region of the board with --roi LEFT TOP WIDTH HEIGHT."
         )
-    return Survey(frames, box_around(moving, BOX_MARGIN), moving)
+    left, top, right, bottom = roi
+    if motion.mask(None).any():
+        raise SysidError(
+            f"{clip.path}: what moves is all outside --roi {left} {top} {right - left} {bottom - top}. Give the region in which "
+            f"the board moves (left, top, width and height in px of {clip.width}x{clip.height}), or leave it out."
+        )
+    return Survey(frames, roi, moving)
 
 
 def box_around(mask: Mask, margin: int) -> Box:
@@ -135,14 +134,8 @@ def box_of(clip: Clip, roi: tuple[int, int, int, int]) -> Box:
         SysidError: The region is empty or outside the picture.
     """
     left, top, width, height = roi
-    if (
-        width < MIN_REGION
-        or height < MIN_REGION
-        or left < 0
-        or top < 0
-        or left + width > clip.width
-        or top + height > clip.height
-    ):
+    inside = min(left, top) >= 0 and left + width <= clip.width and top + height <= clip.height
+    if not inside or min(width, height) < MIN_REGION:
         raise SysidError(
             f"--roi {left} {top} {width} {height}: left, top, width and height in px, at least {MIN_REGION}x{MIN_REGION}, inside the "
             f"picture of {clip.width}x{clip.height}."
@@ -150,15 +143,19 @@ def box_of(clip: Clip, roi: tuple[int, int, int, int]) -> Box:
     return left, top, left + width, top + height
 
 
-def _grey(picture: Picture) -> Picture:
-    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
+def _held(small: Picture, start: Picture, shift: Array) -> Picture:
+    """Shift a small picture onto the first one [px]; a shift that makes the whole less alike is none of the camera's."""
+    if not 0.05 < np.abs(shift).max() < MAX_SHAKE * SMALL_SIDE:
+        return small
+    move, size = np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]]), (small.shape[1], small.shape[0])
+    held = cv2.warpAffine(small, move, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    plain, shifted = (np.minimum(cv2.absdiff(one, start), MIN_CHANGE).mean() for one in (small, held))
+    return np.asarray(held, np.uint8) if shifted < plain else small
 
 
-def _moving(
-    change: npt.NDArray[np.float32], shape: tuple[int, ...], box: tuple[int, int, int, int] | None
-) -> npt.NDArray[np.bool_]:
+def _moving(change: Image, shape: tuple[int, ...], box: Box | None) -> Mask:
     """Threshold the range of each pixel; keep the largest patch, in a box, what is a fifth as large or more, and what lies among these."""
-    amount = cv2.GaussianBlur(change.max(axis=2), (0, 0), 1.5)
+    amount = cv2.GaussianBlur(change, (0, 0), 1.5)
     level = max(MIN_CHANGE, 3 * float(np.median(amount)))
     mask = cv2.morphologyEx((amount > level).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     mask = cv2.dilate(mask, np.ones((5, 5), np.uint8))
@@ -175,7 +172,5 @@ def _moving(
     large = areas >= areas.max() / 5
     # A sticker on a plain deck moves by itself: nothing joins its path to that of the deck's edges.
     among = (centres[1:] > low[large].min(axis=0)) & (centres[1:] < (low + size)[large].max(axis=0))
-    kept = np.isin(labels, 1 + np.flatnonzero(large | (among.all(axis=1) & (areas > MIN_AREA)))).astype(
-        np.uint8
-    )
-    return cv2.resize(kept, shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    kept = np.concatenate([[False], large | (among.all(axis=1) & (areas > MIN_AREA))]).astype(np.uint8)
+    return cv2.resize(kept[np.asarray(labels, np.intp)], shape[::-1], interpolation=cv2.INTER_NEAREST) > 0

@@ -2,8 +2,8 @@
 
 A camera that does not look along the axis sees circles as ellipses, and at more depth than one. The
 picture that it would take if it did look along it is a homography of its own, known up to the axis'
-direction and the focal length; in that picture points run on circles (`body`). Direction, focal
-length and read-out of the shutter are what makes the circles round, with what is known beforehand (`circles`).
+direction and the focal length; in that picture points run on circles. Direction, focal length
+and read-out of the shutter are what makes the circles round, with what is known beforehand (`circles`).
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from sysid.roll import Array
 from sysid.video.pose.camera_state import READOUT, CameraState, spread_by
-from sysid.video.pose.circles import Found, fit_circles, placed
+from sysid.video.pose.circles import Found, fit_circles
 from sysid.video.pose.keyframes import keyframes_of, point_speed
 from sysid.video.pose.point_noise import BLUR_SHARE
 from sysid.video.pose.prior import POINT_FLOOR, BodyPrior
@@ -23,6 +23,8 @@ from sysid.video.types import Complex
 
 DRAWN = 2.0
 """Motion of which compression leaves out half as much as of the smallest [px/frame], as found in films of a phone's kind."""
+MIRRORED_STEPS = 20
+"""Steps of the search from the mirrored slant: by then it is in a valley of its own, or on its long way back to the other one."""
 LASTING_FRAMES = 4
 """Frames for which a motion drawn is good [1]: those about the turn of a swing."""
 
@@ -67,14 +69,14 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
     if {0, 1} <= set(before.free):
         # From afar, a slant to one side and to the other look alike: the search may have ended in the wrong one.
         away = found.camera_state.value * [-1, -1, 1, 1] + before.value * [2, 2, 0, 0]
-        other = fit_circles(view, some, matrix, before, prior, away)
+        other = fit_circles(view, some, matrix, before, prior, away, MIRRORED_STEPS)
         found, other = (other, found) if other.cost < found.cost else (found, other)
 
     def angle_of(one: Found, x: Array) -> Array:
-        return placed(view.points, view.shear, matrix, *one.unknowns.split(x))[0]
+        return one.unknowns.placed(view.points, view.shear, x)[0]
 
     speed = point_speed(view)
-    angle, rest = placed(view.points, view.shear, matrix, *found.unknowns.split(found.x))
+    angle, rest = found.unknowns.placed(view.points, view.shear, found.x)
     misfit = np.sqrt((rest**2).sum(axis=2).mean(axis=1))
     wrong = misfit > 12 * (float(np.nanmedian(misfit)) + POINT_FLOOR) + BLUR_SHARE * speed
     angle[wrong] = np.nan

@@ -1,5 +1,13 @@
 """Direction of the axis, lens and shutter with which the points of a turning body run on circles.
 
+As a camera along the axis sees it, every point of a rigid body, whatever its depth, runs on a circle: with complex numbers for
+picture coordinates,
+
+    z_ij = τ_i + c_j + exp(i φ_i) q_j.
+
+φ_i is the roll in frame i, τ_i a shift of the whole body (a truck that gives way; never an angle), q_j the body's shape and c_j the
+centres of its points' circles, which differ if their depths do and the axis is not in the middle of the picture.
+
 A bundle adjustment: what all frames have in common (the camera, and the body's shape and circles) is found by least squares
 of the distances in the pictures, with what is known beforehand; where a body lies in a frame follows from that frame.
 """
@@ -11,13 +19,13 @@ import numpy as np
 
 from sysid.least_squares import Normal, minimise
 from sysid.roll import Array
-from sysid.video.pose.body import Body
 from sysid.video.pose.camera_state import DIFFERENCE_STEP, READOUT, CameraState
 from sysid.video.pose.keyframes import Keyframes
-from sysid.video.pose.point_noise import PointNoise, point_noise
+from sysid.video.pose.point_noise import BLUR_SHARE, PointNoise, point_noise
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import project, rectify, upright
 from sysid.video.pose.view import View
+from sysid.video.types import Complex
 
 NOISE_ROUNDS = 3
 """Times that the noise is found anew."""
@@ -25,6 +33,25 @@ SQUARE_SQUEEZE = 0.0075
 """Standard deviation of a printed square's squareness: one that stands 7 degrees off looks 0.75 % narrower."""
 LEAST_COST = 1e-5
 """The search ends where a step gains less than this share of the sum of squares: slant and focal length share a valley."""
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """Shape and circles of a body's points, in the rectified picture [px]; of several bodies along further first axes."""
+
+    shape: Complex
+    """q, shape (..., N)."""
+    centre: Complex
+    """c, shape (..., N)."""
+
+    def laid(self, z: Complex) -> tuple[Array, Complex]:
+        """Return angle [rad], shape (n,), and places [px], shape (n, N), for one body or more, where the body fits z [px], as they, best."""
+        shape = self.shape - self.shape.mean(axis=-1, keepdims=True)
+        place = z - self.centre[..., None, :]
+        shift = place.mean(axis=-1, keepdims=True)
+        angle = np.angle(((place - shift) @ shape.conj()[..., None])[..., 0])
+        turned = np.exp(1j * angle)[..., None] * shape[..., None, :]
+        return angle, self.centre[..., None, :] + shift + turned
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +80,22 @@ class Unknowns:
         shape = shape - shape.mean(axis=-1, keepdims=True)
         return camera, Body(shape, parts[..., 0, :] + 1j * parts[..., 1, :])
 
+    def placed(self, points: Array, shear: Array, x: Array) -> tuple[Array, Array]:
+        """Return where the body of numbers (..., P) fits best: its angle [rad], shape (..., n), and what does not fit [px], (..., n, N, 2).
+
+        Args:
+            points: Points as a straight lens shows them [px], shape (n, N, 2).
+            shear: What to add to them for each second of read-out [px/s], shape (n, N, 2).
+            x: The numbers.
+        """
+        camera, body = self.split(x)
+        flat = upright(self.matrix, camera)[..., None, :, :]
+        seen = points + camera[..., READOUT, None, None, None] * shear
+        there = project(flat, seen)
+        angle, model = body.laid(there[..., 0] + 1j * there[..., 1])
+        aside = np.asarray(np.linalg.inv(flat), np.float64)
+        return angle, seen - project(aside, np.stack([model.real, model.imag], axis=-1))
+
 
 @dataclass(frozen=True, slots=True)
 class Found:
@@ -70,27 +113,14 @@ class Found:
     """Sum of squares that is left, weighed as usual noise would have it, and of what is known beforehand."""
 
 
-def placed(points: Array, shear: Array, matrix: Array, camera: Array, body: Body) -> tuple[Array, Array]:
-    """Return where a body fits best: its angle [rad], shape (..., n), and what does not fit [px], (..., n, N, 2).
-
-    Args:
-        points: Points as a straight lens shows them [px], shape (n, N, 2).
-        shear: What to add to them for each second of read-out [px/s], shape (n, N, 2).
-        matrix: Camera matrix [px], shape (3, 3).
-        camera: Yaw, pitch, logarithm of the focal length and read-out, shape (..., 4).
-        body: The body.
-    """
-    flat = upright(matrix, camera)[..., None, :, :]
-    seen = points + camera[..., READOUT, None, None, None] * shear
-    there = project(flat, seen)
-    angle, model = body.laid(there[..., 0] + 1j * there[..., 1])
-    aside = np.asarray(np.linalg.inv(flat), np.float64)
-    back = project(aside, np.stack([model.real, model.imag], axis=-1))
-    return angle, seen - back
-
-
 def fit_circles(
-    view: View, some: Keyframes, matrix: Array, before: CameraState, prior: BodyPrior, start: Array
+    view: View,
+    some: Keyframes,
+    matrix: Array,
+    before: CameraState,
+    prior: BodyPrior,
+    start: Array,
+    steps: int = 60,
 ) -> Found:
     """Find body and camera, three times, as the noise weighs the frames.
 
@@ -101,6 +131,7 @@ def fit_circles(
         before: What is known of the camera beforehand.
         prior: What is known of the body.
         start: Camera from which the search sets out, shape (4,).
+        steps: Steps of each search at most.
     """
     points, shear = view.points[some.rows], view.shear[some.rows]
     unknowns = Unknowns(before, matrix, points[len(points) // 2])
@@ -108,8 +139,7 @@ def fit_circles(
     beforehand = _priors(unknowns, prior)
 
     def residuals(x: Array, weight: Array) -> Array:
-        camera, body = unknowns.split(x)
-        rest = np.sqrt(weight)[:, None, None] * placed(points, shear, matrix, camera, body)[1]
+        rest = np.sqrt(weight)[:, None, None] * unknowns.placed(points, shear, x)[1]
         return np.concatenate([rest.reshape(*x.shape[:-1], -1), beforehand(x)], axis=-1)
 
     noise, doubt = PointNoise(0.05**2, 0.0), np.ones(len(points))
@@ -125,17 +155,16 @@ def fit_circles(
             slopes = (rows[1:] - rows[0]) / DIFFERENCE_STEP
             return Normal(float(0.5 * rows[0] @ rows[0]), slopes @ rows[0], slopes @ slopes.T)
 
-        found = minimise(normal, x, low, high, tolerance=LEAST_COST)
+        found = minimise(normal, x, low, high, iterations=steps, tolerance=LEAST_COST)
         x, information = found.point, found.normal.hessian
-        rest = placed(points, shear, matrix, *unknowns.split(x))[1]
-        noise, doubt = point_noise(rest, some, len(before.free), prior)
+        noise, doubt = point_noise(unknowns.placed(points, shear, x)[1], some, len(before.free), prior)
     covariance = np.asarray(np.linalg.inv(information + np.diag(width**-2.0)), np.float64)
     camera, body = unknowns.split(x)
     unknown = np.zeros((4, 4))
     p = len(before.free)
     unknown[np.ix_(before.free, before.free)] = covariance[:p, :p]
     # One noise for all solutions, so that they can be compared.
-    usual = PointNoise.usual(prior).variance(some.speed)
+    usual = PointNoise(prior.floor**2, BLUR_SHARE**2).variance(some.speed)
     cost = float(np.sum(residuals(x, some.share / usual) ** 2))
     state = replace(before, value=before.within(camera), covariance=unknown)
     return Found(unknowns, x, covariance, state, body, noise, cost)

@@ -34,27 +34,23 @@ def fill_gaps(signal: Signal, pace: float) -> tuple[Signal, int, int]:
         signal: What was seen.
         pace: Frames in one period.
     """
-    good = np.isfinite(signal.roll)
-    first, last = np.flatnonzero(good)[[0, -1]]
-    inside = slice(first, last + 1)
-    time, roll, good = signal.time[inside], signal.roll[inside].copy(), good[inside]
-    deviations = [signal.std[inside].copy(), signal.own[inside].copy()]
-    index = signal.index[inside]
-    turns = np.flatnonzero(np.diff(np.concatenate([[True], good, [True]]).astype(int)))
-    gaps = list(zip(turns[::2], turns[1::2], strict=True))
-    short = [(a, b) for a, b in gaps if b - a <= min(MAX_GAP, pace / 8)]
-    if short and good.sum() >= 4:
+    known = np.flatnonzero(np.isfinite(signal.roll))
+    time, roll = signal.time, signal.roll.copy()
+    deviations = [signal.std.copy(), signal.own.copy()]
+    missing = np.diff(known) - 1
+    short = np.flatnonzero((missing > 0) & (missing <= min(MAX_GAP, pace / 8)))
+    if len(short) and len(known) >= 4:
         from scipy.interpolate import CubicSpline  # slow to start, and seldom needed
 
-        spline = CubicSpline(time[good], roll[good])
-        straight = np.interp(time, time[good], roll[good])
-        for a, b in short:
-            roll[a:b] = spline(time[a:b])
+        spline = CubicSpline(time[known], roll[known])
+        straight = np.interp(time, time[known], roll[known])
+        for at in short:
+            gap = slice(known[at] + 1, known[at + 1])
+            roll[gap] = spline(time[gap])
             # Where the deck was let go in the gap, the cubic is no better than the chord.
             for std in deviations:
-                std[a:b] = np.hypot(max(std[a - 1], std[b]), np.abs(roll[a:b] - straight[a:b]))
+                std[gap] = np.hypot(std[known[at : at + 2]].max(), np.abs(roll[gap] - straight[gap]))
     keep = np.isfinite(roll)
-    dropped = len(signal.roll) - int(keep.sum())
-    filled = int(keep.sum() - good.sum())
-    std, own = (std[keep] for std in deviations)
-    return Signal(time[keep], roll[keep], std, own, index[keep]), filled, dropped
+    std, own = (one[keep] for one in deviations)
+    filled = Signal(time[keep], roll[keep], std, own, signal.index[keep])
+    return filled, int(keep.sum()) - len(known), int((~keep).sum())

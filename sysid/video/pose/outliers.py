@@ -44,16 +44,7 @@ def outlier_frames(time: Array, angle: Array, std: Array) -> Array:
 
 def _between(time: Array, angle: Array) -> Array:
     """Angle at each time but the outer two, by the cubic through two neighbours on either side; shape (n - 4,)."""
-    n = len(time)
-    others = (0, 1, 3, 4)
-    at = time[2 : n - 2]
-    result = np.zeros(n - 4)
-    for one in others:
-        share = np.ones(n - 4)
-        for other in others:
-            if other != one:
-                share *= (at - time[other : n - 4 + other]) / (
-                    time[one : n - 4 + one] - time[other : n - 4 + other]
-                )
-        result += share * angle[one : n - 4 + one]
-    return result
+    others = [0, 1, 3, 4]
+    step = (sliding_window_view(time, 5)[:, others] - time[2:-2, None]) / np.median(np.diff(time))
+    cubic = np.linalg.solve(step[..., None] ** np.arange(4), sliding_window_view(angle, 5)[:, others, None])
+    return np.asarray(cubic[:, 0, 0], np.float64)

@@ -19,11 +19,6 @@ class PointNoise:
     rest: float
     blur: float
 
-    @classmethod
-    def usual(cls, prior: BodyPrior) -> "PointNoise":
-        """Return what is usual."""
-        return cls(prior.floor**2, BLUR_SHARE**2)
-
     def variance(self, speed: Array) -> Array:
         """Return the variance in each direction [px²] at a speed [px/frame], both of shape (n,)."""
         return self.rest + self.blur * speed**2

@@ -88,6 +88,11 @@ def rests_at(angle: Array) -> float:
     return float(np.median(seen[-max(5, len(seen) // 10) :]))
 
 
+def level_at_rest(track: AngleTrack) -> float:
+    """Return what turns the angles so that the body is level at the end of the film [rad]."""
+    return -rests_at(track.angle)
+
+
 def level_angle(track: AngleTrack, direction: complex, symmetry: int) -> float:
     """Return what turns the angles so that a body of this symmetry, seen along `direction` at angle 0, starts level."""
     tilt = float(np.angle(direction))

@@ -14,14 +14,14 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, halved
+from sysid.video.film.frames import Frame, box_about, halved
 from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
-from sysid.video.pose.angle import AngleTrack, fit_angle
+from sysid.video.pose.angle import fit_angle
 from sysid.video.pose.pose import pose_between, principal_corners, shifted, turn_of, turned_about
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import project
-from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, rests_at
+from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_at_rest
 from sysid.video.types import Picture
 
 MAX_FEATURES, MIN_FEATURES = 40, 10
@@ -90,8 +90,7 @@ class FeatureFollower:
 
     def __post_init__(self) -> None:
         """Cut the board out of the reference."""
-        low, high = self.places.min(axis=0) - 2 * WINDOW, self.places.max(axis=0) + 2 * WINDOW
-        patch, corner = self.reference.part((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
+        patch, corner = self.reference.part(box_about(self.places, 2 * WINDOW))
         self._patch, times = halved(patch, PATCH_SIDE)
         self._cut = shifted(np.array(corner) + (times - 1) / 2) @ np.diag([times, times, 1.0])
         self._home = principal_corners(self.places, np.ones(len(self.places)))[0]
@@ -124,8 +123,7 @@ class FeatureFollower:
         height, width = self._patch.shape
         begin = expected @ self._cut
         ends = project(begin, np.array([[0, 0], [width, 0], [0, height], [width, height]], float))
-        low, high = ends.min(axis=0).astype(int) - 4, ends.max(axis=0).astype(int) + 5
-        part, corner = frame.part((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
+        part, corner = frame.part(box_about(ends, 4))
         if min(part.shape[:2]) < WINDOW:
             return expected, 0
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
@@ -178,14 +176,10 @@ def _find(reel: Reel) -> Target | None:
         what="the deck's texture",
         why=f"{len(places)} patches of texture that move",
         solve=partial(fit_angle, prior=BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE, still=SAME_ERRORS)),
-        zero=_rest_at_the_end,
+        zero=level_at_rest,
         shows_level=False,
         zero_note="where the deck is at the end of the film (its last tenth): texture shows no horizontal",
     )
-
-
-def _rest_at_the_end(track: AngleTrack) -> float:
-    return -rests_at(track.angle)
 
 
 TRACKER = Tracker(

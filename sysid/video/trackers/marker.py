@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, halved
+from sysid.video.film.frames import Frame, box_about, halved
 from sysid.video.film.reel import Reel
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.prior import BodyPrior
@@ -112,9 +112,10 @@ class MarkerFollower:
         predicted = self._corners + self._step
         found = self._refine(frame, predicted)
         if found is None:
-            found = self._search_near(frame, predicted)
+            margin = 0.8 * np.ptp(self._corners, axis=0).max() * (1 + self._lost)
+            found = self._search(frame, box_about(np.concatenate([predicted, self._corners]), margin))
         if found is None and self._lost % FULL_SEARCH_EVERY == 0:
-            found = self._detect_in(frame, self.region)
+            found = self._search(frame, self.region)
         if found is None:
             self._lost, self._step = self._lost + 1, np.zeros((4, 2))
             return None
@@ -123,17 +124,10 @@ class MarkerFollower:
         self._corners, self._lost = found, 0
         return found
 
-    def _search_near(self, frame: Frame, predicted: Array) -> Array | None:
-        both = np.concatenate([predicted, self._corners])
-        margin = 0.8 * np.ptp(self._corners, axis=0).max() * (1 + self._lost)
-        low, high = both.min(axis=0) - margin, both.max(axis=0) + margin
-        return self._detect_in(frame, (int(low[0]), int(low[1]), int(high[0]), int(high[1])))
-
-    def _detect_in(self, frame: Frame, box: Box) -> Array | None:
-        for marker in _detect(frame, box, self.marker.kind):
-            if marker.number == self.marker.number:
-                return self._refine(frame, marker.corners)
-        return None
+    def _search(self, frame: Frame, box: Box) -> Array | None:
+        seen = _detect(frame, box, self.marker.kind)
+        same = (one.corners for one in seen if one.number == self.marker.number)
+        return next((self._refine(frame, corners) for corners in same), None)
 
     def _refine(self, frame: Frame, rough: Array) -> Array | None:
         """Fit the four edges near `rough`; None where the picture does not show this marker there."""
@@ -141,9 +135,8 @@ class MarkerFollower:
         if side.min() < MIN_SIDE / 2 or side.max() > 3 * side.min():
             return None
         cell = side.mean() / len(self.cells)
-        inner = [max(one, other) for one, other in zip(frame.box[:2], self.region[:2], strict=True)]
-        outer = [min(one, other) for one, other in zip(frame.box[2:], self.region[2:], strict=True)]
-        if np.any(rough < np.array(inner) + 2) or np.any(rough > np.array(outer) - 3):
+        limits = np.reshape(frame.within(self.region), (2, 2))
+        if np.any(rough < limits[0] + 2) or np.any(rough > limits[1] - 3):
             return None
         place, reach = rough, min(0.75 * cell, 3.0 + 3.0 * self._miss, 12.0)
         ends = edges = np.empty(0)
@@ -214,9 +207,7 @@ def marker_cells(number: int) -> npt.NDArray[np.uint8]:
 
 def _find(reel: Reel) -> Target | None:
     region, look = reel.region or (0, 0, reel.clip.width, reel.clip.height), reel.look
-    low = [max(edge - SEARCH_MARGIN, limit) for edge, limit in zip(look.box[:2], region[:2], strict=True)]
-    high = [min(edge + SEARCH_MARGIN, limit) for edge, limit in zip(look.box[2:], region[2:], strict=True)]
-    around = low[0], low[1], high[0], high[1]
+    around = look.frames[0].cut(region).within(box_about(np.reshape(look.box, (2, 2)), SEARCH_MARGIN))
     # Where something moves, or anywhere at last: a board may hardly do so.
     places = [(frame, around) for frame in look.frames[:: max(1, len(look.frames) // SEARCH_FRAMES)]]
     markers = (find_marker(*place) for place in [*places, (look.frames[0], region)])
