@@ -143,7 +143,7 @@ class Field:
         if not (self.inexact and np.isfinite(gap)):
             return gap
         small = min((NEGLIGIBLE * self.motion) ** 2, max(self.excess(self.best), 0.0))
-        lawful = self._lawful(*(max(self.excess(s), 0.0) for s in (one, other)), small)
+        lawful = self._lawful(max(self.excess(one), 0.0), max(self.excess(other), 0.0), small)
         return min(gap, lawful + self.gain * (other.model.size - one.model.size))
 
     def _lawful(self, one: float, other: float, small: float) -> float:
