@@ -49,9 +49,10 @@ BODY_FLOOR = 0.04
 held there, and shifts all of it. With this, 95 % intervals of k and d hold the truth in 68 rendered films."""
 MAX_ASIDE = 4.0
 """What runs on circles only for a camera that stands so many standard deviations from where people stand turns about no axis of a board."""
-MAX_NOISE = 0.3
-"""Points of one plane across the axis are less off when they rest: 0.03 to 0.21 px in films of many kinds, 0.39 px and more where patches
-of texture lie along a deck's upper side, whose angles were up to 3 % off [px]."""
+MAX_BENT_PATCHES, MAX_BENT = 0.007, 0.002
+"""Share of its size by which a rigid body may be bent when it rests, beyond what compression does (`BODY_FLOOR`): as its patches show it,
+which agree on an affine motion, and as all of it does to a camera along the axis [1]. In films of many kinds up to 0.005 and 0.001; where
+it bends, or lies at several depths so that angles are 2 to 20 % off, one of them is beyond."""
 MAX_ASKEW = np.radians(20.0)
 """A board does not come to rest further from level: what says so are prints on it, not stickers put on level [rad]."""
 MAX_DISAGREEMENT = 0.1
@@ -164,9 +165,19 @@ def _lay_body(reel: Reel, led: Followed) -> tuple[BodyPicture, list[Points]] | N
 def _borne_out(reel: Reel, one: Followed) -> Followed | str:
     """Return texture with what turns as it does; or why it is none of the board: patches of anything agree on some motion."""
     laid = _lay_body(reel, one)
-    if laid is None or np.isfinite(laid[1]).all(axis=(1, 2)).mean() < MIN_SEEN_SHARE:
+    whole = None if laid is None else _whole_body(reel, one, laid[1])
+    if whole is None:
         return f"{one.target.what} is none of the board: pictures turned back by it do not agree"
+    for found, most in ((one.found, MAX_BENT_PATCHES), (whole.found, MAX_BENT)):
+        if (bent := _bent(found)) > most:
+            return f"{one.target.what} lies at several depths or bends: by {100 * bent:.1f} % of its size when it rests"
     return replace(one, laid=laid)
+
+
+def _bent(found: AngleTrack) -> float:
+    """Return how far a body's points are off when it rests, beyond what compression does, as a share of its size [1]."""
+    size = float(np.abs(found.shape - found.shape.mean()).mean())
+    return float(np.sqrt(max(found.noise**2 - BODY_FLOOR**2, 0.0))) / size
 
 
 def _best(usable: list[Followed]) -> Followed:
@@ -240,8 +251,6 @@ def _fault(one: Followed) -> str | None:
     state = one.found.camera_state
     if np.any(np.abs(state.value - one.before.value)[:2] > MAX_ASIDE * one.before.std[:2]):
         return f"{what} turns about an axis that no camera behind a board looks along"
-    if one.target.shows_body and not one.target.shows_level and one.found.noise > MAX_NOISE:
-        return f"{what} lies at several depths or bends: its points are {one.found.noise:.1f} px off when it rests"
     if one.target.shows_body and _strays(one.track, one.found.angle):
         return f"{what} moves along rather than turns about a point: a foot, a hand, or a camera that moves"
     return f"{what} tells the angle to ±{2 * np.degrees(one.std):.2g}° only" if one.std > MAX_STD else None

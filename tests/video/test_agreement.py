@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import cv2
@@ -10,17 +11,22 @@ import pytest
 from frames import frame_of
 
 from sysid.errors import SysidError
+from sysid.video import select
+from sysid.video.film.camera import Lens
 from sysid.video.film.shake import still, still_places
 from sysid.video.film.track import Track
 from sysid.video.follow import track_of
+from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import fit_angle
 from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.outliers import outlier_frames
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import rectify
 from sysid.video.pose.view import View
-from sysid.video.select import Followed, _borne_out, _fault
+from sysid.video.select import Followed, _borne_out, _fault, _followed
+from sysid.video.trackers._base import DEAD_ZONE, Target, level_at_rest
 from sysid.video.trackers.dots import Dot, DotFollower
+from sysid.video.trackers.features import PLACE_FLOOR
 
 TIME = np.arange(90) / 60
 CAMERA = CameraState(np.zeros(4), np.diag(np.append(np.radians([15.0, 15.0]), [0.25, 0.0]) ** 2))
@@ -33,6 +39,38 @@ def turned(points, prior):
     view = View(track, lambda points: points, lambda points: points[..., 1] / 720)
     matrix = np.array([[1000.0, 0, 640], [0, 1000, 360], [0, 0, 1]])
     return fit_angle(view, matrix, CameraState(np.zeros(4), np.diag([0.07, 0.07, 0.06, 0.0])), prior)
+
+
+def places(path, middle):
+    place = path + middle
+    return np.stack([place.real, place.imag], axis=-1).astype(np.float32)
+
+
+CORNERS = np.array([-40 - 20j, 40 - 20j, 40 + 20j, -40 + 20j])
+
+
+def reel_of(frames):
+    return SimpleNamespace(
+        lens=Lens(np.array([[900.0, 0, 160], [0, 900, 120], [0, 0, 1]]), np.zeros(5), True, ""),
+        clip=SimpleNamespace(readout=0.0, row_share=lambda points: points[..., 1] / 240),
+        options=VideoOptions(camera_angle=(0.0, 0.0)),
+        kept=frames,
+        look=SimpleNamespace(box=(40, 40, 280, 200)),
+    )
+
+
+def texture(reel, path):
+    track = Track(TIME, places(path, 160 + 120j), still(90, 900.0, 160 + 120j), np.arange(90), 0)
+    target = Target(
+        follower=None,
+        what="texture",
+        why="",
+        solve=partial(fit_angle, prior=BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE)),
+        zero=level_at_rest,
+        zero_note="",
+        shows_level=False,
+    )
+    return _followed(reel, target, track)
 
 
 def test_compression_makes_small_swings_less_certain_than_large_ones():
@@ -101,22 +139,20 @@ def test_an_angle_that_contradicts_itself_or_is_vague_is_none():
     assert "the edge tells the angle to ±20° only" in fault(ROLL, np.radians(10.0))
 
 
-def test_what_is_carried_past_or_lies_at_several_depths_is_no_board():
+def test_what_is_carried_past_is_no_board():
     turned = np.exp(1j * ROLL)[:, None] * np.array([150 + 20j, -150 + 10j])
     passing = 200 * np.sin(3 * TIME)[:, None] + 0.1 * turned
-    for path, noise, fault in (
-        (turned, 0.2, None),
-        (turned + 4 * np.sin(5 * TIME)[:, None], 0.2, None),
-        (passing, 0.2, "moves along"),
-        (turned, 0.4, "several depths"),
+    for path, fault in (
+        (turned, None),
+        (turned + 4 * np.sin(5 * TIME)[:, None], None),
+        (passing, "moves along"),
     ):
-        points = np.stack([path.real + 640, path.imag + 360], axis=-1).astype(np.float32)
-        track = Track(TIME, points, still(90, 1000.0, 640 + 360j), np.arange(90), 0)
+        track = Track(TIME, places(path, 640 + 360j), still(90, 1000.0, 640 + 360j), np.arange(90), 0)
         one = Followed(
-            SimpleNamespace(what="texture", shows_body=True, shows_level=False),
+            SimpleNamespace(what="texture", shows_body=True),
             track,
             CAMERA,
-            SimpleNamespace(angle=ROLL, std=np.full(90, 0.01), camera_state=CAMERA, noise=noise),
+            SimpleNamespace(angle=ROLL, std=np.full(90, 0.01), camera_state=CAMERA),
         )
         assert (_fault(one) is None) if fault is None else fault in _fault(one)
 
@@ -140,22 +176,31 @@ def test_patches_that_agree_are_texture_of_the_board_only_if_the_pictures_agree(
     picture = cv2.GaussianBlur(rng.uniform(0, 255, (240, 320)).astype(np.float32), (0, 0), 2)
     picture = np.clip(128 + 5 * (picture - 128), 0, 255)
     turns = [cv2.getRotationMatrix2D((160, 120), -np.degrees(one), 1.0) for one in ROLL]
-    home = np.array([[120.0, 100], [200, 100], [200, 140], [120, 140]])
-    points = np.array([home @ turn[:, :2].T + turn[:, 2] for turn in turns], np.float32)
+    path = np.exp(1j * ROLL)[:, None] * CORNERS
     shown = [cv2.warpAffine(picture, turn, (320, 240)) if board else picture for turn in turns]
     frames = [
         frame_of(row, TIME[row], np.repeat(one[..., None], 3, 2).astype(np.uint8))
         for row, one in enumerate(shown)
     ]
-    reel = SimpleNamespace(
-        lens=SimpleNamespace(matrix=np.array([[900.0, 0, 160], [0, 900, 120], [0, 0, 1]])),
-        kept=frames,
-        look=SimpleNamespace(box=(40, 40, 280, 200)),
-    )
-    track = Track(TIME, points, still(90, 900.0, 160 + 120j), np.arange(90), 0)
-    found = SimpleNamespace(angle=ROLL, camera_state=replace(CAMERA, value=np.zeros(4)))
-    seen = _borne_out(reel, Followed(SimpleNamespace(what="texture"), track, CAMERA, found))
+    reel = reel_of(frames)
+    seen = _borne_out(reel, texture(reel, path))
     assert isinstance(seen, Followed) if board else "do not agree" in seen
+
+
+@pytest.mark.parametrize(("patches", "whole"), [(0.0, 0.0), (0.006, 0.001), (0.015, 0.001), (0.006, 0.01)])
+def test_texture_that_bends_is_none_of_the_board_but_what_is_seen_from_near_by_is(
+    monkeypatch, patches, whole
+):
+    rng = np.random.default_rng(3)
+
+    def path(bend):
+        return np.exp(1j * ROLL)[:, None] * CORNERS + bend * np.sin(20 * TIME)[:, None] * CORNERS.conj()
+
+    noisy = places(path(whole), 160 + 120j) + 0.05 * rng.normal(size=(90, 4, 2)).astype(np.float32)
+    monkeypatch.setattr(select, "_lay_body", lambda *_: (None, list(noisy)))
+    reel = reel_of([])
+    seen = _borne_out(reel, texture(reel, path(patches)))
+    assert isinstance(seen, Followed) if max(patches / 2, whole) < 0.005 else "bends: by" in seen
 
 
 def test_points_that_are_not_seen_are_no_warning():
