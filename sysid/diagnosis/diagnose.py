@@ -40,7 +40,7 @@ from sysid.diagnosis.search import Candidate as Model
 from sysid.diagnosis.search import Progress, Search, best_families
 from sysid.diagnosis.stretches import judged_stretches
 from sysid.diagnosis.surrogates import LAWS, in_words, nearest_outside, surrogates
-from sysid.diagnosis.touched import untouched
+from sysid.diagnosis.touched import begun_by_hand, untouched
 from sysid.diagnosis.wording import (
     experiment_for_the_unknown,
     experiment_in_words,
@@ -303,24 +303,31 @@ def diagnose(
         final = _finalists(search, models)
         first = Field(final, search.base, period, noise.std)
         alone = alone or _learning_begun(pool, learning, first)
-        free = untouched([*final, *_outside_all(search, final)], search.base, pool)
-        if free is not None:
-            kept, left_out = free
-            records = make_records(kept, noise.std, rate=use_rate)
-            again, others = _searched(replace(started, records=records))
-            last = _finalists(again, others)
+        left = untouched([*final, *_outside_all(search, final)], search.base, pool)
+        if left is not None:
+            kept, left_out = left
+            again, others, last = _searched_anew(started, kept)
             # A hand was there if what it did not touch is by a law: a narrower swing alone is nearer to any.
             if min(m.rmse for m in last) < REACHED * noise.std:
                 warnings.append(left_out)
                 judged, search, models, final = kept, again, others, last
-                learning = partial(tables, judged, board, signal=signal, fixed=fixed)
                 first = Field(final, search.base, period, noise.std)
+                learning = partial(tables, judged, board, signal=signal, fixed=fixed)
                 alone = _learning_begun(pool, learning, first)
-        quantities = {id(m): pool.begin(parameter_quantities, m.problem, m.minimum, board) for m in final}
-        winner, final, idle = _material(search, first, final, board)
-        outside = surrogates(search, winner, min(final, key=lambda m: m.cost))
-        everything = Field([*final, *outside], search.base, period, noise.std, known=first)
-        verdict, best = _judged(search, everything, winner, board, idle)
+            else:
+                left = None
+        decided = _decided(search, first, final, board)
+        if left is None and (begun := begun_by_hand(search, decided.asked, decided.everything)) is not None:
+            kept, left_out = begun
+            again, others, last = _searched_anew(started, kept)
+            other = _decided(again, Field(last, again.base, period, noise.std), last, board)
+            if other.laws < decided.laws:
+                warnings.append(left_out)
+                judged, search, models, final, decided = kept, again, others, other.final, other
+                learning, alone = partial(tables, judged, board, signal=signal, fixed=fixed), None
+        winner, final, everything, verdict, best, quantities = (
+            decided.winner, decided.final, decided.everything, decided.verdict, decided.best, decided.quantities,
+        )  # fmt: skip
         base = search.fine(everything.base.model, average=1)
         verdict = replace(verdict, error_before=base.rmse, error_after=best.rmse)
         left_over = verdict.remainder > MATERIAL * everything.motion and everything.surely_missing
@@ -453,6 +460,54 @@ def _fast_starts(model: Model) -> list[str]:
         "the deck leaves the hand faster than the model allows: it was pushed, or something acts in the first "
         "milliseconds only, such as an end stop that the deck was held against. Release from smaller angles too"
     ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Decided:
+    """The verdict on what was searched, and what it rests on."""
+
+    winner: Model
+    """As it was scored."""
+    final: Sequence[Model]
+    everything: Field
+    verdict: Verdict
+    best: Model
+    """The model that the verdict rests on, fitted to single samples."""
+    quantities: Mapping[int, Callable[[], Mapping[str, Quantity]]]
+    """Of the finalists, by their identity."""
+    asked: Sequence[Model]
+    """What is said to be missing, with what is as likely outside the catalogue, and what is simpler; empty where nothing is missing."""
+    laws: float
+    """How many are missing; inf where none of the catalogue explains it."""
+
+
+def _decided(search: Search, tried: Field, final: list[Model], board: Board) -> _Decided:
+    """Return the verdict on models that were predicted."""
+    quantities = {id(m): search.pool.begin(parameter_quantities, m.problem, m.minimum, board) for m in final}
+    winner, final, idle = _material(search, tried, final, board)
+    outside = surrogates(search, winner, min(final, key=lambda m: m.cost))
+    everything = Field([*final, *outside], search.base, tried.period, tried.floor, known=tried)
+    verdict, best = _judged(search, everything, winner, board, idle)
+    chosen = next(s for s in everything.scored if s.model is winner)
+    beyond = _outside(everything, chosen) if verdict.status == "unexplained" else None
+    asked: list[Model] = []
+    if beyond is not None or (verdict.status != "none-missing" and search.added(winner)):
+        asked = [m for m in final if set(m.effects) <= set(winner.effects)]
+        asked += [beyond.model] if beyond is not None else []
+    named = 0 if verdict.status == "none-missing" else len(search.added(winner))
+    return _Decided(
+        winner=winner, final=final, everything=everything, verdict=verdict, best=best, quantities=quantities, asked=asked,
+        laws=np.inf if verdict.status == "unexplained" else named,
+    )  # fmt: skip
+
+
+def _searched_anew(search: Search, releases: Sequence[Release]) -> tuple[Search, list[Model], list[Model]]:
+    """Return what searches some other releases, all models that were fitted to them, and those that may win."""
+    record = search.records[0]
+    search, models = _searched(
+        replace(search, records=make_records(releases, record.std, rate=record.is_rate))
+    )
+    return search, models, _finalists(search, models)
 
 
 def _searched(search: Search) -> tuple[Search, list[Model]]:

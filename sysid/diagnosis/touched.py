@@ -12,7 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from sysid.diagnosis.search import Candidate, promise
+from sysid.diagnosis.judgement import Field
+from sysid.diagnosis.search import Candidate, Search, promise
 from sysid.diagnosis.workers import WorkerPool
 from sysid.fitting.records import Record, make_records
 from sysid.fitting.search import first_swings
@@ -102,6 +103,38 @@ def untouched(
     return (
         [release for i, release in enumerate(releases) if i != odd],
         f"release {releases[odd].number} is left out: the others are by one law, and it is by none, as if a hand was on the deck",
+    )
+
+
+def begun_by_hand(
+    search: Search, asked: Sequence[Candidate], tried: Field
+) -> tuple[list[Release], str] | None:
+    """Return the releases without their beginnings, and why, if what is said to be missing shows there only; else None.
+
+    What the joint has acts in every swing, a hand before the first. So what is missing must be told from what is simpler by the motion after
+    a hand can have been there, too.
+
+    Args:
+        search: That found the models.
+        asked: What is said to be missing, and models that have less, the record's own among them.
+        tried: In which they were judged.
+    """
+    if not asked:
+        return None
+    kept = [part for record in search.records for part in _middle(record, asked[0], PUSHED, 0.0)]
+    if len(kept) < len(search.records):
+        return None
+    records = make_records(kept, search.records[0].std, rate=search.records[0].is_rate)
+    later = replace(search, records=records)
+    fitted = [later.finalist(_refitted_to(model, kept, np.inf)) for model in asked]
+    after = Field(fitted, search.base, tried.period, tried.floor)
+    most = max(asked, key=_laws)
+    winner = after.winner()
+    if _laws(winner.model) >= _laws(most) or (winner is after.base and after.surely_missing):
+        return None
+    return (
+        kept,
+        "the beginnings of the releases are left out: what seems to be missing shows nowhere else, as if a hand was on the deck",
     )
 
 
