@@ -476,7 +476,7 @@ class _Decided:
     quantities: Mapping[int, Callable[[], Mapping[str, Quantity]]]
     """Of the finalists, by their identity."""
     asked: Sequence[Model]
-    """What is said to be missing, with what is as likely outside the catalogue, and what is simpler; empty where nothing is missing."""
+    """What is said to be missing, then what has less; empty where nothing is missing."""
     laws: float
     """How many are missing; inf where none of the catalogue explains it."""
 
@@ -492,8 +492,8 @@ def _decided(search: Search, tried: Field, final: list[Model], board: Board) -> 
     beyond = _outside(everything, chosen) if verdict.status == "unexplained" else None
     asked: list[Model] = []
     if beyond is not None or (verdict.status != "none-missing" and search.added(winner)):
-        asked = [m for m in final if set(m.effects) <= set(winner.effects)]
-        asked += [beyond.model] if beyond is not None else []
+        said = winner if beyond is None else beyond.model
+        asked = [said, *(m for m in final if m is not said and set(m.effects) <= set(winner.effects))]
     named = 0 if verdict.status == "none-missing" else len(search.added(winner))
     return _Decided(
         winner=winner, final=final, everything=everything, verdict=verdict, best=best, quantities=quantities, asked=asked,
@@ -614,9 +614,7 @@ def _judged(
         size = replace(size, signal_share=max(size.signal_share, reading_share(chosen.model, named)))
     explained = tried.explained(chosen)
     hints = _hints(search, tried, chosen, size)
-    vague = not named or explained < EXPLAINED or tried.left(chosen) > CLOSE
-    vague |= tried.is_stood_in_for and chosen.model.rmse > tried.exact
-    if outside is not None or (tried.surely_missing and vague):
+    if outside is not None or (tried.surely_missing and not tried.explains(chosen)):
         return _unexplained(search, tried, chosen, outside, hints, board)
     if size is None or not size.matters or explained < EXPLAINED:
         return _nothing(search, tried, chosen, size, hints, board)
