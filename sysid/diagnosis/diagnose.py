@@ -36,8 +36,8 @@ from sysid.diagnosis.judgement import (
 )
 from sysid.diagnosis.remedy import REACHED, Learned, described, residual_noise, tables
 from sysid.diagnosis.report import fittable
+from sysid.diagnosis.search import INEXACT, Progress, Search, best_families
 from sysid.diagnosis.search import Candidate as Model
-from sysid.diagnosis.search import Progress, Search, best_families
 from sysid.diagnosis.stretches import judged_stretches
 from sysid.diagnosis.surrogates import LAWS, in_words, nearest_outside, surrogates
 from sysid.diagnosis.touched import begun_by_hand, untouched
@@ -576,7 +576,9 @@ def _material(
         return min([*known, search.finalist(search.without(winner, rest, [{}]))], key=lambda m: m.cost)
 
     def idles(name: str, beside: Model) -> bool:
-        sure = beside.rmse > tried.exact and not tried.inexact
+        # Of many samples a small error is lost in each one, and not in the means that are scored.
+        missed = winner.heldout_rmse < INEXACT * tried.noise < beside.heldout_rmse
+        sure = (beside.rmse > tried.exact or missed) and not tried.inexact
         unnoticed = not sure and tried.left(tried.score(beside)) < UNNOTICED
         return unnoticed or not importance(winner, [name], beside).matters
 
