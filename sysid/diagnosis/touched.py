@@ -121,7 +121,8 @@ def begun_by_hand(
         asked: What is said to be missing, then models that have less, the record's own among them.
         tried: In which they were judged.
     """
-    if not asked:
+    # What was held still for a period was let go, not pushed.
+    if not asked or all(record.release.hold > tried.period for record in search.records):
         return None
     kept = [part for record in search.records for part in _middle(record, asked[0], PUSHED, 0.0)]
     if len(kept) < len(search.records):
