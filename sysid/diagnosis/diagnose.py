@@ -36,11 +36,11 @@ from sysid.diagnosis.judgement import (
 )
 from sysid.diagnosis.remedy import REACHED, Learned, described, residual_noise, tables
 from sysid.diagnosis.report import fittable
+from sysid.diagnosis.search import INEXACT, Progress, Search, best_families
 from sysid.diagnosis.search import Candidate as Model
-from sysid.diagnosis.search import Progress, Search, best_families
 from sysid.diagnosis.stretches import judged_stretches
 from sysid.diagnosis.surrogates import LAWS, in_words, nearest_outside, surrogates
-from sysid.diagnosis.touched import untouched
+from sysid.diagnosis.touched import begun_by_hand, untouched
 from sysid.diagnosis.wording import (
     experiment_for_the_unknown,
     experiment_in_words,
@@ -303,24 +303,31 @@ def diagnose(
         final = _finalists(search, models)
         first = Field(final, search.base, period, noise.std)
         alone = alone or _learning_begun(pool, learning, first)
-        free = untouched([*final, *_outside_all(search, final)], search.base, pool)
-        if free is not None:
-            kept, left_out = free
-            records = make_records(kept, noise.std, rate=use_rate)
-            again, others = _searched(replace(started, records=records))
-            last = _finalists(again, others)
+        left = untouched([*final, *_outside_all(search, final)], search.base, pool)
+        if left is not None:
+            kept, left_out = left
+            again, others, last = _searched_anew(started, kept)
             # A hand was there if what it did not touch is by a law: a narrower swing alone is nearer to any.
             if min(m.rmse for m in last) < REACHED * noise.std:
                 warnings.append(left_out)
                 judged, search, models, final = kept, again, others, last
-                learning = partial(tables, judged, board, signal=signal, fixed=fixed)
                 first = Field(final, search.base, period, noise.std)
+                learning = partial(tables, judged, board, signal=signal, fixed=fixed)
                 alone = _learning_begun(pool, learning, first)
-        quantities = {id(m): pool.begin(parameter_quantities, m.problem, m.minimum, board) for m in final}
-        winner, final, idle = _material(search, first, final, board)
-        outside = surrogates(search, winner, min(final, key=lambda m: m.cost))
-        everything = Field([*final, *outside], search.base, period, noise.std, known=first)
-        verdict, best = _judged(search, everything, winner, board, idle)
+            else:
+                left = None
+        decided = _decided(search, first, final, board)
+        if left is None and (begun := begun_by_hand(search, decided.asked, decided.everything)) is not None:
+            kept, left_out = begun
+            again, others, last = _searched_anew(started, kept)
+            other = _decided(again, Field(last, again.base, period, noise.std), last, board)
+            if other.laws < decided.laws:
+                warnings.append(left_out)
+                judged, search, models, final, decided = kept, again, others, other.final, other
+                learning, alone = partial(tables, judged, board, signal=signal, fixed=fixed), None
+        winner, final, everything, verdict, best, quantities = (
+            decided.winner, decided.final, decided.everything, decided.verdict, decided.best, decided.quantities,
+        )  # fmt: skip
         base = search.fine(everything.base.model, average=1)
         verdict = replace(verdict, error_before=base.rmse, error_after=best.rmse)
         left_over = verdict.remainder > MATERIAL * everything.motion and everything.surely_missing
@@ -455,6 +462,54 @@ def _fast_starts(model: Model) -> list[str]:
     ]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Decided:
+    """The verdict on what was searched, and what it rests on."""
+
+    winner: Model
+    """As it was scored."""
+    final: Sequence[Model]
+    everything: Field
+    verdict: Verdict
+    best: Model
+    """The model that the verdict rests on, fitted to single samples."""
+    quantities: Mapping[int, Callable[[], Mapping[str, Quantity]]]
+    """Of the finalists, by their identity."""
+    asked: Sequence[Model]
+    """What is said to be missing, then what has less; empty where nothing is missing."""
+    laws: float
+    """How many are missing; inf where none of the catalogue explains it."""
+
+
+def _decided(search: Search, tried: Field, final: list[Model], board: Board) -> _Decided:
+    """Return the verdict on models that were predicted."""
+    quantities = {id(m): search.pool.begin(parameter_quantities, m.problem, m.minimum, board) for m in final}
+    winner, final, idle = _material(search, tried, final, board)
+    outside = surrogates(search, winner, min(final, key=lambda m: m.cost))
+    everything = Field([*final, *outside], search.base, tried.period, tried.floor, known=tried)
+    verdict, best = _judged(search, everything, winner, board, idle)
+    chosen = next(s for s in everything.scored if s.model is winner)
+    beyond = _outside(everything, chosen) if verdict.status == "unexplained" else None
+    asked: list[Model] = []
+    if beyond is not None or (verdict.status != "none-missing" and search.added(winner)):
+        said = winner if beyond is None else beyond.model
+        asked = [said, *(m for m in final if m is not said and set(m.effects) <= set(winner.effects))]
+    named = 0 if verdict.status == "none-missing" else len(search.added(winner))
+    return _Decided(
+        winner=winner, final=final, everything=everything, verdict=verdict, best=best, quantities=quantities, asked=asked,
+        laws=np.inf if verdict.status == "unexplained" else named,
+    )  # fmt: skip
+
+
+def _searched_anew(search: Search, releases: Sequence[Release]) -> tuple[Search, list[Model], list[Model]]:
+    """Return what searches some other releases, all models that were fitted to them, and those that may win."""
+    record = search.records[0]
+    search, models = _searched(
+        replace(search, records=make_records(releases, record.std, rate=record.is_rate))
+    )
+    return search, models, _finalists(search, models)
+
+
 def _searched(search: Search) -> tuple[Search, list[Model]]:
     """Return what searches, and all models that were fitted."""
     search, singles = search.hung(search.singles())
@@ -521,7 +576,9 @@ def _material(
         return min([*known, search.finalist(search.without(winner, rest, [{}]))], key=lambda m: m.cost)
 
     def idles(name: str, beside: Model) -> bool:
-        sure = beside.rmse > tried.exact and not tried.inexact
+        # Of many samples a small error is lost in each one, and not in the means that are scored.
+        missed = winner.heldout_rmse < INEXACT * tried.noise < beside.heldout_rmse
+        sure = (beside.rmse > tried.exact or missed) and not tried.inexact
         unnoticed = not sure and tried.left(tried.score(beside)) < UNNOTICED
         return unnoticed or not importance(winner, [name], beside).matters
 
@@ -559,9 +616,7 @@ def _judged(
         size = replace(size, signal_share=max(size.signal_share, reading_share(chosen.model, named)))
     explained = tried.explained(chosen)
     hints = _hints(search, tried, chosen, size)
-    vague = not named or explained < EXPLAINED or tried.left(chosen) > CLOSE
-    vague |= tried.is_stood_in_for and chosen.model.rmse > tried.exact
-    if outside is not None or (tried.surely_missing and vague):
+    if outside is not None or (tried.surely_missing and not tried.explains(chosen)):
         return _unexplained(search, tried, chosen, outside, hints, board)
     if size is None or not size.matters or explained < EXPLAINED:
         return _nothing(search, tried, chosen, size, hints, board)

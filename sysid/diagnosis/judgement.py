@@ -298,6 +298,12 @@ class Field:
         before = self.excess(self.base)
         return float(np.clip(1 - max(self.excess(scored), 0.0) / before, 0.0, 1.0)) if before > 0 else 0.0
 
+    def explains(self, scored: Scored) -> bool:
+        """Return whether a candidate has something more than the joint as it is, which explains the log."""
+        stands_in = self.is_stood_in_for and scored.model.rmse > self.exact
+        enough = self.explained(scored) >= EXPLAINED and self.left(scored) <= CLOSE
+        return scored.extra > 0 and enough and not stands_in
+
     def chance_explained(self, scored: Scored, share: float, close: float) -> float:
         """Return the probability that a candidate explains a log: bootstrap over its periods.
 

@@ -12,7 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from sysid.diagnosis.search import Candidate, promise
+from sysid.diagnosis.judgement import TIE, Field, rest_of
+from sysid.diagnosis.search import Candidate, Search, promise
 from sysid.diagnosis.workers import WorkerPool
 from sysid.fitting.records import Record, make_records
 from sysid.fitting.search import first_swings
@@ -44,6 +45,8 @@ BEGUN = 12
 """Iterations after which a fit is left where it is if it does not promise enough: with six a gap that was fitted to a push was not back in step."""
 NEARLY = 1.05
 """Error of a model that is as good as the best, over that one's."""
+DEGREE = 3
+"""Of laws, at most: what is the evidence for one falls with so much a power of the motion's energy."""
 SHORTEST, SAMPLES = 0.6, 24
 """Periods and samples of a release that is too short for a verdict."""
 
@@ -103,6 +106,52 @@ def untouched(
         [release for i, release in enumerate(releases) if i != odd],
         f"release {releases[odd].number} is left out: the others are by one law, and it is by none, as if a hand was on the deck",
     )
+
+
+def begun_by_hand(
+    search: Search, asked: Sequence[Candidate], tried: Field
+) -> tuple[list[Release], str] | None:
+    """Return the releases without their beginnings, and why, if what is said to be missing shows there only; else None.
+
+    What the joint has acts in every swing, a hand before the first. So what is missing must be told from what is simpler by the motion after
+    a hand can have been there, too, where enough of that is left: of a deck that stops within a swing nothing is.
+
+    Args:
+        search: That found the models.
+        asked: What is said to be missing, then models that have less, the record's own among them.
+        tried: In which they were judged.
+    """
+    # What was held still for a period was let go, not pushed.
+    if not asked or all(record.release.hold > tried.period for record in search.records):
+        return None
+    kept = [part for record in search.records for part in _middle(record, asked[0], PUSHED, 0.0)]
+    if len(kept) < len(search.records):
+        return None
+    records = make_records(kept, search.records[0].std, rate=search.records[0].is_rate)
+    later = replace(search, records=records)
+    after = Field(
+        [later.finalist(_refitted_to(m, kept, np.inf)) for m in asked], search.base, tried.period, tried.floor
+    )
+    winner = after.winner()
+    if _laws(winner.model) >= _laws(asked[0]) or (after.surely_missing and not after.explains(winner)):
+        return None
+    said, less = (
+        next(s for s in tried.scored if s.model.effects == m.effects and s.model.shape == m.shape)
+        for m in (asked[0], winner.model)
+    )
+    left = _energy(later.records, asked[0]) / _energy(search.records, asked[0])
+    if (said.score - less.score) * left**DEGREE < TIE:
+        return None
+    return (
+        kept,
+        "the beginnings of the releases are left out: what seems to be missing shows nowhere else, as if a hand was on the deck",
+    )
+
+
+def _energy(records: Sequence[Record], model: Candidate) -> float:
+    """Return the sum of squares of a motion about its rest, without the noise, in units of the noise."""
+    rest, std = rest_of(model), records[0].std
+    return sum(float(np.sum(((record.signal - rest) / std) ** 2 - 1)) for record in records)
 
 
 def _begun(

@@ -9,6 +9,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from sysid.errors import SysidError
 from sysid.noise.sensor import quantisation_step
+from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Z95
 from sysid.roll import Array, Release
 
@@ -22,6 +23,8 @@ _NEIGHBOURS = comb(4 * _ORDERS[-1], 2 * _ORDERS[-1]) / comb(2 * _ORDERS[-1], _OR
 
 _ENOUGH = 8
 """Differences of a release from which it tells its noise."""
+BY_CHANCE = 3.0
+"""Deviations by which a stretch at rest is quieter in its second half in one of 700 logs by chance."""
 FROM_SCATTER = "estimated from the sample-to-sample scatter"
 """How a noise floor was found that no smooth motion can have made."""
 
@@ -111,12 +114,13 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
         )
     std = difference_std(curves)
     still, resting = 0.0, 0
-    for release, (signal, _) in zip(releases, curves, strict=True):
+    for release, (signal, time) in zip(releases, curves, strict=True):
         if release.end == "rest":
-            tail = signal[int(0.65 * len(signal)) : int(0.9 * len(signal))]
-            wander = _without_swing(tail)
+            inside = slice(int(0.65 * len(signal)), int(0.9 * len(signal)))
+            tail, wander = signal[inside], _without_swing(signal[inside], time[inside])
             power = np.abs(np.fft.rfft(wander)) ** 2
-            if power.max(initial=0.0) < 0.25 * power.sum():  # else one frequency rules: it still swings
+            one_rules = power.max(initial=0.0) >= 0.25 * power.sum()
+            if not one_rules and not _fades(tail, time[inside]):  # else it still swings
                 still += float(np.sum(wander**2))
                 resting += len(tail)
     unit = "rad/s" if rate else "rad"
@@ -137,21 +141,34 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
     )
 
 
-def _without_swing(tail: Array) -> Array:
+def _without_swing(tail: Array, time: Array) -> Array:
     """Return a stretch at rest without its trend and without what is left of the swing that faded before.
 
     The swing is a sine whose amplitude falls smoothly, at the frequency that has the most power.
     """
-    t = np.linspace(-1, 1, len(tail))
+    t = np.interp(time, (time[0], time[-1]), (-1, 1))  # not by number: samples may be lost
     wander = tail - np.polyval(np.polyfit(t, tail, 1), t)
     size = 8 * len(tail)
     peak = int(np.argmax(np.abs(np.fft.rfft(wander, size))))
-    phase = 2 * np.pi * peak / size * np.arange(len(tail))
+    phase = np.pi * peak / size * (len(tail) - 1) * t
     sine = [shape * t**power for shape in (np.cos(phase), np.sin(phase)) for power in range(3)]
     table = np.column_stack([np.ones_like(t), t, *sine])
     rest = tail - table @ np.linalg.lstsq(table, tail, rcond=None)[0]
     # White noise loses as many of its degrees of freedom as the table has columns.
     return rest * np.sqrt(len(tail) / max(len(tail) - table.shape[1], 1))
+
+
+def _fades(tail: Array, time: Array) -> bool:
+    """Return whether the second half of a stretch is quieter than the first by more than chance: a sensor's noise does not fade."""
+    if len(tail) < 4 * _ENOUGH:  # halves too short for a swing beside noise
+        return False
+    halves = [
+        _without_swing(*half) for half in zip(np.array_split(tail, 2), np.array_split(time, 2), strict=True)
+    ]
+    first, second = (max(float(np.mean(half**2)), 1e-300) for half in halves)
+    independent = len(tail) / max(correlation_length(halves[1:]), 1.0)
+    # The logarithm of a mean of n squares has a deviation of √(2 / n).
+    return bool(np.log(first / second) > BY_CHANCE * np.sqrt(8 / independent))
 
 
 def _signal(release: Release, *, rate: bool) -> Array:

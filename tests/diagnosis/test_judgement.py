@@ -417,8 +417,16 @@ def test_a_lag_is_the_readings_if_nothing_as_simple_does_as_well(monkeypatch, ch
     assert verdict.status == status
 
 
-@pytest.mark.parametrize(("beyond", "named"), [(False, {"coulomb"}), (True, {"coulomb", "end-stop"})])
-def test_what_lifts_the_error_out_of_the_noise_is_noticed(monkeypatch, beyond, named):
+@pytest.mark.parametrize(
+    ("hidden", "named"),
+    [
+        (("exact", "noise"), {"coulomb"}),
+        (("noise",), {"coulomb", "end-stop"}),
+        (("exact",), {"coulomb", "end-stop"}),
+    ],
+    ids=["in neither", "in single samples", "in their means"],
+)
+def test_what_lifts_the_error_out_of_the_noise_is_noticed(monkeypatch, hidden, named):
     """However little of the motion it is, where one model is at the noise and one without it is not; else the one stays without which more is missed."""
     law = LAW.with_effect("coulomb", 0.05).with_effect("end-stop", 0.12, 30.0, 0.0)
     board = load_board(shipped_data() / "boards" / "pink.toml")
@@ -430,11 +438,11 @@ def test_what_lifts_the_error_out_of_the_noise_is_noticed(monkeypatch, beyond, n
     field = Field(final, (), 2 * np.pi / search.scales.frequency, NOISE)
     monkeypatch.setattr("sysid.diagnosis.diagnose.UNNOTICED", 1.0)
     monkeypatch.setattr("sysid.diagnosis.diagnose.MATERIAL", 1.0)
-    if not beyond:
-        monkeypatch.setattr(field, "exact", 1.0)
+    for level in hidden:
+        monkeypatch.setattr(field, level, 1.0)
     winner, _, idle = _material(search, field, final, board)
     assert set(winner.effects) == named
-    assert idle == (set() if beyond else {"stop"})
+    assert idle == (set() if len(named) == 2 else {"stop"})
 
 
 def test_what_a_decay_of_many_swings_is_missed_by_matters_however_small_its_torque():

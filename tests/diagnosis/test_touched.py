@@ -9,9 +9,10 @@ from decay_truth import Recipe, make_roll
 
 from sysid.board import load_board
 from sysid.diagnosis.diagnose import diagnose
+from sysid.diagnosis.judgement import Field
 from sysid.diagnosis.search import Search
 from sysid.diagnosis.surrogates import nearest_outside
-from sysid.diagnosis.touched import _begun, _refitted, untouched
+from sysid.diagnosis.touched import _begun, _refitted, begun_by_hand, untouched
 from sysid.diagnosis.workers import WorkerPool
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
@@ -180,3 +181,45 @@ def test_of_decks_that_stop_within_two_swings_a_short_push_takes_no_more_than_it
     assert kept is not None
     assert "beginnings" in kept[1]
     assert [release.time[0] < 0.1 for release in kept[0]] == [True] * 3
+
+
+def carried(angle, seconds=0.04):
+    """A hand lets it go on its way at a third of its top rate."""
+    rate = -0.3 * angle * np.sqrt(LAW.stiffness / LAW.inertia)
+    begin = angle + rate * TIME * 0.5 * np.minimum(TIME / seconds, 1.0)
+    free = simulate(LAW, TIME, float(np.interp(seconds, TIME, begin)), rate).roll
+    return np.where(seconds > TIME, begin, np.interp(TIME - seconds, TIME, free))
+
+
+def named_by_its_beginnings(*rolls, effect):
+    search, models = searched(*rolls, hold=0.0, effect=effect)
+    asked = search.finalists(models)[::-1]
+    tried = Field(asked, (), 2 * np.pi / search.scales.frequency, NOISE)
+    assert tried.winner().model.effects == (effect,)
+    return begun_by_hand(search, asked, tried)
+
+
+@pytest.mark.parametrize("rolls", [(carried(0.12),), (WIDE, FREE, carried(0.12))], ids=["one", "three"])
+def test_what_shows_in_the_beginnings_only_is_a_hands(rolls):
+    """A body that hung still or not when it was let go follows any push, to the noise."""
+    found = named_by_its_beginnings(*rolls, effect="hanging-body")
+    assert found is not None
+    kept, text = found
+    assert text.startswith("the beginnings of")
+    assert [release.time[0] > 0.04 for release in kept] == [True] * len(rolls)
+
+
+@pytest.mark.parametrize(
+    ("effect", "size"),
+    [("coulomb", (0.02,)), ("one-sided-stop", (0.12, 60.0, 0.0)), ("hanging-body", (5e-4, 36.0, 0.05))],
+)
+def test_what_the_joint_has_shows_after_a_hand_can_have_been_there_too(effect, size):
+    """Weak friction, a stop that only the first swing of one release meets, and a light body."""
+    law = LAW.with_effect(effect, *size)
+    assert named_by_its_beginnings(decay(-0.17, law), decay(0.14, law), effect=effect) is None
+
+
+def test_of_a_deck_that_stops_within_a_swing_the_beginnings_are_all_there_is():
+    """A stiffening spring beside a damper of half the critical one: what is left after them tells nothing."""
+    law = replace(LAW, damping=0.36).with_effect("cubic-stiffness", 150.0)
+    assert named_by_its_beginnings(decay(0.17, law), decay(-0.14, law), effect="cubic-stiffness") is None
