@@ -32,6 +32,8 @@ PUSHED = 0.35
 CUTS = ((0.0, 1.0), (PUSHED / 2, 0.0), (PUSHED, 0.0), (PUSHED, 1.0))
 """Periods that are left out of each release after its beginning, and before the end of what moves.
 Where equally simple models hold, the first counts. Of a deck that stops within two swings a long push leaves nothing: a short one is asked first."""
+OF_A_PUSH = 2
+"""Numbers that a hand has of its own in each release, at least: how hard it pushes, and until when."""
 QUICK = 0.07
 """For which a push lasts at least, whatever the joint's period [s]: no arm is quicker."""
 STILL = 0.1
@@ -114,7 +116,8 @@ def begun_by_hand(
     """Return the releases without their beginnings, and why, if what is said to be missing shows there only; else None.
 
     What the joint has acts in every swing, a hand before the first. So what is missing must be told from what is simpler by the motion after
-    a hand can have been there, too, where enough of that is left: of a deck that stops within a swing nothing is.
+    a hand can have been there, too, where enough of that is left: of a deck that stops within a swing nothing is. Nor is it a hand's what holds for
+    all beginnings by fewer numbers than as many hands have.
 
     Args:
         search: That found the models.
@@ -123,6 +126,8 @@ def begun_by_hand(
     """
     # What was held still for a period was let go, not pushed.
     if not asked or all(record.release.hold > tried.period for record in search.records):
+        return None
+    if asked[0].size - tried.base.model.size < OF_A_PUSH * len(search.records):
         return None
     kept = [part for record in search.records for part in _middle(record, asked[0], PUSHED, 0.0)]
     if len(kept) < len(search.records):

@@ -223,3 +223,11 @@ def test_of_a_deck_that_stops_within_a_swing_the_beginnings_are_all_there_is():
     """A stiffening spring beside a damper of half the critical one: what is left after them tells nothing."""
     law = replace(LAW, damping=0.36).with_effect("cubic-stiffness", 150.0)
     assert named_by_its_beginnings(decay(0.17, law), decay(-0.14, law), effect="cubic-stiffness") is None
+
+
+def test_what_holds_for_all_beginnings_by_fewer_numbers_than_as_many_hands_have_is_no_hands():
+    """A stop that only the beginnings meet: three numbers, where three hands have two each."""
+    law = LAW.with_effect("one-sided-stop", 0.16, 200.0, 0.0)
+    rolls = [decay(angle, law) for angle in (0.19, 0.185, 0.18)]
+    assert named_by_its_beginnings(*rolls, effect="one-sided-stop") is None
+    assert named_by_its_beginnings(rolls[0], effect="one-sided-stop") is not None
