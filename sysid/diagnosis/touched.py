@@ -116,8 +116,8 @@ def begun_by_hand(
     """Return the releases without their beginnings, and why, if what is said to be missing shows there only; else None.
 
     What the joint has acts in every swing, a hand before the first. So what is missing must be told from what is simpler by the motion after
-    a hand can have been there, too, where enough of that is left: of a deck that stops within a swing nothing is. Nor is it a hand's what holds for
-    all beginnings by fewer numbers than as many hands have.
+    a hand can have been there, too, where enough of that is left: of a deck that stops within a swing nothing is. A law is doubted only if its
+    state at each release is free by as many numbers as a push has, as a hanging body's is: it follows any push.
 
     Args:
         search: That found the models.
@@ -127,7 +127,7 @@ def begun_by_hand(
     # What was held still for a period was let go, not pushed.
     if not asked or all(record.release.hold > tried.period for record in search.records):
         return None
-    if asked[0].size - tried.base.model.size < OF_A_PUSH * len(search.records):
+    if asked[0].size - len(asked[0].problem.names) < OF_A_PUSH * len(search.records):
         return None
     kept = [part for record in search.records for part in _middle(record, asked[0], PUSHED, 0.0)]
     if len(kept) < len(search.records):
