@@ -198,7 +198,9 @@ def picture(rows: Sequence[Row], path: Path) -> None:
             axes.errorbar(x, share, error, color=colour, marker="o", capsize=3, linewidth=1.5, label=label)
         axes.set_xlabel("confidence of the verdict")
         axes.set_ylabel("share of these verdicts that is right")
-        axes.legend(loc="upper left")
+        axes.legend(
+            loc="lower left", bbox_to_anchor=(0.0, 1.0)
+        )  # above: verdicts may be anywhere in the diagram
     figure.savefig(path, dpi=90, metadata={"Software": None})
 
 

@@ -62,12 +62,13 @@ Cell = tuple[int, str, Protocol, Path]
 def ride(policies: list[Path], episodes: int, workers: int, deadline: float) -> None:
     """Ride round after round until the time is over; several cells at once, so that no process waits for a long ride."""
     done = {(row["policy"], row["weights"], row["condition"], row["seed"]) for row in read()}
+    now = {policy: weights(policy) for policy in policies}
     cells: list[Cell] = [
         (seed, name, protocol, policy)
         for seed in range(1000)
         for name, protocol in conditions().items()
         for policy in policies
-        if (policy.stem, weights(policy), name, seed) not in done
+        if (policy.stem, now[policy], name, seed) not in done
     ]
     with riders(workers) as pool, ThreadPoolExecutor(8) as threads:
 

@@ -117,10 +117,11 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
     for release, (signal, time) in zip(releases, curves, strict=True):
         if release.end == "rest":
             inside = slice(int(0.65 * len(signal)), int(0.9 * len(signal)))
-            tail, wander = signal[inside], _without_swing(signal[inside], time[inside])
+            tail, when = signal[inside], time[inside]
+            wander = _without_swing(tail, when)
             power = np.abs(np.fft.rfft(wander)) ** 2
             one_rules = power.max(initial=0.0) >= 0.25 * power.sum()
-            if not one_rules and not _fades(tail, time[inside]):  # else it still swings
+            if not one_rules and not _fades(tail, when):  # else it still swings
                 still += float(np.sum(wander**2))
                 resting += len(tail)
     unit = "rad/s" if rate else "rad"
