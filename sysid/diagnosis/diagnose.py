@@ -627,7 +627,8 @@ def _judged(
 def _outside(tried: Field, chosen: Scored, *, named: bool) -> Scored | None:
     """Return a law outside the catalogue that reaches the noise and is the likelier one, if there is one.
 
-    Where an effect would be named it must beat all that was tried; else it must matter, and beat beyond doubt that nothing is missing.
+    Where an effect would be named it must beat all that was tried; else it must matter, and beat beyond doubt that nothing is missing,
+    also by what its numbers cost: a spring and a damper of its own in each of five releases are ten.
     """
     shaped = [s for s in tried.scored if s.model.shape and s.model.rmse < tried.exact]
     best = max(shaped, key=odds, default=None)
@@ -636,7 +637,7 @@ def _outside(tried: Field, chosen: Scored, *, named: bool) -> Scored | None:
     if named or (chosen.extra and tried.surely_missing):
         others = max((odds(s) for s in tried.possible if not s.model.shape), default=-np.inf)
         return best if odds(best) > others else None
-    if tried.left(tried.base) < SIGNAL:
+    if tried.left(tried.base) < SIGNAL or odds(best) <= odds(tried.base):
         return None
     return best if best.score - chosen.score > 2 * TIE and tried.gap(best, chosen) > TIE else None
 

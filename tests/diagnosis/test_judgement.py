@@ -14,7 +14,7 @@ from sysid.diagnosis.against_record import Deviation
 from sysid.diagnosis.diagnose import Diagnosis, _hints, _judged, _material, _missing, _nothing, _outside
 from sysid.diagnosis.error_model import Fitted
 from sysid.diagnosis.experiment import DECIDED, deciding, widest
-from sysid.diagnosis.importance import _amplitude_share, _energy_share, importance, reading_share
+from sysid.diagnosis.importance import SIGNAL, _amplitude_share, _energy_share, importance, reading_share
 from sysid.diagnosis.judgement import (
     FEWEST_BLOCKS,
     INEXACT,
@@ -413,7 +413,7 @@ def test_a_lag_is_the_readings_if_nothing_as_simple_does_as_well(monkeypatch, ch
         monkeypatch.setattr(f"sysid.diagnosis.importance.{size}", 1.0)
     monkeypatch.setattr("sysid.diagnosis.importance.SIGNAL", 0.03)
     board = load_board(shipped_data() / "boards" / "pink.toml")
-    verdict, _ = _judged(search, field, chosen.model, board, frozenset())
+    verdict, *_ = _judged(search, field, chosen.model, board, frozenset())
     assert verdict.status == status
 
 
@@ -596,18 +596,31 @@ def test_what_would_be_seen_of_an_experiment_is_what_no_other_start_makes_and_co
             assert calls[0] == pytest.approx(1.6 / 4e-3 / model.problem.average, abs=1)
 
 
+@pytest.mark.parametrize(("left", "said"), [(0.5 * SIGNAL, False), (1.5 * SIGNAL, True)])
+def test_a_law_outside_is_said_in_the_place_of_nothing_only_if_it_matters(friction, monkeypatch, left, said):
+    """A clean log of a precise gyro: bumpers did for 0.2 % of the motion, beyond doubt."""
+    _, field = friction
+    outside = replace(field.best, model=replace(field.best.model, shape="bumpers"))
+    monkeypatch.setattr(field, "scored", [field.base, outside])
+    monkeypatch.setattr(field, "left", lambda scored: left)
+    assert (_outside(field, field.base, named=False) is outside) is said
+    many = replace(outside, choices=1000)
+    monkeypatch.setattr(field, "scored", [field.base, many])
+    assert _outside(field, field.base, named=False) is None, "a number of its own for each wiggle"
+
+
 def test_a_law_outside_wins_where_no_effect_of_the_catalogue_may_be_true(friction, monkeypatch):
     _, field = friction
     coulomb = next(s for s in field.scored if s.model.effects == ("coulomb",))
     outside = replace(coulomb, model=replace(coulomb.model, shape="magnet"))
     monkeypatch.setattr(field, "scored", [coulomb, outside])
     monkeypatch.setattr(field, "possible", [outside])
-    assert _outside(field, coulomb) is outside
+    assert _outside(field, coulomb, named=True) is outside
     monkeypatch.setattr(field, "possible", [coulomb, outside])
-    assert _outside(field, coulomb) is None
+    assert _outside(field, coulomb, named=True) is None
     pair = replace(coulomb, choices=coulomb.choices + 3)
     monkeypatch.setattr(field, "possible", [pair, outside])
-    assert _outside(field, pair) is outside, (
+    assert _outside(field, pair, named=True) is outside, (
         "several effects are no likelier than one law that nobody has met"
     )
 
