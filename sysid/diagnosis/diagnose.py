@@ -17,7 +17,7 @@ from sysid.decay.plausibility import amplitude_warnings
 from sysid.diagnosis import report as diagnosis_report
 from sysid.diagnosis.against_record import record_deviation
 from sysid.diagnosis.experiment import deciding, widest
-from sysid.diagnosis.importance import SIGNAL, Importance, importance, reading_share
+from sysid.diagnosis.importance import Importance, importance, reading_share
 from sysid.diagnosis.judgement import (
     CALIBRATION,
     CLOSE,
@@ -627,8 +627,8 @@ def _judged(
 def _outside(tried: Field, chosen: Scored, *, named: bool) -> Scored | None:
     """Return a law outside the catalogue that reaches the noise and is the likelier one, if there is one.
 
-    Where an effect would be named it must beat all that was tried; else it must matter, and beat beyond doubt that nothing is missing,
-    also by what its numbers cost: a spring and a damper of its own in each of five releases are ten.
+    Where an effect would be named it must beat all that was tried; else it must beat beyond doubt that nothing is missing, also by
+    what its numbers cost: a spring and a damper of its own in each of five releases are ten.
     """
     shaped = [s for s in tried.scored if s.model.shape and s.model.rmse < tried.exact]
     best = max(shaped, key=odds, default=None)
@@ -637,7 +637,7 @@ def _outside(tried: Field, chosen: Scored, *, named: bool) -> Scored | None:
     if named or (chosen.extra and tried.surely_missing):
         others = max((odds(s) for s in tried.possible if not s.model.shape), default=-np.inf)
         return best if odds(best) > others else None
-    if tried.left(tried.base) < SIGNAL or odds(best) <= odds(tried.base):
+    if odds(best) <= odds(tried.base):
         return None
     return best if best.score - chosen.score > 2 * TIE and tried.gap(best, chosen) > TIE else None
 
