@@ -5,7 +5,7 @@ vanishes, besides starts of its own: so adding an effect never makes the error l
 """
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -64,6 +64,8 @@ LOST = 3.0
 """Squared error, over that with which a model is still predicted, from which its kinks are not searched again: a choice."""
 
 Progress = Callable[[str, float], None]
+_Simpler = tuple["Candidate", tuple[str, ...], Sequence[Mapping[str, float]]]
+"""A model, effects of a simpler one, and for each start of that what is elsewhere, or what the model did not have."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -395,24 +397,40 @@ class Search:
         Returns:
             `found`, with those replaced or added that came out better.
         """
-        jobs: list[tuple[Candidate, tuple[str, ...], Sequence[Mapping[str, float]]]] = []
-        for model in models:
-            for part in model.problem.structure.parts:
-                if part.name in self.base or part.name not in model.effects:
-                    continue
-                rest = tuple(n for n in model.effects if n != part.name)
-                if len(rest) > len(self.base):
-                    jobs.append((model, rest, [{}]))
-                for simpler, turned in part.limiting_cases:
-                    starts = [] if simpler in model.effects else turned(model.parameters)
-                    if starts:
-                        jobs.append((model, tuple(sorted((*rest, simpler))), starts))
-        best = {m.effects: m for m in found}
-        for model in self.each("taking away again", Search.without, jobs, 0.8, 0.85):
-            known = best.get(model.effects)
-            if known is None or model.cost < known.cost:
-                best[model.effects] = model
-        return list(best.values())
+        less = [
+            (model, rest, [{}])
+            for model in models
+            for name in self.added(model)
+            if len(rest := tuple(n for n in model.effects if n != name)) > len(self.base)
+        ]
+        jobs = [*less, *(job for model in models for job in self._simpler(model))]
+        return _better(found, self.each("taking away again", Search.without, jobs, 0.8, 0.85))
+
+    def simplified(
+        self, models: Sequence[Candidate], found: Sequence[Candidate], share: float = 0.3
+    ) -> list[Candidate]:
+        """Re-fit every model as each simpler one that it nearly is, from what it found, if that one did not come as far.
+
+        Args:
+            models: What is simplified.
+            found: What is known.
+            share: Of the search that is done [1].
+
+        Returns:
+            `found`, with those replaced or added that came out better.
+        """
+        known = {m.effects: m.cost for m in found}
+        jobs = [job for m in models for job in self._simpler(m) if known.get(job[1], np.inf) > m.cost]
+        return _better(found, self.each("variants", Search.without, jobs, share, share))
+
+    def _simpler(self, model: Candidate) -> Iterator["_Simpler"]:
+        """Yield a model's simpler ones, each with its effects and starts."""
+        for part in model.problem.structure.parts:
+            rest = tuple(n for n in model.effects if n != part.name)
+            for simpler, turned in part.limiting_cases if part.name in self.added(model) else ():
+                starts = turned(model.parameters) if _compatible((*rest, simpler)) else []
+                if starts:
+                    yield model, tuple(sorted((*rest, simpler))), starts
 
     def without(
         self, model: Candidate, effects: tuple[str, ...], changes: Sequence[Mapping[str, float]]
@@ -444,6 +462,13 @@ class Search:
             ]
             share = 0.85 + 0.05 * (len(done) > 1)
             done.update({m.effects: m for m in self.each("refining", Search.fine, jobs, share, share + 0.02)})
+        # A law may have found on this grid what its simpler variant missed on the other.
+        groups = itertools.groupby(sorted(done.values(), key=_count), key=_count)
+        best = [min(group, key=lambda m: m.cost) for _, group in groups]
+        simpler = self.simplified(best, list(done.values()), 0.91)
+        jobs = [(m,) for m in simpler if m.cost < lost and m is not done.get(m.effects)]
+        again = self.each("refining", Search.fine, jobs, 0.91, 0.92)
+        done = {m.effects: m for m in _better(list(done.values()), again)}
         # What the best one needs not may have kept its own fit from the right valley.
         best = min(done.values(), key=lambda m: m.cost)
         again = [
@@ -561,6 +586,14 @@ def _walked(problem: Problem, found: Minimum) -> Minimum:
     return min(found, problem.fitted(best.point, 30), key=lambda m: m.normal.cost)
 
 
+def _better(found: Sequence[Candidate], again: Iterable[Candidate]) -> list[Candidate]:
+    """Return models, each replaced by the one of its effects that came out better, and what is new."""
+    best: dict[tuple[str, ...], Candidate] = {}
+    for model in (*found, *again):
+        best[model.effects] = min(best.get(model.effects, model), model, key=lambda m: m.cost)
+    return list(best.values())
+
+
 def _hopeless(best: Candidate) -> float:
     """Return the squared error, in units of the noise, from which a model is out of the running."""
     return best.cost + max(FAR, HOPELESS * (best.cost - best.problem.samples))
@@ -644,9 +677,12 @@ def take_motion(problem: Problem, start: Array, known: Candidate) -> None:
 
 def _sensible(one: Candidate, other: Candidate) -> bool:
     """Whether no two effects are of one family, whose variants say the same, and none rules another out."""
-    names = {*one.effects, *other.effects}
-    families = [effect(name).family for name in names]
-    return len(set(families)) == len(families) and not any(names & {*effect(name).excludes} for name in names)
+    return _compatible((*one.effects, *(name for name in other.effects if name not in one.effects)))
+
+
+def _compatible(names: Sequence[str]) -> bool:
+    families = {effect(name).family for name in names}
+    return len(families) == len(names) and not any({*names} & {*effect(name).excludes} for name in names)
 
 
 def promise(minimum: Minimum) -> float:

@@ -281,9 +281,9 @@ class Effect:
     """Parameters that show the effect clearly on the `pink` board, for pictures and tests."""
     states: tuple[State, ...] = ()
     limiting_cases: tuple[tuple[str, Callable[[Values], Sequence[dict[str, float]]]], ...] = ()
-    """Simpler effects that this one turns into at the edge of its parameters, by name. The function takes all parameters of a
-    joint ('stiffness', 'effect.parameter') and returns starts: those that change and those of the simpler effect; none far
-    from the edge."""
+    """Simpler effects that this one turns into at the edge of its parameters, or nearly is, by name. The function takes all
+    parameters of a joint ('stiffness', 'effect.parameter') and returns starts: those that change and those of the simpler
+    effect; none where it is nothing like it."""
     nonsmooth: bool = False
     """Whether its torque bends where no turning point is: a search then needs finer steps, and shorter first looks."""
     sharpness: float = 1.0

@@ -32,10 +32,27 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     From a turning point to where it has yielded again the law loses T (s + a + W) less than dry friction: s is the way back to
     z = 0, T W what that gives back. Bristles of the reach b lose 2 T b less.
     """
+    return write_bristles(spec, joint, "bouc-wen", parameters["torque"], _reach(parameters), native=native)
+
+
+def _reach(parameters: Numbers) -> float:
+    """Return the reach of bristles that lose as much in a wide swing [rad]."""
     share = (np.arange(1000) + 0.5) / 1000
     back = np.mean((1 + share) / (1 + (2 * parameters["unloading"] - 1) * share))  # (s + W) / a
-    reach = parameters["reach"] * float(1 + back) / 2
-    return write_bristles(spec, joint, "bouc-wen", parameters["torque"], reach, native=native)
+    return parameters["reach"] * float(1 + back) / 2
+
+
+def as_dahl(parameters: Numbers) -> list[dict[str, float]]:
+    """Return friction that gives way first, of the same torque and loss."""
+    p = EFFECT.of(parameters)
+    return [{"dahl.torque": p["torque"], "dahl.reach": _reach(p)}]
+
+
+def as_hysteresis(parameters: Numbers) -> list[dict[str, float]]:
+    """Return sliders of the same torque, as stiff as the torque sets in, and half as stiff: corners are round in the one and sharp in the other."""
+    p = EFFECT.of(parameters)
+    stiffness = p["torque"] / p["reach"]
+    return [{"hysteresis.torque": p["torque"], "hysteresis.stiffness": k} for k in (stiffness, stiffness / 2)]
 
 
 EFFECT = TorqueEffect(
@@ -61,6 +78,7 @@ EFFECT = TorqueEffect(
     example=(0.3, 0.02, 0.5),
     torque=torque,
     states=(State(name="share", start=held, size=lambda s: 0.3, most=1 / 0.3, rate=share_rate),),
+    limiting_cases=(("hysteresis", as_hysteresis), ("dahl", as_dahl)),
     sharpness=2.0,
     decay_signs=(("scattered levels", 7), ("growing loss", 5), ("longer period", 4)),
 )  # fmt: skip

@@ -60,7 +60,7 @@ EFFECT = TorqueEffect(
     family="friction",
     parameters=(
         Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.01, 0.06)),
-        Parameter("reach", "rad", lambda s: s.amplitude, low=0.002, high=0.1, starts=(0.03,), neutral=None),
+        Parameter("reach", "rad", lambda s: s.amplitude, low=0.002, high=0.2, starts=(0.03,), neutral=None),
     ),
     law="τ = -F z, ż = (v - |v| z) / a",
     source="Dahl, A Solid Friction Model (1968), with exponent 1",

@@ -413,7 +413,7 @@ def test_a_lag_is_the_readings_if_nothing_as_simple_does_as_well(monkeypatch, ch
         monkeypatch.setattr(f"sysid.diagnosis.importance.{size}", 1.0)
     monkeypatch.setattr("sysid.diagnosis.importance.SIGNAL", 0.03)
     board = load_board(shipped_data() / "boards" / "pink.toml")
-    verdict, _ = _judged(search, field, chosen.model, board, frozenset())
+    verdict, *_ = _judged(search, field, chosen.model, board, frozenset())
     assert verdict.status == status
 
 
@@ -596,18 +596,28 @@ def test_what_would_be_seen_of_an_experiment_is_what_no_other_start_makes_and_co
             assert calls[0] == pytest.approx(1.6 / 4e-3 / model.problem.average, abs=1)
 
 
+def test_a_law_outside_is_said_in_the_place_of_nothing_only_if_it_is_worth_its_numbers(friction, monkeypatch):
+    """A spring and a damper of its own in each of five releases of a clean log did better by 23, and by less than they cost."""
+    _, field = friction
+    outside = replace(field.best, model=replace(field.best.model, shape="k d"))
+    many = replace(outside, choices=1000)
+    for law, said in ((outside, True), (many, False)):
+        monkeypatch.setattr(field, "scored", [field.base, law])
+        assert (_outside(field, field.base, named=False) is law) is said
+
+
 def test_a_law_outside_wins_where_no_effect_of_the_catalogue_may_be_true(friction, monkeypatch):
     _, field = friction
     coulomb = next(s for s in field.scored if s.model.effects == ("coulomb",))
     outside = replace(coulomb, model=replace(coulomb.model, shape="magnet"))
     monkeypatch.setattr(field, "scored", [coulomb, outside])
     monkeypatch.setattr(field, "possible", [outside])
-    assert _outside(field, coulomb) is outside
+    assert _outside(field, coulomb, named=True) is outside
     monkeypatch.setattr(field, "possible", [coulomb, outside])
-    assert _outside(field, coulomb) is None
+    assert _outside(field, coulomb, named=True) is None
     pair = replace(coulomb, choices=coulomb.choices + 3)
     monkeypatch.setattr(field, "possible", [pair, outside])
-    assert _outside(field, pair) is outside, (
+    assert _outside(field, pair, named=True) is outside, (
         "several effects are no likelier than one law that nobody has met"
     )
 

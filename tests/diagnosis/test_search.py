@@ -16,6 +16,7 @@ from sysid.diagnosis.search import (
     best_of,
     completed,
     frugality,
+    inherited,
     inside,
     leaders,
 )
@@ -133,6 +134,21 @@ def test_a_slider_takes_its_share_of_the_spring(search):
     scales = Scales(inertia=8.7e-3, stiffness=46.8, damping=0.055, amplitude=0.12, duration=0.35)
     model = replace(search, records=(coarse,), scales=scales).single(("hysteresis",))
     assert model.parameters["hysteresis.torque"] == pytest.approx(1.08, rel=0.05)
+
+
+def test_a_law_is_also_sought_where_its_richer_kin_was_found(search):
+    """Dahl's friction is Bouc and Wen's hysteresis that unloads as it loads: where the one was found, the other is."""
+    law = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.05).with_effect("dahl", 0.2, 0.018)
+    rubbed = replace(search, records=(record_of(0.15, 1, law), record_of(-0.13, 2, law)))
+    linear, rich = rubbed.single(()), rubbed.single(("bouc-wen",))
+    stuck = rubbed.without(linear, ("dahl",), [{"dahl.torque": 0.0}])
+    stuck = replace(stuck, minimum=stuck.problem.fitted(inherited(stuck.problem, linear), 0))
+    found = {m.effects: m for m in rubbed.simplified([rich], [linear, stuck, rich])}
+    again = found["dahl",]
+    assert again.cost < rich.cost + 10 < stuck.cost
+    assert again.parameters["dahl.reach"] == pytest.approx(0.018, rel=0.3)
+    assert not again.at_edge, "more than a tenth of the swing"
+    assert rubbed.simplified([rich], [linear, replace(rich, effects=("dahl",)), replace(rich, effects=("hysteresis",))])[1].problem is rich.problem, "nothing to win"  # fmt: skip
 
 
 def test_the_best_are_those_with_the_least_error_and_the_most_frugal(search):
