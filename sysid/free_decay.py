@@ -402,6 +402,6 @@ def _damping_regime(decay: FreeDecay) -> str | None:
             f"overdamped (ζ = {zeta}): nothing oscillates, so there is no decrement and no period. k and d come from "
             "the shape of the return alone"
         )
-    if zeta.ci95[0] <= 0:
+    if zeta.ci95[0] <= 0 and decay.linear:  # of another law it is an average, however long the log is
         return f"the damping cannot be told from zero (ζ = {zeta}): record longer, or more releases"
     return None

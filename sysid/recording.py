@@ -111,7 +111,7 @@ class Recording:
             f"at {given:.6g} s, where the release was said to be, the deck was still held: its decay begins at "
             f"{shown(one.start)}, when it leaves"
             for given, one in zip(sorted(release), found, strict=False)
-            if one.start - given > EARLY_RELEASE_SHARE * one.hold
+            if one.hold and one.start - given > EARLY_RELEASE_SHARE * one.hold
         )
         recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held)), releases=found)
         return recording if keep_zero else recording._from_rest()

@@ -289,6 +289,17 @@ def test_what_a_wrong_model_shows_is_said_with_what_it_may_be_and_never_as_a_cau
     assert "dry friction holds" not in text
 
 
+def test_of_another_law_no_longer_log_is_asked_for():
+    """A pendulum from 150°: ζ is 0.02 ± 0.09, of a line through what is none. More of it would not make it narrower."""
+    law = lambda x, v: -(14**2) * math.sin(x) - 2 * 0.01 * 14 * v  # noqa: E731
+    decay = decay_of(
+        Recipe(law=law, amplitudes=(2.6, -1.2, 0.6), sampling=500, free=4.0, noise=0.02 * DEGREE)
+    )
+    assert not decay.linear
+    assert decay.numbers.damping_ratio.ci95[0] < 0
+    assert not any("record longer" in warning for warning in decay.warnings)
+
+
 def test_a_linear_decay_gets_no_warning():
     warned = 0
     for seed in range(40):
