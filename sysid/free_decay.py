@@ -27,6 +27,7 @@ from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.noise.whiteness import ljung_box
 from sysid.quantity import Quantity, slide_unit
 from sysid.recording import Data, Recording, reading_warnings, unpack
+from sysid.releases.clear import clear_of_noise
 from sysid.roll import Array, Release, shown
 from sysid.text import WIDTH, Display, count, display, quantity_frame
 
@@ -39,8 +40,6 @@ MIN_DECREMENT_DIFFERENCE = 0.005
 """Two decrements this close, relatively, are never said to disagree: a local cubic is no closer."""
 ABOVE_NOISE = 1.15
 """Residuals above this multiple of the noise floor are looked at."""
-CLEAR_AMPLITUDE = 5.0
-"""First amplitude over the noise of a sample from which on a release is fitted: below, chance makes half its peaks."""
 WORTH_NAMING = 0.007
 """Misfit below this share of the amplitude is not worth a warning."""
 
@@ -168,7 +167,7 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
 
 def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
     """Fit a linear decay to all releases together, three ways."""
-    releases, weak = _clear_of_noise(releases)
+    releases, weak = clear_of_noise(releases)
     trace = fit_traces(releases)
     floor = noise_floor(releases, rate=trace.signal == "rate")
     _refuse_nonsense(releases, trace)
@@ -216,28 +215,6 @@ def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
         warnings=(),
     )
     return replace(decay, warnings=(*weak, *_warnings(decay)))
-
-
-def _clear_of_noise(releases: Sequence[Release]) -> tuple[list[Release], list[str]]:
-    """Return the releases that stand clear of their noise, and what is said of the others.
-
-    Raises:
-        SysidError: None does.
-    """
-    clear: list[Release] = []
-    weak: list[str] = []
-    for release in releases:
-        noise = float(np.median(release.std))
-        if release.amplitude >= CLEAR_AMPLITUDE * noise:
-            clear.append(release)
-            continue
-        weak.append(
-            f"{release.log}: the release at {shown(release.start)} has an amplitude of "
-            f"{math.degrees(release.amplitude):.2g}° in noise of {math.degrees(noise):.2g}°: too little to fit"
-        )
-    if not clear:
-        raise SysidError(f"{weak[0]}. Tip the deck further, or use a better sensor.")
-    return clear, [f"{text}, so it is left out" for text in weak]
 
 
 def _refuse_nonsense(releases: Sequence[Release], trace: TraceFit) -> None:

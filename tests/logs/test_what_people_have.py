@@ -13,10 +13,12 @@ import pytest
 from rocking import OMEGA, imu, rocking, write_csv
 
 from sysid.errors import SysidError
+from sysid.fit_mjcf import fit
 from sysid.free_decay import fit_decay
 from sysid.logs import read_roll
 from sysid.quantity import Quantity
 from sysid.releases import find_releases
+from sysid.workspace import Workspace
 
 TIME = np.arange(0, 6, 1 / 200)
 INERTIA = Quantity(8.7e-3, 0.0, "kg*m^2")
@@ -82,7 +84,7 @@ def test_imu_rows_of_their_own_are_brought_together(tmp_path):
     assert right(path).origin == "imu"
 
 
-def test_a_weak_release_does_not_refuse_the_others():
+def test_a_weak_release_does_not_refuse_the_others(tmp_path):
     releases = find_releases(read_roll_of(swing()))
     weak = find_releases(read_roll_of(swing(amplitude=0.003)))
     result = fit_decay([*releases, *weak], INERTIA)
@@ -90,6 +92,8 @@ def test_a_weak_release_does_not_refuse_the_others():
     assert any("left out" in text for text in result.warnings)
     with pytest.raises(SysidError, match="too little to fit"):
         fit_decay(weak, INERTIA)
+    board = Workspace(tmp_path).load_board("pink")
+    assert fit([*releases, *weak], board).releases == tuple(releases)
 
 
 def read_roll_of(angle):
