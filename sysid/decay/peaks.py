@@ -187,10 +187,12 @@ def _release_peak(release: Release, rest: float, omega_n: float, omega_d: float,
         return None
     here, moved = (covariance @ (design.T @ target)).tolist()
     # `here` is the offset at the stated time. By then the deck may have fallen a little: back to where its rate was zero.
-    phase = math.atan(moved * omega_d / (here - moved * a))
+    # What falls faster than a late release can explain (off a stop, say) moves by another law, which is not followed back.
+    late = abs(moved) <= 3 * shift * abs(here)
+    phase = math.atan(moved * omega_d / (here - moved * a)) if late else 0.0
     amplitude = here * math.exp(a * phase / omega_d) / (math.cos(phase) + a / omega_d * math.sin(phase))
     # That of √(here² + (ω_n moved)²), which the amplitude is without damping.
-    gradient = np.array([here, omega_n**2 * moved]) / amplitude
+    gradient = np.array([here, omega_n**2 * moved]) / amplitude if late else np.array([1.0, 0.0])
     std = math.sqrt(float(gradient @ covariance @ gradient))
     return Peak(0, release.start, shift, rest + amplitude, abs(amplitude), std)
 
