@@ -26,7 +26,6 @@ from sysid.noise.floor import NoiseFloor
 from sysid.progress import stage
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
-from sysid.releases.clear import clear_of_noise
 from sysid.roll import Release
 from sysid.text import WIDTH, quantity_frame
 
@@ -189,8 +188,7 @@ def fit(
     Raises:
         SysidError: An effect that free decays cannot identify, no convergence, or a period that nothing has.
     """
-    recordings, releases = unpack(data)
-    releases, weak = clear_of_noise(releases)
+    recordings, releases, weak = unpack(data)
     check_effects(effects, [part.name for part in board.effects])
     kept = tuple(part.name for part in board.effects if not plain or effect(part.name).is_known)
     options = FitOptions(

@@ -27,7 +27,6 @@ from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.noise.whiteness import ljung_box
 from sysid.quantity import Quantity, slide_unit
 from sysid.recording import Data, Recording, reading_warnings, unpack
-from sysid.releases.clear import clear_of_noise
 from sysid.roll import Array, Release, shown
 from sysid.text import WIDTH, Display, count, display, quantity_frame
 
@@ -137,7 +136,7 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
     Raises:
         SysidError: The decays hold too little to say anything, or do not look like a decay at all.
     """
-    recordings, releases = unpack(data)
+    recordings, releases, weak = unpack(data)
     if board is None:
         decay = _fit(releases, inertia or NO_INERTIA)
         doubts = (*amplitude_warnings(releases, None), *decay.warnings)
@@ -159,7 +158,7 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
         )
     return replace(
         decay,
-        warnings=(*reading_warnings(recordings), *doubts),
+        warnings=(*reading_warnings(recordings), *weak, *doubts),
         recordings=recordings,
         board=None if board is None else board.name,
     )
@@ -167,7 +166,6 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
 
 def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
     """Fit a linear decay to all releases together, three ways."""
-    releases, weak = clear_of_noise(releases)
     trace = fit_traces(releases)
     floor = noise_floor(releases, rate=trace.signal == "rate")
     _refuse_nonsense(releases, trace)
@@ -214,7 +212,7 @@ def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
         linear=linear,
         warnings=(),
     )
-    return replace(decay, warnings=(*weak, *_warnings(decay)))
+    return replace(decay, warnings=tuple(_warnings(decay)))
 
 
 def _refuse_nonsense(releases: Sequence[Release], trace: TraceFit) -> None:

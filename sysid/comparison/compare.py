@@ -126,7 +126,7 @@ def compare(
     Raises:
         SysidError: The law's motion grows without bound.
     """
-    recordings, releases = unpack(data)
+    recordings, releases, weak = unpack(data)
     chosen = signal_of(releases, signal)
     use_rate = chosen["use_rate"]
     odd = amplitude_warnings(releases, board)
@@ -172,7 +172,7 @@ def compare(
         is_rate=use_rate,
         slides=board.slides,
         heldout_rmse=_heldout(board, recordings, rmse),
-        warnings=(*reading_warnings(recordings), *odd),
+        warnings=(*reading_warnings(recordings), *weak, *odd),
         recordings=recordings,
     )
 

@@ -1,12 +1,12 @@
 """Releases that stand clear of their noise: only of those does a fit learn anything."""
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from sysid.errors import SysidError
 from sysid.roll import Release, shown
+from sysid.text import display
 
 CLEAR_AMPLITUDE = 5.0
 """First amplitude over the noise of a sample from which on a release is fitted: below, chance makes half its peaks."""
@@ -22,12 +22,13 @@ def clear_of_noise(releases: Sequence[Release]) -> tuple[list[Release], list[str
     weak: list[str] = []
     for release in releases:
         noise = float(np.median(release.std))
+        show = display(is_rate=False, slides=release.origin == "position")
         if release.amplitude >= CLEAR_AMPLITUDE * noise:
             clear.append(release)
             continue
         weak.append(
-            f"{release.log}: the release at {shown(release.start)} has an amplitude of "
-            f"{math.degrees(release.amplitude):.2g}° in noise of {math.degrees(noise):.2g}°: too little to fit"
+            f"{release.log}: the release at {shown(release.start)} has an amplitude of {show(release.amplitude, 2)} in noise of "
+            f"{show(noise, 2)}: too little to fit"
         )
     if not clear:
         raise SysidError(f"{weak[0]}. Tip the deck further, or use a better sensor.")

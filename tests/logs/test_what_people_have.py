@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from rocking import OMEGA, imu, rocking, write_csv
 
+from sysid.comparison.compare import compare
 from sysid.errors import SysidError
 from sysid.fit_mjcf import fit
 from sysid.free_decay import fit_decay
@@ -93,7 +94,11 @@ def test_a_weak_release_does_not_refuse_the_others(tmp_path):
     with pytest.raises(SysidError, match="too little to fit"):
         fit_decay(weak, INERTIA)
     board = Workspace(tmp_path).load_board("pink")
-    assert fit([*releases, *weak], board).releases == tuple(releases)
+    given = [*releases, *weak]
+    assert fit(given, board).releases == tuple(releases)
+    compared = compare(given, board)
+    assert len(compared.releases) == 1
+    assert any("left out" in text for text in compared.warnings)
 
 
 def read_roll_of(angle):
