@@ -571,18 +571,19 @@ def write(case: Case, motion: Motion, path: Path) -> None:
 def sizes(case: Case, motion: Motion) -> dict[str, float]:
     """Return how much what is hidden matters: its shares of the peak torque and of the dissipated energy."""
     truth, joint = case.truth, _Joint(case.truth)
-    peak = linear = lost = whole = 0.0
+    peak = linear = lost = whole = widest = 0.0
     for begin, end in motion.free:
         inside = (motion.time >= begin) & (motion.time <= end)
         for time, row in zip(motion.time[inside], motion.states[inside], strict=True):
             acceleration, _ = joint.rates(time, row[0], row[1], row[2:])
             x, v = row[0] - truth.rest, row[1]
+            widest = max(widest, abs(x))
             plain = truth.stiffness * x + truth.damping * v
             extra = -acceleration * truth.inertia - plain
             peak, linear = max(peak, abs(extra)), max(linear, abs(plain))
             lost, whole = lost + extra * v, whole + extra * v + truth.damping * v * v
     if truth.stiffness == 0:
-        peak, linear = truth.amplitude**2 / 6, 1.0  # a pendulum: what its sine is off a spring
+        peak, linear = widest - np.sin(widest), widest  # a pendulum: what its sine is off a spring
     return {
         "torque_share": peak / linear,
         "energy_share": float(np.clip(lost / whole, 0, 1)) if whole > 0 and truth.stiffness else 0.0,
