@@ -20,7 +20,7 @@ from sysid.fitting.joint import FitOptions, check_effects, fit_joint
 from sysid.fitting.ladder import Rung, ladder, rung_name
 from sysid.fitting.record_update import error_of, require_usable, updated_board
 from sysid.fitting.records import Signal, signal_of
-from sysid.fitting.result import JointFit
+from sysid.fitting.result import TOLERANCE, JointFit
 from sysid.joint.law import JointLaw
 from sysid.noise.floor import NoiseFloor
 from sysid.progress import stage
@@ -145,6 +145,17 @@ class Fit:
         return quantity_frame(self.quantities)
 
 
+def _misfit(joint: JointFit) -> list[str]:
+    """Say so where the fitted law is not that of the logs: its intervals are only right for a law that is."""
+    if joint.excess <= TOLERANCE:
+        return []
+    return [
+        f"the fitted law leaves {joint.rmse / joint.noise.std:.3g} times the noise, {100 * joint.excess:.2g} % of the motion "
+        f"beyond it, where {100 * TOLERANCE:.2g} % would pass: its numbers are a compromise, and their intervals too "
+        "narrow. An effect is missing, or a hand was on it"
+    ]
+
+
 def fit(
     data: Data,
     board: Board,
@@ -177,7 +188,7 @@ def fit(
     Raises:
         SysidError: An effect that free decays cannot identify, no convergence, or a period that nothing has.
     """
-    recordings, releases = unpack(data)
+    recordings, releases, weak = unpack(data)
     check_effects(effects, [part.name for part in board.effects])
     kept = tuple(part.name for part in board.effects if not plain or effect(part.name).is_known)
     options = FitOptions(
@@ -200,8 +211,10 @@ def fit(
         recordings=recordings,
         warnings=(
             *reading_warnings(recordings),
+            *weak,
             *odd,
             *period_warnings(frequency, board, log=named),
             *joint.warnings,
+            *_misfit(joint),
         ),
     )

@@ -39,8 +39,6 @@ MIN_DECREMENT_DIFFERENCE = 0.005
 """Two decrements this close, relatively, are never said to disagree: a local cubic is no closer."""
 ABOVE_NOISE = 1.15
 """Residuals above this multiple of the noise floor are looked at."""
-CLEAR_AMPLITUDE = 5.0
-"""First amplitude over the noise of a sample from which on a release is fitted: below, chance makes half its peaks."""
 WORTH_NAMING = 0.007
 """Misfit below this share of the amplitude is not worth a warning."""
 
@@ -138,7 +136,7 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
     Raises:
         SysidError: The decays hold too little to say anything, or do not look like a decay at all.
     """
-    recordings, releases = unpack(data)
+    recordings, releases, weak = unpack(data)
     if board is None:
         decay = _fit(releases, inertia or NO_INERTIA)
         doubts = (*amplitude_warnings(releases, None), *decay.warnings)
@@ -160,7 +158,7 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
         )
     return replace(
         decay,
-        warnings=(*reading_warnings(recordings), *doubts),
+        warnings=(*reading_warnings(recordings), *weak, *doubts),
         recordings=recordings,
         board=None if board is None else board.name,
     )
@@ -168,7 +166,6 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
 
 def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
     """Fit a linear decay to all releases together, three ways."""
-    releases, weak = _clear_of_noise(releases)
     trace = fit_traces(releases)
     floor = noise_floor(releases, rate=trace.signal == "rate")
     _refuse_nonsense(releases, trace)
@@ -215,29 +212,7 @@ def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
         linear=linear,
         warnings=(),
     )
-    return replace(decay, warnings=(*weak, *_warnings(decay)))
-
-
-def _clear_of_noise(releases: Sequence[Release]) -> tuple[list[Release], list[str]]:
-    """Return the releases that stand clear of their noise, and what is said of the others.
-
-    Raises:
-        SysidError: None does.
-    """
-    clear: list[Release] = []
-    weak: list[str] = []
-    for release in releases:
-        noise = float(np.median(release.std))
-        if release.amplitude >= CLEAR_AMPLITUDE * noise:
-            clear.append(release)
-            continue
-        weak.append(
-            f"{release.log}: the release at {shown(release.start)} has an amplitude of "
-            f"{math.degrees(release.amplitude):.2g}° in noise of {math.degrees(noise):.2g}°: too little to fit"
-        )
-    if not clear:
-        raise SysidError(f"{weak[0]}. Tip the deck further, or use a better sensor.")
-    return clear, [f"{text}, so it is left out" for text in weak]
+    return replace(decay, warnings=tuple(_warnings(decay)))
 
 
 def _refuse_nonsense(releases: Sequence[Release], trace: TraceFit) -> None:
@@ -402,6 +377,6 @@ def _damping_regime(decay: FreeDecay) -> str | None:
             f"overdamped (ζ = {zeta}): nothing oscillates, so there is no decrement and no period. k and d come from "
             "the shape of the return alone"
         )
-    if zeta.ci95[0] <= 0:
+    if zeta.ci95[0] <= 0 and decay.linear:  # of another law it is an average, however long the log is
         return f"the damping cannot be told from zero (ζ = {zeta}): record longer, or more releases"
     return None

@@ -11,6 +11,7 @@ from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.logs.read import read_roll
 from sysid.logs.table.options import LogOptions
+from sysid.releases.clear import clear_of_noise
 from sysid.releases.find import find_releases
 from sysid.releases.phases import Phase, log_phases
 from sysid.roll import Release, Roll, shown
@@ -111,7 +112,7 @@ class Recording:
             f"at {given:.6g} s, where the release was said to be, the deck was still held: its decay begins at "
             f"{shown(one.start)}, when it leaves"
             for given, one in zip(sorted(release), found, strict=False)
-            if one.start - given > EARLY_RELEASE_SHARE * one.hold
+            if one.hold and one.start - given > EARLY_RELEASE_SHARE * one.hold
         )
         recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held)), releases=found)
         return recording if keep_zero else recording._from_rest()
@@ -168,8 +169,8 @@ Data = Recording | Release | Iterable[Recording | Release]
 """What every verb takes: a recording, several, or releases."""
 
 
-def unpack(data: Data) -> tuple[tuple[Recording, ...], list[Release]]:
-    """Return the recordings in what a verb was given, and all releases.
+def unpack(data: Data) -> tuple[tuple[Recording, ...], list[Release], list[str]]:
+    """Return the recordings in what a verb was given, all releases that stand clear of their noise, and what is said of the others.
 
     Raises:
         SysidError: There is none, or a measurement was given twice.
@@ -182,7 +183,7 @@ def unpack(data: Data) -> tuple[tuple[Recording, ...], list[Release]]:
         releases += item.releases if isinstance(item, Recording) else [item]
     if not releases:
         raise SysidError("no release was given. Let the deck go and record until it rests.")
-    return recordings, releases
+    return recordings, *clear_of_noise(releases)
 
 
 def reading_warnings(recordings: Sequence[Recording]) -> tuple[str, ...]:

@@ -82,7 +82,8 @@ def _shown(row: Mapping[str, Any]) -> dict[str, str]:
     from sysid.batch.jobs import with_interval
 
     frequency = f"{row['omega_n_rad_s'] / 6.283185307179586:.3g}" if "omega_n_rad_s" in row else "-"
-    said = " ".join(filter(None, (row.get("verdict"), row.get("effects")))) or row["state"]
+    verdict = "fitted with" if row["task"] == "fit" and row.get("effects") else row.get("verdict")
+    said = " ".join(filter(None, (verdict, row.get("effects")))) or row["state"]
     return {
         "job": row["job"],
         "task": row["task"],

@@ -71,6 +71,7 @@ def fit(
     from sysid.fit_mjcf import fit as fit_recordings
     from sysid.fitting.joint import check_effects
     from sysid.fitting.learned_torque import tables_of
+    from sysid.fitting.result import TOLERANCE
     from sysid.progress import stage
 
     if output is not None:
@@ -127,6 +128,9 @@ def fit(
     intervals = show_intervals(result.joint, record, common, printer, profile=profile, draws=bootstrap)
     for line in scene.lines() if scene else ():
         printer.say(line)
+    if result.joint.excess > TOLERANCE:
+        command = space_of(common, arguments).command("diagnose", *record.options, logs=logs)
+        printer.say(f"to learn what is missing: {command}")
     written = [_draw(common, result)]
     if tables_of(result.joint):
         written.append(_draw_learned(common, result))

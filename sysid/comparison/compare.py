@@ -19,6 +19,7 @@ from sysid.files import sha256
 from sysid.fitting.initial_state import fit_initial_states
 from sysid.fitting.joint import FitOptions, held_parameters
 from sysid.fitting.records import Record, Signal, make_records, signal_of
+from sysid.fitting.result import TOLERANCE
 from sysid.joint import JointLaw, simulate
 from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.progress import stage
@@ -29,9 +30,6 @@ from sysid.text import WIDTH, Display, display
 
 if TYPE_CHECKING:
     import pandas as pd
-
-DEFAULT_TOLERANCE = 0.02
-"""Error beyond the noise over the RMS roll at which a comparison still passes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +114,7 @@ def compare(
     *,
     law: JointLaw | None = None,
     signal: Signal = "auto",
-    tolerance: float = DEFAULT_TOLERANCE,
+    tolerance: float = TOLERANCE,
 ) -> Comparison:
     """Simulate each release with a board's law and compare.
 
@@ -128,7 +126,7 @@ def compare(
     Raises:
         SysidError: The law's motion grows without bound.
     """
-    recordings, releases = unpack(data)
+    recordings, releases, weak = unpack(data)
     chosen = signal_of(releases, signal)
     use_rate = chosen["use_rate"]
     odd = amplitude_warnings(releases, board)
@@ -152,9 +150,7 @@ def compare(
         [r.signal - (0.0 if use_rate else law.posed(r.release.known).rest_angle) for r in records]
     )
     size = float(np.sqrt(np.mean(motion**2)))
-    least, excess, most = (
-        float(np.sqrt(max(rmse**2 - std**2, 0.0))) / size for std in (noise.highest, noise.std, noise.lowest)
-    )
+    least, excess, most = (part / size for part in noise.excess(rmse))
     where = locate_error(compared, law, noise, board)
     with stage(0.4, 1.0):
         missing = None if use_rate else missing_torque(compared, law)
@@ -176,7 +172,7 @@ def compare(
         is_rate=use_rate,
         slides=board.slides,
         heldout_rmse=_heldout(board, recordings, rmse),
-        warnings=(*reading_warnings(recordings), *odd),
+        warnings=(*reading_warnings(recordings), *weak, *odd),
         recordings=recordings,
     )
 

@@ -107,7 +107,7 @@ def verdict(decay: "FreeDecay") -> str:
         left = 100 * decay.trace.noise / size
         return (
             f"✓ linear to {left:.2g} % of the amplitude; what remains is {ratio:.3g} × the scatter from sample to "
-            f"sample, which a filter or a fusion makes small{wider}{closing}"
+            f"sample: the law is not quite linear, or a filter or a fusion makes that scatter small{wider}{closing}"
         )
     return f"✓ linear decay: the residual is {ratio:.2f} × the estimated sensor noise{closing}"
 

@@ -266,14 +266,14 @@ def diagnose(
     Raises:
         SysidError: The releases are too short, or their unit is wrong.
     """
-    recordings, releases = unpack(data)
+    recordings, releases, weak = unpack(data)
     with WorkerPool(workers) as pool:  # which loads while the sizes of the problem are found
         chosen = signal_of(releases, signal)
         bias, use_rate = chosen["bias"], chosen["use_rate"]
         noise = noise_floor(releases, rate=use_rate)
         scales = scales_of(make_records(releases, noise.std, rate=use_rate), board)
         period = 2 * np.pi / scales.frequency
-        warnings = check_releases(releases, board, period)
+        warnings = [*weak, *check_releases(releases, board, period)]
         judged, left_out = judged_stretches(releases, period)
         warnings += [left_out] if left_out else []
         records = make_records(judged, noise.std, rate=use_rate)

@@ -9,6 +9,7 @@ A board that changed before a release is no hand's: that is a decay by numbers o
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from math import ceil
 
 import numpy as np
 
@@ -147,10 +148,11 @@ def begun_by_hand(
     left = _energy(later.records, asked[0]) / _energy(search.records, asked[0])
     if (said.score - less.score) * left**DEGREE < TIE:
         return None
-    return (
-        kept,
-        "the beginnings of the releases are left out: what seems to be missing shows nowhere else, as if a hand was on the deck",
-    )
+    text = "the beginnings of the releases are left out: what seems to be missing shows nowhere else, as if a hand was on the deck"
+    if len({release.log for release in kept}) == 1:
+        free = " ".join(f"--release {ceil(1e3 * release.start) / 1e3:g}" for release in kept)
+        text += f". `fit` finds the spring and the damper of what is free with {free}"
+    return kept, text
 
 
 def _energy(records: Sequence[Record], model: Candidate) -> float:

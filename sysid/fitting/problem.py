@@ -258,8 +258,11 @@ class Problem:
             if self.free_states
             else []
         )
-        others += [(-2.0, 2.0)] if self.bias == "per-release" else []
-        own = [pair for at in rests for pair in ((at - 4.0, at + 4.0), (-4.0, 4.0), *others)]
+        own: list[tuple[float, float]] = []
+        for rest, zero in zip(rests, self._zeros, strict=True):
+            at = zero / self.sizes()[-1] if self.bias == "per-release" else 0.0
+            own += [(rest - at - 4.0, rest - at + 4.0), (-4.0, 4.0), *others]
+            own += [(at - 2.0, at + 2.0)] if self.bias == "per-release" else []
         pairs = np.array([known[name] for name in self.names] + own)
         for index, name in enumerate(self.names):
             if name in self.bounded:
@@ -272,6 +275,14 @@ class Problem:
         return [_first_motion(record) for record in self.records]
 
     @cached_property
+    def _zeros(self) -> list[float]:
+        """Where each record has the zero of a sensor that may be anywhere [rad]: its rest is then that of the law. 0 of another."""
+        held = self.fixed.get("rest_angle")
+        if self.bias != "per-release" or held is None or self.records[0].is_rate:
+            return [0.0] * len(self.records)
+        return [measured_rest([record]) - held for record in self.records]
+
+    @cached_property
     def _delays(self) -> list[tuple[Effect, Callable[[float, float, Numbers], float]]]:
         """How long each filter hides a release, from its pull, the noise and the effect's parameters."""
         states = [(part, state.detection_delay) for part in self.structure.parts for state in part.states]
@@ -280,8 +291,8 @@ class Problem:
     def start(self, parameters: Mapping[str, float]) -> Array:
         """Return unknowns for given parameters, in units of their sizes, shape (p,); the rest from the records themselves."""
         values = [parameters[name] for name in self.names]
-        for record, motion in zip(self.records, self._first_motions, strict=True):
-            own = [*motion]
+        for record, (roll, rate), zero in zip(self.records, self._first_motions, self._zeros, strict=True):
+            own = [roll - zero, rate]
             if self.free_states and self.structure.internal_states:
                 held = build_initial(self.structure, free_states=False, sensitivities=False)
                 start = np.asarray(
@@ -291,7 +302,7 @@ class Problem:
                     not isinstance(part, SensorEffect) for part in self.structure.parts for _ in part.states
                 ]
                 own += list(start[kept])
-            values += own + ([0.0] if self.bias == "per-release" else [])
+            values += own + ([zero] if self.bias == "per-release" else [])
         return np.array(values) / self.sizes()
 
     def vector_of(self, parameters: Mapping[str, float], record: Record | None = None) -> Array:

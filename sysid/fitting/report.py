@@ -148,7 +148,7 @@ def to_json(fit: "Fit") -> dict[str, Any]:
         ),
         **({"learned": _learned_json(fit)} if tables_of(fit.joint) else {}),
         "status": fit.status,
-        "warnings": list(fit.joint.warnings),
+        "warnings": list(fit.warnings),
     }
 
 

@@ -25,6 +25,9 @@ from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Quantity
 from sysid.roll import Array
 
+TOLERANCE = 0.02
+"""Error beyond the noise, over the RMS of the motion, up to which a law passes for the measured one."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointFit:
@@ -87,6 +90,11 @@ class JointFit:
     def nrmse(self) -> float:
         """RMSE over the RMS of the measurement about rest."""
         return self.rmse / self.measured_rms
+
+    @property
+    def excess(self) -> float:
+        """Error that is surely more than noise, over the RMS of the measurement about rest."""
+        return self.noise.excess(self.rmse)[0] / self.measured_rms
 
 
 def summarise(

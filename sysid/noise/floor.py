@@ -49,6 +49,13 @@ class NoiseFloor:
         """Lower end of the 95 % interval of `std`."""
         return self.std * max(0.0, 1 - Z95 * self.relative_std)
 
+    def excess(self, rmse: float) -> tuple[float, float, float]:
+        """Return an error with the noise taken out: the least of its 95 % interval, its value, the most."""
+        least, value, most = (
+            float(np.sqrt(max(rmse**2 - std**2, 0.0))) for std in (self.highest, self.std, self.lowest)
+        )
+        return least, value, most
+
 
 def difference_std(curves: Sequence[tuple[Array, Array]]) -> float:
     """Return the noise of sampled smooth motions from their high-order differences.

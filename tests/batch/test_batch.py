@@ -90,6 +90,16 @@ def test_one_table_and_one_page(logs, tmp_path):
     assert not (tmp_path / "data").exists()  # no record is changed
 
 
+def test_an_effect_that_a_job_fits_is_no_verdict(logs, tmp_path):
+    path = manifest(
+        logs,
+        '[[job]]\nboard = "pink"\ntask = "fit"\neffects = ["coulomb"]\nlogs = ["pink-1.csv"]\n',
+        "effect.toml",
+    )
+    done = husky("batch", path, "--workspace", tmp_path, "--workers", 1)
+    assert "│ fitted with coulomb │" in done.stdout
+
+
 def test_a_missing_log_fails_its_own_job_only(logs, tmp_path):
     path = manifest(
         logs,

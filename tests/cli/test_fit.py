@@ -47,6 +47,28 @@ def test_record_gets_values_provenance_and_a_line_of_history(tmp_path):
     assert "coulomb" not in (shipped_data() / "boards" / "pink.toml").read_text()
 
 
+def test_a_law_that_is_not_that_of_the_log_is_said(tmp_path, capsys):
+    """Its numbers go into the record all the same, and nothing else says that they are no measurement."""
+    for effects, said in (((), True), (("coulomb",), False)):
+        json_file = tmp_path / "fit.json"
+        assert (
+            fit(
+                [LOG],
+                subject=Subject(board="pink"),
+                effect=effects,
+                common=Common(workspace=tmp_path, json=str(json_file)),
+            )
+            == 0
+        )
+        printed = capsys.readouterr()
+        assert ("a compromise" in printed.err) == said
+        assert ("to learn what is missing: husky-sysid diagnose" in printed.out) == said
+        assert (
+            any("a compromise" in warning for warning in json.loads(json_file.read_text())["warnings"])
+            == said
+        )
+
+
 def test_a_bootstrap_of_too_few_draws_is_refused_before_anything_is_fitted(tmp_path, monkeypatch):
     import sysid.fit_mjcf
 

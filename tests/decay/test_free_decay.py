@@ -240,6 +240,21 @@ def test_two_peaks():
     assert log_decrement_two_peaks(peaks, 1e-2).std < log_decrement_two_peaks(peaks[:2], 1e-2).std * 2
 
 
+@pytest.mark.parametrize("zeta", [0.004, 0.05, 0.3])
+@pytest.mark.parametrize("late", [0.0, 0.015, 0.03])
+def test_first_peak_of_a_release_that_is_found_late_is_that_of_the_release(zeta: float, late: float):
+    """3 % of a period is 6.6 ms here, less than a sample at 100 Hz: the deck has fallen by 1.8 % by then."""
+    omega, noise = 28.87, 1e-4
+    release = clean_release(omega, zeta, duration=1.5, sampling=100, noise=noise)
+    since = np.maximum(release.time + late * 2 * math.pi / omega, 0)
+    missed = linear_decay(since, omega, zeta, 0.2)[0] - linear_decay(release.time, omega, zeta, 0.2)[0]
+    release = replace(release, roll=release.roll + missed)
+    omega_d = omega * math.sqrt(1 - zeta**2)
+    delta = log_decrement_two_peaks(find_peaks(release, 0.0, omega, omega_d, noise))
+    assert delta.value == pytest.approx(2 * math.pi * zeta / math.sqrt(1 - zeta**2), abs=2.5 * delta.std)
+    assert delta.std < 0.003
+
+
 def test_the_second_peak_of_a_skateboard_is_a_thin_thread():
     """ζ = 0.56: 0.1° on a second peak of 0.6° moves the classic δ by more than the whole trace's interval."""
     decay = fit_decay([clean_release(*PINK, sampling=1000, noise=0.02 * DEGREE)], INERTIA)
@@ -272,6 +287,17 @@ def test_what_a_wrong_model_shows_is_said_with_what_it_may_be_and_never_as_a_cau
     assert re.search(rf"{word}[^;]*, which may be .+ or .+", text)
     assert "`diagnose` tells the causes apart" in text
     assert "dry friction holds" not in text
+
+
+def test_of_another_law_no_longer_log_is_asked_for():
+    """A pendulum from 150°: ζ is 0.02 ± 0.09, of a line through what is none. More of it would not make it narrower."""
+    law = lambda x, v: -(14**2) * math.sin(x) - 2 * 0.01 * 14 * v  # noqa: E731
+    decay = decay_of(
+        Recipe(law=law, amplitudes=(2.6, -1.2, 0.6), sampling=500, free=4.0, noise=0.02 * DEGREE)
+    )
+    assert not decay.linear
+    assert decay.numbers.damping_ratio.ci95[0] < 0
+    assert not any("record longer" in warning for warning in decay.warnings)
 
 
 def test_a_linear_decay_gets_no_warning():

@@ -1,6 +1,7 @@
 """What a hand has touched is left out: ends, beginnings, or a release; a board that changed, or a law that nobody knows, is not."""
 
 import pickle
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -207,6 +208,8 @@ def test_what_shows_in_the_beginnings_only_is_a_hands(rolls):
     kept, text = found
     assert text.startswith("the beginnings of")
     assert [release.time[0] > 0.04 for release in kept] == [True] * len(rolls)
+    given = [float(time) for time in re.findall(r"--release (\S+)", text)]
+    assert all(0 <= time - one.start <= 1e-3 for time, one in zip(given, kept, strict=True))
 
 
 @pytest.mark.parametrize(

@@ -77,6 +77,15 @@ def test_gravity_takes_the_place_of_a_spring_that_is_not_there(recorded):
     assert new.stiffness == 0.0
 
 
+@pytest.mark.parametrize("zero", [-3.0, 1.9, 3.0])
+def test_a_pendulums_encoder_may_have_its_zero_anywhere(zero):
+    """From 120° to either side a pendulum falls the other way, and a zero that is searched from 0 does not come back."""
+    fit = fit_joint(pendulum(0.0, zero=zero), arm(0.0), EFFECTS)
+    moment = fit.quantities["gravity.moment"]
+    assert abs(moment.value - 1.3) < 4 * moment.std < 0.05
+    assert fit.rmse < 1.1 * NOISE
+
+
 def test_a_spring_beside_gravity_is_kept():
     fit = fit_joint(pendulum(2.0), arm(), EFFECTS)
     assert abs(fit.quantities["stiffness"].value - 2.0) < 4 * fit.quantities["stiffness"].std

@@ -107,3 +107,15 @@ def test_a_position_is_no_angle_of_a_board(tmp_path):
     (said,) = amplitude_warnings(releases["angle"], board.of_slide())
     assert "the joint slides" in said
     assert amplitude_warnings(releases["angle"], board) == []
+
+
+@pytest.mark.parametrize("name", ["encoder", "enc", "enc_1"])
+def test_counts_of_an_encoder_are_asked_for_under_its_short_name_too(tmp_path, name):
+    time = np.arange(0, 4, 0.01)
+    counts = np.round(1234 + 400 * np.exp(-0.5 * time) * np.cos(7 * time))
+    log = tmp_path / "counts.csv"
+    log.write_text(
+        f"tick_ms,{name}\n" + "".join(f"{1e3 * t:.0f},{c:.0f}\n" for t, c in zip(time, counts, strict=True))
+    )
+    with pytest.raises(SysidError, match=r"look like counts of an encoder.*--unit 0\.0015"):
+        read_roll(log)

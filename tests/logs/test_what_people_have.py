@@ -12,11 +12,14 @@ import numpy as np
 import pytest
 from rocking import OMEGA, imu, rocking, write_csv
 
+from sysid.comparison.compare import compare
 from sysid.errors import SysidError
+from sysid.fit_mjcf import fit
 from sysid.free_decay import fit_decay
 from sysid.logs import read_roll
 from sysid.quantity import Quantity
 from sysid.releases import find_releases
+from sysid.workspace import Workspace
 
 TIME = np.arange(0, 6, 1 / 200)
 INERTIA = Quantity(8.7e-3, 0.0, "kg*m^2")
@@ -82,7 +85,7 @@ def test_imu_rows_of_their_own_are_brought_together(tmp_path):
     assert right(path).origin == "imu"
 
 
-def test_a_weak_release_does_not_refuse_the_others():
+def test_a_weak_release_does_not_refuse_the_others(tmp_path):
     releases = find_releases(read_roll_of(swing()))
     weak = find_releases(read_roll_of(swing(amplitude=0.003)))
     result = fit_decay([*releases, *weak], INERTIA)
@@ -90,6 +93,12 @@ def test_a_weak_release_does_not_refuse_the_others():
     assert any("left out" in text for text in result.warnings)
     with pytest.raises(SysidError, match="too little to fit"):
         fit_decay(weak, INERTIA)
+    board = Workspace(tmp_path).load_board("pink")
+    given = [*releases, *weak]
+    assert fit(given, board).releases == tuple(releases)
+    compared = compare(given, board)
+    assert len(compared.releases) == 1
+    assert any("left out" in text for text in compared.warnings)
 
 
 def read_roll_of(angle):
@@ -381,6 +390,13 @@ def test_a_table_named_after_its_sensor(tmp_path):
     assert any("'Gyroscope x'" in text for text in roll.notes)
     with pytest.raises(SysidError, match="no column of roll"):
         read_roll(table(tmp_path, ["time,seconds_elapsed,z,y,x", *rows], "log5.csv"))
+
+
+def test_an_accelerometer_alone_is_told_what_it_lacks(tmp_path):
+    roll, _, _ = rocking(TIME)
+    rows = [f"{t:.4f},0.01,{np.sin(r):.5f},{np.cos(r):.5f}" for t, r in zip(TIME, roll, strict=True)]
+    with pytest.raises(SysidError, match=r"accelerometer alone tells no roll.*Record the gyro"):
+        read_roll(table(tmp_path, ["time,ax,ay,az", *rows]))
 
 
 def test_counts_of_a_gyro_are_asked_for(tmp_path):

@@ -304,6 +304,14 @@ def test_a_release_given_late_keeps_its_decay(late):
     assert fit.omega_n == pytest.approx(recipe.omega, rel=2e-3)
 
 
+def test_a_release_given_on_the_way_is_not_said_to_be_held():
+    """It had no hold, and begins at the next sample: 'at 2.24 s the deck was still held: its decay begins at 2.24 s'."""
+    recipe = Recipe(zeta=0.05, sampling=500, free=2.0, noise=0.05 * DEGREE)
+    log = Recording.of(make_roll(recipe), release=[recipe.truth[0] + 0.0309])
+    assert log.releases[0].hold == 0
+    assert not log.warnings
+
+
 def test_a_release_given_while_a_hand_is_on_the_deck_is_refused_or_said():
     recipe = Recipe(zeta=0.05, sampling=500, free=2.0, noise=0.05 * DEGREE)
     roll = make_roll(recipe)

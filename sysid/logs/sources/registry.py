@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from sysid.errors import SysidError, did_you_mean
 from sysid.logs import sources as package
-from sysid.logs.table.choose import Choice, find_column, parse_axis
+from sysid.logs.table.choose import Choice, find_column, parse_axis, triple
 from sysid.logs.table.clock import MIN_SAMPLES, time_scale, typical_step
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import ANGLE_UNITS, RATE_UNITS, Column, parse_unit, unit_kind
@@ -43,6 +43,7 @@ _LENGTH = re.compile(
     r"(?:.*[\W_](?=[cm]m)|.*[(\[]|(?:.*[\W_])?(?:position|distance|displacement|travel|[xyz])_)([cm]?m)(?:[_/](s))?[)\]]?"
 )
 """A name that ends in a unit of length or speed. A lone m may be a motor's, but not in brackets or behind a position."""
+_ACCELERATION_ALONE = ". An accelerometer alone tells no roll: it feels how the deck swings as well as how it is tilted. Record the gyro beside it."
 _UNITS = {"angle": ("an angle", "rad", ANGLE_UNITS), "rate": ("a rotation rate", "rad/s", RATE_UNITS)}
 
 
@@ -142,10 +143,11 @@ def choose_source(
         return choose_source(log, columns, time, replace(options, column=position.name))
     if not found:
         what = "roll, angle or rotation rate" if options.source == "auto" else options.source
+        accelerated = triple(columns, "accel", "xyz") and not any(column.kind == "rate" for column in columns)
         raise SysidError(
             f"{log.path}: no column of {what} among {', '.join(map(repr, log.names[:30]))}"
             + (f" about axis '{options.axis}'" if options.axis else "")
-            + ". Name one with --column, and its unit with --unit."
+            + (_ACCELERATION_ALONE if accelerated else ". Name one with --column, and its unit with --unit.")
         )
     doubt = min(choice.doubt for _, choice in found)
     source, choice = _that_moves(log, [pair for pair in found if pair[1].doubt == doubt], time, options)

@@ -69,7 +69,7 @@ _RATE_WORDS = {"gyro", "gyr", "gyroscope", "gyroscopes", "omega", "rate", "speed
 _ACCEL_WORDS = {"acc", "accel", "accelerometer", "acceleration", "acceler"}
 _QUATERNION_WORDS = {"q", "quat", "quaternion", "orientation", "attitude"}
 _ROLL_WORDS = {"roll", "phi", "bank", "heel", "tilt", "lean"}
-_ANGLE_WORDS = _ROLL_WORDS | {"angle", "theta", "pitch", "yaw", "heading", "psi", "pos", "position", "qpos", "encoder",
+_ANGLE_WORDS = _ROLL_WORDS | {"angle", "theta", "pitch", "yaw", "heading", "psi", "pos", "position", "qpos", "encoder", "enc",
                               "winkel", "angulo", "inclination", "deflection", "swing", "euler", "rpy", "ang",
                               "rotation"}  # fmt: skip
 _OTHER_WORDS = {"mag", "magnetometer", "magnetic", "magn", "temp", "temperature", "pressure", "battery", "voltage",
