@@ -30,7 +30,7 @@ def _find(reel: Reel) -> Target | None:
         solve=partial(fit_direction, pivot=end.pivot, vanishing=end.vanishing),
         zero=partial(level_angle, direction=1 + 0j, symmetry=2),
         zero_note="where the edge is level in the picture",
-        joined=tuple((point, point + 1) for point in range(2 * PIECES * count) if (point + 1) % PIECES),
+        joined=tuple((point, point + 1) for point in range(PIECES * count) if (point + 1) % PIECES),
         direction_from="" if end.vanishing is None else "where the deck's long sides run to",
         shows_body=False,
         warnings=warnings,

@@ -6,14 +6,16 @@ the horizon.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from sysid.roll import Array
+from sysid.video.film.frames import Frame
 from sysid.video.film.survey import Survey
-from sysid.video.trackers._edge_profile import PIECES
+from sysid.video.trackers._edge_profile import PIECES, find_pieces
+from sysid.video.trackers.edge.body import fit_edges
 from sysid.video.trackers.edge.brightness_steps import (
     ATTITUDE_STEP,
     MAX_SLOPE,
@@ -63,6 +65,12 @@ STRAIGHT_ON = np.array([0.0, 1e-6, 0.0])
 """What makes a ridge that is lost go on in its row."""
 MIN_SPACING = 4
 """Distance of two edges [px]."""
+MIN_CONTRAST = 8.0
+"""Least contrast of an edge [grey levels]."""
+LEARNED_WITHIN = np.radians([4.0, 8.0, 14.0, 22.0])
+"""Turns from the usual one within which the edges are learned, round by round [rad]."""
+LEARNING_REACH = 3.0
+"""Distance from where they are taken to be within which edges are looked for then [px]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +78,11 @@ class DeckEnd:
     """Edges of the deck's end when its lines are level."""
 
     pivot: Array
-    """What they turn about [px], shape (2,)."""
+    """What each turns about [px], shape (E, 2): edges at another depth turn about another point of the picture."""
     ends: Array
-    """Left and right end of each [px], from the pivot, shape (E, 2, 2)."""
+    """Left and right end of each [px], from its pivot, shape (E, 2, 2)."""
+    ways: Rows
+    """1 for edges above which it is brighter, -1 for the others, shape (E,)."""
     bends: Array
     """How far below the line between its ends each piece of an edge is [px], shape (E, PIECES)."""
     turns: Array
@@ -103,10 +113,11 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
     reach = np.array([0.25 * size, 0.5 * (bottom - top)])
     steps = 2 * np.ceil(reach / (unit * np.array(PIVOT_GRID))).astype(int) + 1
 
-    def shown_on(grid: Grid) -> Image:
+    def shown_on(grid: Grid, *, signed: bool = False) -> Image:
         """How much of an edge each picture shows, turned back about the pivot."""
         each = zip(every, pivot + shifts, turns.tolist(), strict=True)
-        return np.array([_shown(one, centre, turn, grid) for one, centre, turn in each])
+        shown = np.array([_shown(one, centre, turn, grid) for one, centre, turn in each])
+        return shown if signed else np.abs(shown)
 
     for round_ in range(4):
         weight = _attitudes(turns)
@@ -127,11 +138,54 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
             ])  # fmt: skip
             shown = shown_on(grid)
         turns = turns + _own_turns(shown, mean)
-    ends, bends = _edges(_in_most_attitudes(shown_on(grid), turns), *grid, MIN_LENGTH * width)
+    shown = shown_on(grid, signed=True)
+    means = {way: _in_most_attitudes(np.maximum(-way * shown, 0), turns) for way in (1, -1)}
+    ends, bends, ways = _edges(means, *grid, MIN_LENGTH * width)
     if not len(ends):
         return None
     vanishing = axis_vanishes_at(every, pivot + shifts, ends, turns, np.array(look.moving.shape[::-1]))
-    return DeckEnd(pivot, ends, bends, turns, vanishing)
+    end = DeckEnd(np.tile(pivot, (len(ends), 1)), ends, ways, bends, turns, vanishing)
+    return learned(end, look.frames, shifts)
+
+
+def measured(end: DeckEnd, frame: Frame, shift: Array, turn: float, height: float, reach: float) -> tuple[Array, Array]:
+    """Points of the edges in a frame where they are near a turn [rad] and height [px], both of shape (E, PIECES, 2) [px].
+
+    In the picture, and from their pivots where the edges are level; NaN where there is none.
+    """
+    centre = (end.pivot + shift)[:, None]
+    place = centre + turned(end.ends + np.array([0.0, height]), turn)
+    steps = find_pieces(frame, place, reach, MIN_CONTRAST, 1.0, (1, -1), end.bends)
+    points = np.where(end.ways[:, None, None] > 0, *steps)
+    return points, turned(points - centre, -turn)
+
+
+def learned(end: DeckEnd, frames: Sequence[Frame], shifts: Array) -> DeckEnd:
+    """Return the edges with the pivot and the shape that each shows in frames, from attitudes about the usual one outwards."""
+    turns, edge = end.turns.copy(), np.repeat(np.arange(len(end.ends)), PIECES)
+    away = np.abs(turns - np.median(turns))
+    for far in (*LEARNED_WITHIN, np.inf):
+        some = np.flatnonzero(away <= max(far, np.quantile(away, 0.3)))
+        z = np.array([
+            measured(end, frames[row], shifts[row], turns[row], 0.0, LEARNING_REACH)[0].reshape(-1, 2) - shifts[row]
+            for row in some
+        ]) @ [1, 1j]
+        body = fit_edges(z, edge, np.repeat(end.pivot, PIECES, axis=0) @ [1, 1j])
+        turns[some] = body.angle
+        own = body.pivot.reshape(-1, PIECES)[:, 0]
+        pivot = np.stack([own.real, own.imag], axis=1)
+        height = np.where(body.weight.sum(axis=0).reshape(-1, PIECES) > 0.1, body.height.reshape(-1, PIECES), np.nan)
+        if not (kept := np.isfinite(height).any(axis=1)).all():
+            if not kept.any():
+                break
+            end = replace(end, pivot=end.pivot[kept], ends=end.ends[kept], ways=end.ways[kept], bends=end.bends[kept])
+            pivot, height, edge = pivot[kept], height[kept], edge[: PIECES * int(kept.sum())]
+        level = np.nanmedian(height, axis=1, keepdims=True)
+        ends = end.ends + (end.pivot - pivot)[:, None] * [1.0, 0.0]
+        ends[..., 1] = level
+        bends = np.where(np.isfinite(height), height - level, end.bends)
+        end = replace(end, pivot=pivot, ends=ends, bends=bends)
+    return replace(end, turns=turns)
 
 
 def _rough_slopes(every: list[Steps], box: Box) -> Array:
@@ -200,7 +254,7 @@ def _shown(one: Steps, centre: Array, turn: float, grid: Grid) -> Image:
     x, y = grid
     step = one.on_grid(centre, x, y, turn)
     width = max(1, round(STRAIGHT_LENGTH / (one.scale * float(x[1] - x[0]))))
-    return np.asarray(np.minimum(np.abs(cv2.blur(step, (width, 1))), MAX_SLOPE), np.float32)
+    return np.asarray(np.clip(cv2.blur(step, (width, 1)), -MAX_SLOPE, MAX_SLOPE), np.float32)
 
 
 def _mean(pictures: Sequence[Image] | Image, weight: Array) -> Image:
@@ -287,16 +341,20 @@ def _turned_on(shown: Sequence[Image] | Image, rows: Rows, columns: Rows, turn: 
     return np.array(seen, np.float32)
 
 
-def _edges(mean: Image, x: Array, y: Array, shortest: float) -> tuple[Array, Array]:
-    """Return the ridges of the mean picture, concave as decks are.
+def _edges(means: dict[int, Image], x: Array, y: Array, shortest: float) -> tuple[Array, Array, Rows]:
+    """Return the ridges of the mean pictures of either way in which brightness steps, concave as decks are.
 
-    Left and right end of each, shape (E, 2, 2), and how far below the line between them its pieces are, shape (E, PIECES), both in px.
+    Left and right end of each, shape (E, 2, 2), how far below the line between them its pieces are, shape (E, PIECES), both in px,
+    and the way, shape (E,).
     """
-    ridge = _ridges(mean)
-    usual = MIN_STRENGTH * ridge.mean(axis=1).max()
+    ridges = {way: _ridges(mean) for way, mean in means.items()}
+    usual = MIN_STRENGTH * max(ridge.mean(axis=1).max() for ridge in ridges.values())
     ends: list[Array] = []
     bends: list[Array] = []
+    ways: list[int] = []
     for _ in range(2 * MAX_EDGES):
+        way = max(ridges, key=lambda one: float(ridges[one].mean(axis=1).max()))
+        ridge = ridges[way]
         strength = ridge.mean(axis=1)
         row = int(np.argmax(strength))
         if strength[row] < usual or len(ends) == MAX_EDGES:
@@ -315,7 +373,8 @@ def _edges(mean: Image, x: Array, y: Array, shortest: float) -> tuple[Array, Arr
         level = float(height.mean())
         ends.append(np.array([[x[a], level], [x[b], level]]))
         bends.append(height - level)
-    return np.array(ends).reshape(-1, 2, 2), np.array(bends).reshape(-1, PIECES)
+        ways.append(way)
+    return np.array(ends).reshape(-1, 2, 2), np.array(bends).reshape(-1, PIECES), np.array(ways, np.intp)
 
 
 def _traced(ridge: Image, row: int) -> tuple[Rows, Image]:
