@@ -43,10 +43,14 @@ class EdgeBody:
     """φ, 0 where the edges are level [rad], shape (n,)."""
     pivot: Complex
     """q of each point's edge [px], shape (M,)."""
+    pivot_std: Array
+    """Standard deviation of that, down the picture or across it, whichever is more [px], shape (E,)."""
     weight: Array
     """Trust in each point of each frame, from 0 to 1, shape (n, M)."""
     rest: Array
     """What does not fit [px], shape (n, M); 0 where not seen."""
+    spread: Array
+    """How far each point usually is from where the body has it [px], shape (M,)."""
     height: Array
     """Distance of each point from there, across its edge where that is level [px], shape (M,)."""
     along: Array
@@ -67,13 +71,15 @@ def fit_edges(z: Complex, edge: Edge, pivot: Complex) -> EdgeBody:
     shift = np.zeros(len(z))
     turned = np.exp(-1j * angle)[:, None] * place
     centre, height = np.zeros(len(edge), np.complex128), np.nan_to_num(_medians(turned.imag, seen))
+    doubt = np.full(edge.max() + 1, PIVOT_STD)
     along, rest, weight = turned.real, turned.imag - height, seen.astype(np.float64)
+    spread = np.ones(len(edge))
     for least in (*LEAST_SPREADS, LEAST_SPREADS[-1]):
         spread = np.maximum(_spread(rest, seen, attitudes(angle)), least)
         trust = seen * (least / spread) ** 2
         for _ in range(3):
             weight = trust / (1 + (rest / (OUTLYING * spread)) ** 2) ** 2
-            centre, height = _body(np.exp(-1j * angle)[:, None] * place, angle, weight, edge)
+            centre, height, doubt = _body(np.exp(-1j * angle)[:, None] * place, angle, weight, edge)
             for _ in range(2):
                 turned = np.exp(-1j * angle)[:, None] * (place - centre)
                 along = turned.real
@@ -86,8 +92,10 @@ def fit_edges(z: Complex, edge: Edge, pivot: Complex) -> EdgeBody:
     return EdgeBody(
         angle + slope,
         pivot + centre,
+        doubt,
         weight,
         np.where(seen, rest, 0.0),
+        spread,
         (np.exp(-1j * slope) * (_usual(along, weight) + 1j * height)).imag,
         np.where(seen, along, 0.0),
     )
@@ -139,14 +147,14 @@ def _medians(values: Array, seen: npt.NDArray[np.bool_]) -> Array:
     return middle
 
 
-def _body(turned: Complex, angle: Array, weight: Array, edge: Edge) -> tuple[Complex, Array]:
-    """What each point's edge turns about, and its distance from there, by how far it is from the origin at each turn."""
+def _body(turned: Complex, angle: Array, weight: Array, edge: Edge) -> tuple[Complex, Array, Array]:
+    """What each point's edge turns about, its distance from there, and the first's standard deviation, shape (E,), by how far it is from the origin at each turn."""
     design = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
     weight = weight * attitudes(angle)[:, None] + 1e-9
     total = weight.sum(axis=0)
     mean = (weight.T @ design) / total[:, None]
     y = (weight * turned.imag).sum(axis=0) / total
-    centre = np.zeros(len(edge), np.complex128)
+    centre, doubt = np.zeros(len(edge), np.complex128), np.zeros(edge.max() + 1)
     for one in range(edge.max() + 1):
         own = edge == one
         w, some, there = weight[:, own], total[own], mean[own]
@@ -155,8 +163,10 @@ def _body(turned: Complex, angle: Array, weight: Array, edge: Edge) -> tuple[Com
         prior = (
             w.shape[1] * (POINT_STD / PIVOT_STD) ** 2 * np.eye(2)
         )  # all points of an attitude may err alike
-        centre[own] = complex(*np.linalg.solve(normal + prior, pull))
-    return centre, y + mean[:, 0] * -centre.real - mean[:, 1] * centre.imag
+        covariance = np.linalg.inv(normal + prior)
+        centre[own] = complex(*(covariance @ pull))
+        doubt[one] = POINT_STD * np.sqrt(w.shape[1] * np.diag(covariance).max())
+    return centre, y + mean[:, 0] * -centre.real - mean[:, 1] * centre.imag, doubt
 
 
 def _turn_step(rest: Array, along: Array, shift: Array, weight: Array, edge: Edge) -> tuple[Array, Array]:

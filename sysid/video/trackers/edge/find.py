@@ -6,7 +6,7 @@ the horizon.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -25,8 +25,8 @@ from sysid.video.trackers.edge.brightness_steps import (
     steps_of,
     turned,
 )
-from sysid.video.trackers.edge.sides import axis_vanishes_at
-from sysid.video.types import Box, Image, Rows
+from sysid.video.trackers.edge.far_end import DeckEnd, with_far_end
+from sysid.video.types import Box, Image, Mask, Rows
 
 Grid = tuple[Array, Array]
 """Places across and down of a grid that turns with the deck, from its pivot [px]."""
@@ -67,28 +67,18 @@ MIN_SPACING = 4
 """Distance of two edges [px]."""
 MIN_CONTRAST = 8.0
 """Least contrast of an edge [grey levels]."""
-LEARNED_WITHIN = np.radians([4.0, 8.0, 14.0, 22.0])
-"""Turns from the usual one within which the edges are learned, round by round [rad]."""
+LEARNED_WITHIN, LEAST_SHARE = np.radians([4.0, 8.0, 14.0, 22.0, 90.0]), 0.3
+"""Turns from the usual one within which the edges are learned, round by round [rad], and share of the pictures that is taken at least."""
 LEARNING_REACH = 3.0
-"""Distance from where they are taken to be within which edges are looked for then [px]."""
-
-
-@dataclass(frozen=True, slots=True)
-class DeckEnd:
-    """Edges of the deck's end when its lines are level."""
-
-    pivot: Array
-    """What each turns about [px], shape (E, 2): edges at another depth turn about another point of the picture."""
-    ends: Array
-    """Left and right end of each [px], from its pivot, shape (E, 2, 2)."""
-    ways: Rows
-    """1 for edges above which it is brighter, -1 for the others, shape (E,)."""
-    bends: Array
-    """How far below the line between its ends each piece of an edge is [px], shape (E, PIECES)."""
-    turns: Array
-    """Slope of the lines in each picture [rad]."""
-    vanishing: Array | None = None
-    """Where the axis that they turn about vanishes [px], shape (2,); None where no long sides show that."""
+"""Distance from where the edges are taken to be within which they are looked for then [px]."""
+MAX_SPREAD, MIN_SEEN = 0.6, 0.4
+"""A piece is of the edge if it is usually this near to where the body has it [px], in this share of the pictures or more."""
+MIN_GOOD = 0.3
+"""Share of an edge's pieces that must be of it."""
+MAX_SLANT = np.radians(1.5)
+"""Slope against level beyond which a ridge is no edge of the deck's end: the outline of a long side [rad]."""
+MIDDLES = (np.arange(PIECES) + 0.5) / PIECES
+"""Middles of the pieces, as shares of an edge's length."""
 
 
 def find_deck_end(look: Survey) -> DeckEnd | None:
@@ -143,9 +133,8 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
     ends, bends, ways = _edges(means, *grid, MIN_LENGTH * width)
     if not len(ends):
         return None
-    vanishing = axis_vanishes_at(every, pivot + shifts, ends, turns, np.array(look.moving.shape[::-1]))
-    end = DeckEnd(np.tile(pivot, (len(ends), 1)), ends, ways, bends, turns, vanishing)
-    return learned(end, look.frames, shifts)
+    end = DeckEnd(np.tile(pivot, (len(ends), 1)), np.full(len(ends), np.inf), ends, ways, bends, turns)
+    return _learned(end, every, look.frames, shifts)
 
 
 def measured(end: DeckEnd, frame: Frame, shift: Array, turn: float, height: float, reach: float) -> tuple[Array, Array]:
@@ -160,32 +149,37 @@ def measured(end: DeckEnd, frame: Frame, shift: Array, turn: float, height: floa
     return points, turned(points - centre, -turn)
 
 
-def learned(end: DeckEnd, frames: Sequence[Frame], shifts: Array) -> DeckEnd:
-    """Return the edges with the pivot and the shape that each shows in frames, from attitudes about the usual one outwards."""
-    turns, edge = end.turns.copy(), np.repeat(np.arange(len(end.ends)), PIECES)
-    away = np.abs(turns - np.median(turns))
-    for far in (*LEARNED_WITHIN, np.inf):
-        some = np.flatnonzero(away <= max(far, np.quantile(away, 0.3)))
-        z = np.array([
-            measured(end, frames[row], shifts[row], turns[row], 0.0, LEARNING_REACH)[0].reshape(-1, 2) - shifts[row]
-            for row in some
-        ]) @ [1, 1j]
-        body = fit_edges(z, edge, np.repeat(end.pivot, PIECES, axis=0) @ [1, 1j])
-        turns[some] = body.angle
-        own = body.pivot.reshape(-1, PIECES)[:, 0]
-        pivot = np.stack([own.real, own.imag], axis=1)
-        height = np.where(body.weight.sum(axis=0).reshape(-1, PIECES) > 0.1, body.height.reshape(-1, PIECES), np.nan)
-        if not (kept := np.isfinite(height).any(axis=1)).all():
-            if not kept.any():
-                break
-            end = replace(end, pivot=end.pivot[kept], ends=end.ends[kept], ways=end.ways[kept], bends=end.bends[kept])
-            pivot, height, edge = pivot[kept], height[kept], edge[: PIECES * int(kept.sum())]
-        level = np.nanmedian(height, axis=1, keepdims=True)
-        ends = end.ends + (end.pivot - pivot)[:, None] * [1.0, 0.0]
-        ends[..., 1] = level
-        bends = np.where(np.isfinite(height), height - level, end.bends)
-        end = replace(end, pivot=pivot, ends=ends, bends=bends)
-    return replace(end, turns=turns)
+def _learned(end: DeckEnd, every: list[Steps], frames: Sequence[Frame], shifts: Array) -> DeckEnd | None:
+    """Return the edges with the pivot and the shape that each shows in frames, from usual attitudes outwards; and that of the far end."""
+    away = np.abs(end.turns - np.median(end.turns))
+    for far in LEARNED_WITHIN:
+        end, good = _learn(end, frames, shifts, np.flatnonzero(away <= max(far, np.quantile(away, LEAST_SHARE))))
+        if not (some := good.mean(axis=1) > MIN_GOOD).any():
+            return None
+        end = end.only(some)
+        if far == LEARNED_WITHIN[1]:
+            end = with_far_end(end, every, shifts)
+    return end
+
+
+def _learn(end: DeckEnd, frames: Sequence[Frame], shifts: Array, some: Rows) -> tuple[DeckEnd, Mask]:
+    """Return the edges as they are in some frames, and which pieces keep their place there, shape (E, PIECES)."""
+    edge, turns = np.repeat(np.arange(len(end.ends)), PIECES), end.turns.copy()
+    seen = [measured(end, frames[row], shifts[row], turns[row], 0.0, LEARNING_REACH)[0] - shifts[row] for row in some]
+    z = np.array(seen).reshape(len(some), -1, 2) @ [1, 1j]
+    body = fit_edges(z, edge, np.repeat(end.pivot, PIECES, axis=0) @ [1, 1j])
+    turns[some] = body.angle
+    there = np.isfinite(z).mean(axis=0).reshape(-1, PIECES)
+    good = (body.spread.reshape(-1, PIECES) < MAX_SPREAD) & (there > MIN_SEEN)
+    own = body.pivot[::PIECES]
+    pivot = np.stack([own.real, own.imag], axis=1)
+    ends, bends = end.ends + (end.pivot - pivot)[:, None], end.bends.copy()
+    for one, (height, use) in enumerate(zip(body.height.reshape(-1, PIECES), good, strict=True)):
+        if use.any():
+            level = float(np.median(height[use]))
+            ends[one, :, 1] = level
+            bends[one] = np.where(use, height - level, np.interp(MIDDLES, MIDDLES[use], height[use] - level))
+    return replace(end, pivot=pivot, pivot_std=body.pivot_std, ends=ends, bends=bends, turns=turns), good
 
 
 def _rough_slopes(every: list[Steps], box: Box) -> Array:
@@ -368,8 +362,10 @@ def _edges(means: dict[int, Image], x: Array, y: Array, shortest: float) -> tupl
         a, b = np.quantile(there, [0.02, 0.98]).astype(int)
         if x[b] - x[a] < shortest:
             continue
-        middles = x[a] + (x[b] - x[a]) * (np.arange(PIECES) + 0.5) / PIECES
+        middles = x[a] + (x[b] - x[a]) * MIDDLES
         height = np.interp(middles, x[a : b + 1], y[rows[a : b + 1]])
+        if abs(np.arctan(np.polyfit(middles, height, 1)[0])) > MAX_SLANT:
+            continue
         level = float(height.mean())
         ends.append(np.array([[x[a], level], [x[b], level]]))
         bends.append(height - level)

@@ -9,7 +9,8 @@ from sysid.roll import Array
 from sysid.video.film.frames import Frame
 from sysid.video.trackers._edge_profile import PIECES, beside_line
 from sysid.video.trackers.edge.brightness_steps import MAX_SLOPE, Steps, scale_of, steps_of, turned
-from sysid.video.trackers.edge.find import DeckEnd, measured
+from sysid.video.trackers.edge.far_end import DeckEnd
+from sysid.video.trackers.edge.find import measured
 from sysid.video.types import Box
 
 EDGE_SAMPLES = 24
