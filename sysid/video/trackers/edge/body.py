@@ -24,8 +24,8 @@ SHIFT_STD = 0.7
 """Standard deviation of what shake and soft trucks shift the body by [px]."""
 EDGE_SHIFT_STD = 0.3
 """Standard deviation of what shade and compression shift one edge by [px]."""
-PIVOT_STD = 40.0
-"""Standard deviation of where the pivot is taken to be [px]."""
+PIVOT_STD = 12.0
+"""Standard deviation of where the pivot is taken to be, which is learned from small turns on to large ones [px]."""
 ATTITUDE_BINS = 12
 """Attitudes that count alike, over the range of turns, when the body is learned."""
 LEAST_SPREADS = (1.0, 1.0, 0.75, 0.5, 0.35, 0.25, 0.2, 0.2, 0.2, 0.2)

@@ -36,8 +36,9 @@ class DeckEnd:
 
 
 
-LENGTH, LENGTH_SPREAD = 4.0, 0.15
-"""Length of a deck in its widths, and the spread of its logarithm: 3.7 (cruisers) to 4.6 (longboards) [1]."""
+LENGTH, LENGTH_SPREAD = 4.5, 0.15
+"""Length of a deck in those of its edge as far as that is followed (0.8 to 0.97 of it), and the spread of its logarithm: decks
+are 3.7 (cruisers) to 4.6 (longboards) times as long as wide [1]."""
 SMALLER = (0.45, 0.55, 0.65, 0.75)
 """Sizes of the far end in the near one's that are looked for [1]."""
 FARTHEST, NEAREST, STEPS_ACROSS = 0.8, 0.12, 33
@@ -50,8 +51,8 @@ MOST_ATTITUDES, CLEAR_STEP = 0.35, 5.0
 """Quantile of the attitudes, as a share of them, and the step of brightness [grey levels/px] that an edge must show in it."""
 OWN = 5.0
 """What is nearer than this to an edge that is known, in half of the attitudes, is that edge [px of the small pictures]."""
-APART, PIVOT_STD = 3.0, 4.0
-"""Standard deviations by which two pivots must differ to be of two ends, and how well each must be known [px]."""
+APART = 4.0
+"""Standard deviations by which two pivots must differ to be of two ends."""
 
 
 def with_far_end(end: DeckEnd, every: list[Steps], shifts: Array) -> DeckEnd:
@@ -94,17 +95,29 @@ def with_far_end(end: DeckEnd, every: list[Steps], shifts: Array) -> DeckEnd:
     return found
 
 
-def axis_vanishes_at(end: DeckEnd, focal: float) -> Array | None:
-    """Return where the axis vanishes in the picture [px], shape (2,), for a focal length [px]; None where no far end shows that.
+def axis_vanishes_at(end: DeckEnd, focal: float) -> tuple[Array, float] | None:
+    """Return where the axis vanishes in the picture, shape (2,), and its standard deviation, both in px; None where no far end shows it.
 
-    How much farther away it is follows from the near end's size, since decks are about four times as long as wide.
+    Edges that turn about one point are of one end; of both, the near one shows more of them. How much farther away the other one is
+    follows from the near one's size, since decks are about four times as long as wide.
+
+    Args:
+        end: The edges.
+        focal: Focal length [px].
     """
     length = np.ptp(end.ends[..., 0], axis=1)
-    near = int(np.argmax(length))
-    apart = end.pivot - end.pivot[near]
-    doubt = np.hypot(end.pivot_std, end.pivot_std[near])
-    far = (np.maximum(end.pivot_std, end.pivot_std[near]) < PIVOT_STD) & (np.hypot(*apart.T) > APART * doubt)
-    if not far.any():
+    apart = np.linalg.norm(end.pivot[:, None] - end.pivot, axis=2)
+    doubt = np.hypot(end.pivot_std[:, None], end.pivot_std)
+    near = (apart < APART * doubt)[int(np.argmax((apart < APART * doubt) @ length))]
+    if near.all():
         return None
-    one = int(np.argmin(np.where(far, doubt, np.inf)))
-    return end.pivot[near] + apart[one] * (1 + focal / (LENGTH * length[near]))
+    (here, here_std), (there, there_std) = (_mean_pivot(end.only(one)) for one in (near, ~near))
+    farther = focal / (LENGTH * float(length[near].max()))
+    spread = LENGTH_SPREAD * farther * float(np.linalg.norm(there - here))
+    return there + farther * (there - here), float(np.hypot(spread, (1 + farther) * np.hypot(here_std, there_std)))
+
+
+def _mean_pivot(end: DeckEnd) -> tuple[Array, float]:
+    """Return the mean of what edges turn about, shape (2,), and its standard deviation [px]."""
+    weight = end.pivot_std**-2.0
+    return weight @ end.pivot / weight.sum(), float(weight.sum() ** -0.5)

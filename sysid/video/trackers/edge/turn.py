@@ -25,29 +25,29 @@ SEVERAL_EDGES = 1.3
 """So many edges a frame [1], each as it counts, tell how far edges turn from each other."""
 SLANT_NODES, SLANT_WEIGHTS = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0]), np.array([1.0, 4.0, 1.0]) / 6
 """Slants at which an unknown direction is tried, in its standard deviations, and their weights."""
-PARALLEL = np.radians(1.5)
-"""Standard deviation of the angle between the long sides of a deck and its axis: they taper [rad]."""
 SHUTTER_ROUNDS = 2
 """Times that the shutter's correction is made, the second time with the turn that is known by then."""
 
 
 def fit_direction(
-    view: View, matrix: Array, before: CameraState, *, pivot: Array, vanishing: Array | None = None
+    view: View, matrix: Array, before: CameraState, *, pivot: Array, vanishing: tuple[Array, float] | None = None
 ) -> AngleTrack:
     """Turn of the edges of the deck's end, as seen along its axis.
 
     Lines across the axis show neither its direction nor focal length nor read-out: they stay as they are
-    known beforehand, unless the deck's long sides show its direction.
+    known beforehand, unless the deck's far end shows its direction.
 
     Args:
         view: Points along each edge.
         matrix: Camera matrix [px], shape (3, 3).
         before: What is known of camera and lens.
         pivot: What each edge turns about in the picture, roughly [px], shape (E, 2).
-        vanishing: Where the axis vanishes in the picture [px], shape (2,), if that is seen.
+        vanishing: Where the axis vanishes in the picture, shape (2,), and its standard deviation [px], if that is seen.
     """
     if vanishing is not None and {0, 1} <= set(before.free):
-        before = before.facing((view.straighten(vanishing[None])[0] - matrix[:2, 2]) / matrix[0, 0], PARALLEL)
+        place, std = vanishing
+        off = view.straighten(place[None])[0] - matrix[:2, 2]
+        before = before.facing(off / matrix[0, 0], std / matrix[0, 0])
     time = view.time(before.readout)
     z = rectify(view.points, matrix, before.value)
     about = np.repeat(rectify(pivot, matrix, before.value), PIECES)
