@@ -67,13 +67,13 @@ MIN_SPACING = 4
 """Distance of two edges [px]."""
 MIN_CONTRAST = 8.0
 """Least contrast of an edge [grey levels]."""
-LEARNED_WITHIN, LEAST_SHARE = np.radians([4.0, 8.0, 14.0, 22.0, 90.0]), 0.3
+LEARNED_WITHIN, LEAST_SHARE = np.radians([4.0, 8.0, 14.0, 22.0, 90.0, 90.0, 90.0]), 0.3
 """Turns from the usual one within which the edges are learned, round by round [rad], and share of the pictures that is taken at least."""
 LEARNING_REACH = 3.0
 """Distance from where the edges are taken to be within which they are looked for then [px]."""
 MAX_SPREAD, MIN_SEEN = 0.6, 0.4
 """A piece is of the edge if it is usually this near to where the body has it [px], in this share of the pictures or more."""
-MIN_GOOD = 0.3
+MIN_GOOD = 0.5
 """Share of an edge's pieces that must be of it."""
 MAX_SLANT = np.radians(1.5)
 """Slope against level beyond which a ridge is no edge of the deck's end: the outline of a long side [rad]."""
