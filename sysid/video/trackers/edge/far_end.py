@@ -32,8 +32,10 @@ class DeckEnd:
 
     def only(self, kept: Mask) -> "DeckEnd":
         """Return some of the edges, shape (E,)."""
-        return replace(self, **{name: getattr(self, name)[kept] for name in ("pivot", "pivot_std", "ends", "ways", "bends")})
-
+        return replace(
+            self,
+            **{name: getattr(self, name)[kept] for name in ("pivot", "pivot_std", "ends", "ways", "bends")},
+        )
 
 
 LENGTH, LENGTH_SPREAD = 4.5, 0.15
@@ -78,13 +80,26 @@ def with_far_end(end: DeckEnd, every: list[Steps], shifts: Array) -> DeckEnd:
         known = (end.pivot[:, 1] - end.pivot[near, 1]) + end.ends[:, 0, 1]
         own = (np.abs(across[..., None] - known) * every[0].scale < OWN).any(axis=-1).mean(axis=1) > 0.5
         free = away[~own]
-        step = np.array([
-            every[row].across(end.pivot[near] + shifts[row] + free[:, None] + turned(size * line, end.turns[row]), end.turns[row])
-            for row in some
-        ]).reshape(len(some), len(free), -1, AVERAGED).mean(axis=-1)
+        step = (
+            np.array(
+                [
+                    every[row].across(
+                        end.pivot[near] + shifts[row] + free[:, None] + turned(size * line, end.turns[row]),
+                        end.turns[row],
+                    )
+                    for row in some
+                ]
+            )
+            .reshape(len(some), len(free), -1, AVERAGED)
+            .mean(axis=-1)
+        )
         for way in (1, -1):
             shown = np.clip(-way * step, 0, MAX_SLOPE).mean(axis=-1)
-            usual = np.quantile([shown[attitude[some] == one].mean(axis=0) for one in np.unique(attitude[some])], MOST_ATTITUDES, axis=0)
+            usual = np.quantile(
+                [shown[attitude[some] == one].mean(axis=0) for one in np.unique(attitude[some])],
+                MOST_ATTITUDES,
+                axis=0,
+            )
             if usual.max() > best:
                 best, place = float(usual.max()), end.pivot[near] + free[int(np.argmax(usual))]
                 found = DeckEnd(
@@ -114,7 +129,9 @@ def axis_vanishes_at(end: DeckEnd, focal: float) -> tuple[Array, float] | None:
     (here, here_std), (there, there_std) = (_mean_pivot(end.only(one)) for one in (near, ~near))
     farther = focal / (LENGTH * float(length[near].max()))
     spread = LENGTH_SPREAD * farther * float(np.linalg.norm(there - here))
-    return there + farther * (there - here), float(np.hypot(spread, (1 + farther) * np.hypot(here_std, there_std)))
+    return there + farther * (there - here), float(
+        np.hypot(spread, (1 + farther) * np.hypot(here_std, there_std))
+    )
 
 
 def _mean_pivot(end: DeckEnd) -> tuple[Array, float]:

@@ -137,7 +137,9 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
     return _learned(end, every, look.frames, shifts)
 
 
-def measured(end: DeckEnd, frame: Frame, shift: Array, turn: float, height: float, reach: float) -> tuple[Array, Array]:
+def measured(
+    end: DeckEnd, frame: Frame, shift: Array, turn: float, height: float, reach: float
+) -> tuple[Array, Array]:
     """Points of the edges in a frame where they are near a turn [rad] and height [px], both of shape (E, PIECES, 2) [px].
 
     In the picture, and from their pivots where the edges are level; NaN where there is none.
@@ -152,12 +154,13 @@ def measured(end: DeckEnd, frame: Frame, shift: Array, turn: float, height: floa
 def _learned(end: DeckEnd, every: list[Steps], frames: Sequence[Frame], shifts: Array) -> DeckEnd | None:
     """Return the edges with the pivot and the shape that each shows in frames, from usual attitudes outwards; and that of the far end."""
     away = np.abs(end.turns - np.median(end.turns))
-    for far in LEARNED_WITHIN:
-        end, good = _learn(end, frames, shifts, np.flatnonzero(away <= max(far, np.quantile(away, LEAST_SHARE))))
-        if not (some := good.mean(axis=1) > MIN_GOOD).any():
+    for round_, far in enumerate(LEARNED_WITHIN):
+        some = np.flatnonzero(away <= max(far, np.quantile(away, LEAST_SHARE)))
+        end, good = _learn(end, frames, shifts, some)
+        if not (kept := good.mean(axis=1) > MIN_GOOD).any():
             return None
-        end = end.only(some)
-        if far == LEARNED_WITHIN[1]:
+        end = end.only(kept)
+        if round_ == 1:
             end = with_far_end(end, every, shifts)
     return end
 
@@ -165,9 +168,13 @@ def _learned(end: DeckEnd, every: list[Steps], frames: Sequence[Frame], shifts: 
 def _learn(end: DeckEnd, frames: Sequence[Frame], shifts: Array, some: Rows) -> tuple[DeckEnd, Mask]:
     """Return the edges as they are in some frames, and which pieces keep their place there, shape (E, PIECES)."""
     edge, turns = np.repeat(np.arange(len(end.ends)), PIECES), end.turns.copy()
-    seen = [measured(end, frames[row], shifts[row], turns[row], 0.0, LEARNING_REACH)[0] - shifts[row] for row in some]
-    z = np.array(seen).reshape(len(some), -1, 2) @ [1, 1j]
-    body = fit_edges(z, edge, np.repeat(end.pivot, PIECES, axis=0) @ [1, 1j])
+    seen = [
+        measured(end, frames[row], shifts[row], turns[row], 0.0, LEARNING_REACH)[0] - shifts[row]
+        for row in some
+    ]
+    x, y = np.moveaxis(np.array(seen).reshape(len(some), -1, 2), -1, 0)
+    z = x + 1j * y
+    body = fit_edges(z, edge, np.repeat(end.pivot[:, 0] + 1j * end.pivot[:, 1], PIECES))
     turns[some] = body.angle
     there = np.isfinite(z).mean(axis=0).reshape(-1, PIECES)
     good = (body.spread.reshape(-1, PIECES) < MAX_SPREAD) & (there > MIN_SEEN)

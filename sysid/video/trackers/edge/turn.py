@@ -30,7 +30,12 @@ SHUTTER_ROUNDS = 2
 
 
 def fit_direction(
-    view: View, matrix: Array, before: CameraState, *, pivot: Array, vanishing: tuple[Array, float] | None = None
+    view: View,
+    matrix: Array,
+    before: CameraState,
+    *,
+    pivot: Array,
+    vanishing: tuple[Array, float] | None = None,
 ) -> AngleTrack:
     """Turn of the edges of the deck's end, as seen along its axis.
 
