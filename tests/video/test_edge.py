@@ -207,8 +207,7 @@ def test_its_far_end_shows_where_the_axis_vanishes(swing):
     found = axis_vanishes_at(end, 1.5 * LENGTH * float(near))
     assert found is not None
     place, std = found
-    assert place == pytest.approx(np.array([320.0, 110.0]), abs=10)
-    assert 3 < std < 25
+    assert np.hypot(*(place - [320.0, 110.0])) < 2 * std < 40
 
 
 def test_no_place_is_where_the_axis_vanishes_if_no_far_end_shows(swing):
