@@ -16,6 +16,7 @@ from sysid.video.pose.view import View
 from sysid.video.trackers._base import DIRECTION_STD, UNSEEN_DIRECTION_STD
 from sysid.video.trackers._edge_profile import PIECES
 from sysid.video.trackers.edge.body import fit_edges
+from sysid.video.trackers.edge.far_end import LENGTH, axis_vanishes_at
 from sysid.video.trackers.edge.find import find_deck_end
 from sysid.video.trackers.edge.follower import EdgeFollower
 from sysid.video.trackers.edge.turn import fit_direction
@@ -55,7 +56,7 @@ def test_points_that_do_not_turn_with_the_deck_are_not_believed():
     outline = np.where(
         level[:, None] & (np.arange(2 * PIECES) < PIECES // 2), -4 + 0.04 * np.arange(2 * PIECES), 0
     )
-    body = fit_edges(z + 1j * outline, EDGE, PIVOT + 5 - 9j)
+    body = fit_edges(z + 1j * outline, EDGE, np.full(len(EDGE), PIVOT + 5 - 9j))
     assert np.abs(error_of(body.angle)).max() < 0.2
     assert body.weight[level][:, : PIECES // 2].mean() < 0.05
     row = int(np.flatnonzero(level)[0])
@@ -70,7 +71,7 @@ def test_a_concave_edge_turns_as_its_deck_does():
     height = np.where(EDGE == 0, 80, 100) - 2 * (body / 90) ** 2
     noise = 0.1 * np.random.default_rng(0).normal(size=height.shape)
     z = PIVOT + np.exp(1j * ROLL)[:, None] * (body + 1j * (height + noise))
-    found = fit_edges(z, EDGE, PIVOT + beside)
+    found = fit_edges(z, EDGE, np.full(len(EDGE), PIVOT + beside))
     assert np.std(error_of(found.angle)) < 0.05
 
 
@@ -83,14 +84,13 @@ def film_of(z):
 def test_a_rolling_shutter_is_taken_out_by_the_turn_about_the_pivot():
     readout, roll = 0.014, 0.4 * np.cos(25 * TIME)
     z = turned_edges(roll, readout / HEIGHT, begin=0)
-    # Brightness steps once: that is both the lower and the upper side.
-    view = film_of(np.concatenate([z, z], axis=1))
+    view = film_of(z)
     matrix = np.array([[900.0, 0, 320], [0, 900, 180], [0, 0, 1]])
     truth = np.interp(TIME + readout * view.share, TIME, roll)
     errors = []
     for given in (readout, 0.0):
         known = CameraState(np.array([0, 0, 0, given]), np.zeros((4, 4)))
-        turning = fit_direction(view, matrix, known, pivot=np.array([330.0, 185.0]))
+        turning = fit_direction(view, matrix, known, pivot=np.full((2, 2), [330.0, 185.0]))
         error = np.degrees(turning.angle - truth)[1:-1]
         errors.append(np.std(error))
     assert errors[0] < 0.08  # the points' noise
@@ -105,16 +105,16 @@ def test_where_the_axis_vanishes_tells_how_a_slanted_view_squeezes_the_turn():
     seen = project(aside, np.stack([z.real, z.imag], axis=-1)) @ [1, 1j]
     vanishing = project(aside, np.array([[320.0, 180.0]]))[0]
     pivot = project(aside, np.array([[330.0, 190.0]]))[0]
-    view = film_of(np.concatenate([seen, seen], axis=1))
+    view = film_of(seen)
     straight, slanted = (
         fit_direction(
             view,
             matrix,
             CameraState(np.zeros(4), np.diag([std, std, 0.25, 0.0]) ** 2),
-            pivot=pivot,
+            pivot=np.tile(pivot, (2, 1)),
             vanishing=place,
         )
-        for std, place in ((UNSEEN_DIRECTION_STD, None), (DIRECTION_STD, vanishing))
+        for std, place in ((UNSEEN_DIRECTION_STD, None), (DIRECTION_STD, (vanishing, 20.0)))
     )
     assert np.std(error_of(slanted.angle)) < 0.35 * np.std(error_of(straight.angle))
     assert np.max(slanted.std) < 0.5 * np.max(straight.std)
@@ -134,7 +134,7 @@ def picture(roll, *, upper_side=True):
         cv2.rectangle(image, (x - 20, 215), (x + 20, 260), 220, -1)
     cv2.rectangle(image, (270, 225), (370, 240), 110, -1)
     end = np.array([-90 - 10j, 90 - 10j, 90 + 10j, -90 + 10j]) * np.exp(1j * roll) + 320 + 200j
-    far = (end[:2] - 320 - 150j) * 0.6 + 320 + 150j  # farther from the camera, which looks down a little
+    far = (end[:2] - 320 - 110j) * 0.6 + 320 + 110j  # farther from the camera, which looks down a little
     for shape, shade in (([end[0], end[1], far[1], far[0]], 45), (end, 60))[not upper_side :]:
         corners = np.round(16 * np.array([[p.real, p.imag] for p in shape])).astype(np.int32)
         cv2.fillPoly(image, [corners], shade, cv2.LINE_AA, shift=4)
@@ -188,27 +188,34 @@ def test_the_deck_end_is_what_coincides_when_pictures_are_turned_back(swing):
     rolls, look = swing
     end = find_deck_end(look)
     assert end is not None
-    across = end.pivot[1] + end.ends[:, 0, 1]
+    across = end.pivot[:, 1] + end.ends[:, 0, 1]
     assert np.abs(across - 190).min() < 2  # its upper edge, when it is level,
-    assert np.abs(across - 210).min() < 2  # its lower one, and, from farther away, that of the other end:
-    assert all(min(abs(at - 190), abs(at - 210), abs(at - 174)) < 3 for at in across)  # not the horizon
+    assert np.abs(across - 158).min() < 2  # and, from farther away, that of the other end:
+    assert all(min(abs(at - 190), abs(at - 210), abs(at - 158)) < 3 for at in across)  # not the horizon
     assert np.ptp(end.ends[..., 0], axis=1).max() > 140
     off = np.degrees(end.turns - rolls)
     assert np.abs(off - np.median(off)).max() < 0.6
 
 
-def test_its_long_sides_show_where_the_axis_vanishes(swing):
+def test_its_far_end_shows_where_the_axis_vanishes(swing):
+    """It is drawn 0.6 times as large, and turns about a point 36 px above the near one's."""
     end = find_deck_end(swing[1])
     assert end is not None
-    assert end.vanishing == pytest.approx(np.array([320.0, 150.0]), abs=3)
+    assert np.abs(end.pivot[:, 1] - 200).min() < 5
+    assert np.abs(end.pivot[:, 1] - 164).min() < 3
+    near = np.ptp(end.ends[end.pivot[:, 1] > 182, :, 0], axis=1).max()
+    found = axis_vanishes_at(end, 1.5 * LENGTH * float(near))
+    assert found is not None
+    place, std = found
+    assert np.hypot(*(place - [320.0, 110.0])) < 2 * std < 40
 
 
-def test_no_place_is_where_the_axis_vanishes_if_no_long_sides_show(swing):
+def test_no_place_is_where_the_axis_vanishes_if_no_far_end_shows(swing):
     _, look = swing
     plain = tuple(frame_of(n, n / 60, picture(roll, upper_side=False)) for n, roll in enumerate(swing[0]))
     end = find_deck_end(replace(look, frames=plain))
     assert end is not None
-    assert end.vanishing is None
+    assert axis_vanishes_at(end, 900.0) is None
 
 
 def test_its_edges_are_followed_into_attitudes_that_were_not_looked_at(swing):
@@ -220,7 +227,7 @@ def test_its_edges_are_followed_into_attitudes_that_were_not_looked_at(swing):
     points = [tracker.update(frame_of(n, n / 60, picture(roll))) for n, roll in enumerate(rolls)]
     z = np.array([each @ [1, 1j] for each in points])
     edge = np.arange(z.shape[1]) // PIECES
-    error = np.degrees(fit_edges(z, edge, complex(*end.pivot)).angle - rolls)
+    error = np.degrees(fit_edges(z, edge, np.repeat(end.pivot @ [1, 1j], PIECES)).angle - rolls)
     assert np.abs(error - np.median(error)).max() < 0.3
 
 

@@ -24,12 +24,15 @@ SHIFT_STD = 0.7
 """Standard deviation of what shake and soft trucks shift the body by [px]."""
 EDGE_SHIFT_STD = 0.3
 """Standard deviation of what shade and compression shift one edge by [px]."""
-PIVOT_STD = 40.0
-"""Standard deviation of where the pivot is taken to be [px]."""
+PIVOT_STD = 12.0
+"""Standard deviation of where the pivot is taken to be, which is learned from small turns on to large ones [px]."""
 ATTITUDE_BINS = 12
 """Attitudes that count alike, over the range of turns, when the body is learned."""
-LOSS_SCALES = (2.0, 2.0, 1.5, 1.0, 0.7, 0.5, 0.4, 0.4, 0.4, 0.4)
-"""Distance from where the body has them at which points count half, round by round [px]."""
+LEAST_SPREADS = (1.0, 1.0, 0.75, 0.5, 0.35, 0.25, 0.2, 0.2, 0.2, 0.2)
+"""Usual distance of a point from where the body has it that is not told from a smaller one, round by round [px]: what compression and
+shade do to an edge is common to its points."""
+OUTLYING = 2.5
+"""Distance at which points count half, in their usual one [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,21 +43,27 @@ class EdgeBody:
     """φ, 0 where the edges are level [rad], shape (n,)."""
     pivot: Complex
     """q of each point's edge [px], shape (M,)."""
+    pivot_std: Array
+    """Standard deviation of that, down the picture or across it, whichever is more [px], shape (E,)."""
     weight: Array
     """Trust in each point of each frame, from 0 to 1, shape (n, M)."""
     rest: Array
     """What does not fit [px], shape (n, M); 0 where not seen."""
+    spread: Array
+    """How far each point usually is from where the body has it [px], shape (M,)."""
+    height: Array
+    """Distance of each point from there, across its edge where that is level [px], shape (M,)."""
     along: Array
     """Place of each point along the edges, from the pivot [px], shape (n, M)."""
 
 
-def fit_edges(z: Complex, edge: Edge, pivot: complex) -> EdgeBody:
+def fit_edges(z: Complex, edge: Edge, pivot: Complex) -> EdgeBody:
     """Find the turn of edges.
 
     Args:
         z: Points of the edges in every frame [px], shape (n, M); NaN where not seen.
         edge: Number of the edge of each point, shape (M,).
-        pivot: What they turn about, roughly [px].
+        pivot: What each point turns about, roughly [px], shape (M,).
     """
     seen = np.isfinite(z)
     place = np.where(seen, z, pivot) - pivot  # from where the pivot was taken to be
@@ -62,22 +71,33 @@ def fit_edges(z: Complex, edge: Edge, pivot: complex) -> EdgeBody:
     shift = np.zeros(len(z))
     turned = np.exp(-1j * angle)[:, None] * place
     centre, height = np.zeros(len(edge), np.complex128), np.nan_to_num(_medians(turned.imag, seen))
+    doubt = np.full(edge.max() + 1, PIVOT_STD)
     along, rest, weight = turned.real, turned.imag - height, seen.astype(np.float64)
-    for scale in (*LOSS_SCALES, LOSS_SCALES[-1]):
+    spread = np.ones(len(edge))
+    for least in (*LEAST_SPREADS, LEAST_SPREADS[-1]):
+        spread = np.maximum(_spread(rest, seen, attitudes(angle)), least)
+        trust = seen * (least / spread) ** 2
         for _ in range(3):
-            weight = seen / (1 + (rest / scale) ** 2) ** 2
-            centre, height = _body(np.exp(-1j * angle)[:, None] * place, angle, weight, edge)
+            weight = trust / (1 + (rest / (OUTLYING * spread)) ** 2) ** 2
+            centre, height, doubt = _body(np.exp(-1j * angle)[:, None] * place, angle, weight, edge)
             for _ in range(2):
                 turned = np.exp(-1j * angle)[:, None] * (place - centre)
                 along = turned.real
                 rest = turned.imag - shift[:, None] - height - _further_along(along, height, weight, edge)
-                weight = seen / (1 + (rest / scale) ** 2) ** 2
+                weight = trust / (1 + (rest / (OUTLYING * spread)) ** 2) ** 2
                 more, further = _turn_step(rest, along, shift, weight, edge)
                 angle, shift = angle + more, shift + further
                 rest = rest - more[:, None] * along - further[:, None]
     slope = _slope(along, height, weight, edge)
     return EdgeBody(
-        angle + slope, pivot + centre, weight, np.where(seen, rest, 0.0), np.where(seen, along, 0.0)
+        angle + slope,
+        pivot + centre,
+        doubt,
+        weight,
+        np.where(seen, rest, 0.0),
+        spread,
+        (np.exp(-1j * slope) * (_usual(along, weight) + 1j * height)).imag,
+        np.where(seen, along, 0.0),
     )
 
 
@@ -105,6 +125,20 @@ def attitudes(angle: Array) -> Array:
     return 1 / np.bincount(number)[number]
 
 
+def _spread(rest: Array, seen: npt.NDArray[np.bool_], share: Array) -> Array:
+    """Return how far each point usually is from where the body has it [px], shape (M,).
+
+    Args:
+        rest: How far it is [px], shape (n, M).
+        seen: Whether it is seen, shape (n, M).
+        share: How much each frame counts [1], shape (n,).
+    """
+    order = np.argsort(np.where(seen, np.abs(rest), np.inf), axis=0)
+    total = np.cumsum(np.take_along_axis(seen * share[:, None], order, axis=0), axis=0)
+    middle = np.argmax(total >= total[-1] / 2, axis=0)
+    return 1.48 * np.abs(np.take_along_axis(rest, order, axis=0))[middle, np.arange(rest.shape[1])]
+
+
 def _medians(values: Array, seen: npt.NDArray[np.bool_]) -> Array:
     """Median of each column's seen values; NaN where there are none."""
     some = seen.any(axis=0)
@@ -113,14 +147,14 @@ def _medians(values: Array, seen: npt.NDArray[np.bool_]) -> Array:
     return middle
 
 
-def _body(turned: Complex, angle: Array, weight: Array, edge: Edge) -> tuple[Complex, Array]:
-    """What each point's edge turns about, and its distance from there, by how far it is from the origin at each turn."""
+def _body(turned: Complex, angle: Array, weight: Array, edge: Edge) -> tuple[Complex, Array, Array]:
+    """What each point's edge turns about, its distance from there, and the first's standard deviation, shape (E,), by how far it is from the origin at each turn."""
     design = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
     weight = weight * attitudes(angle)[:, None] + 1e-9
     total = weight.sum(axis=0)
     mean = (weight.T @ design) / total[:, None]
     y = (weight * turned.imag).sum(axis=0) / total
-    centre = np.zeros(len(edge), np.complex128)
+    centre, doubt = np.zeros(len(edge), np.complex128), np.zeros(edge.max() + 1)
     for one in range(edge.max() + 1):
         own = edge == one
         w, some, there = weight[:, own], total[own], mean[own]
@@ -129,8 +163,10 @@ def _body(turned: Complex, angle: Array, weight: Array, edge: Edge) -> tuple[Com
         prior = (
             w.shape[1] * (POINT_STD / PIVOT_STD) ** 2 * np.eye(2)
         )  # all points of an attitude may err alike
-        centre[own] = complex(*np.linalg.solve(normal + prior, pull))
-    return centre, y + mean[:, 0] * -centre.real - mean[:, 1] * centre.imag
+        covariance = np.linalg.inv(normal + prior)
+        centre[own] = complex(*(covariance @ pull))
+        doubt[one] = POINT_STD * np.sqrt(w.shape[1] * np.diag(covariance).max())
+    return centre, y + mean[:, 0] * -centre.real - mean[:, 1] * centre.imag, doubt
 
 
 def _turn_step(rest: Array, along: Array, shift: Array, weight: Array, edge: Edge) -> tuple[Array, Array]:
@@ -148,12 +184,17 @@ def _turn_step(rest: Array, along: Array, shift: Array, weight: Array, edge: Edg
     return np.clip((d * p - b * q) / determinant, -0.02, 0.02), np.clip((a * q - b * p) / determinant, -2, 2)
 
 
+def _usual(along: Array, weight: Array) -> Array:
+    """Return the mean place of each point along the edges [px], shape (M,)."""
+    return (weight * along).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-9)
+
+
 def _further_along(along: Array, height: Array, weight: Array, edge: Edge) -> Array:
     """How much lower a concave edge is where its points are seen, further along it than usual [px], shape (n, M).
 
     Points are evenly spaced about a pivot that is roughly known: about the right one they move along the edge as it turns.
     """
-    usual = (weight * along).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-9)
+    usual = _usual(along, weight)
     bent = np.zeros(len(edge))
     for one in range(edge.max() + 1):
         own = edge == one

@@ -6,14 +6,16 @@ the horizon.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from sysid.roll import Array
+from sysid.video.film.frames import Frame
 from sysid.video.film.survey import Survey
-from sysid.video.trackers._edge_profile import PIECES
+from sysid.video.trackers._edge_profile import PIECES, find_pieces
+from sysid.video.trackers.edge.body import fit_edges
 from sysid.video.trackers.edge.brightness_steps import (
     ATTITUDE_STEP,
     MAX_SLOPE,
@@ -23,8 +25,8 @@ from sysid.video.trackers.edge.brightness_steps import (
     steps_of,
     turned,
 )
-from sysid.video.trackers.edge.sides import axis_vanishes_at
-from sysid.video.types import Box, Image, Rows
+from sysid.video.trackers.edge.far_end import DeckEnd, with_far_end
+from sysid.video.types import Box, Image, Mask, Rows
 
 Grid = tuple[Array, Array]
 """Places across and down of a grid that turns with the deck, from its pivot [px]."""
@@ -63,22 +65,20 @@ STRAIGHT_ON = np.array([0.0, 1e-6, 0.0])
 """What makes a ridge that is lost go on in its row."""
 MIN_SPACING = 4
 """Distance of two edges [px]."""
-
-
-@dataclass(frozen=True, slots=True)
-class DeckEnd:
-    """Edges of the deck's end when its lines are level."""
-
-    pivot: Array
-    """What they turn about [px], shape (2,)."""
-    ends: Array
-    """Left and right end of each [px], from the pivot, shape (E, 2, 2)."""
-    bends: Array
-    """How far below the line between its ends each piece of an edge is [px], shape (E, PIECES)."""
-    turns: Array
-    """Slope of the lines in each picture [rad]."""
-    vanishing: Array | None = None
-    """Where the axis that they turn about vanishes [px], shape (2,); None where no long sides show that."""
+MIN_CONTRAST = 8.0
+"""Least contrast of an edge [grey levels]."""
+LEARNED_WITHIN, LEAST_SHARE = np.radians([4.0, 8.0, 14.0, 22.0, 90.0, 90.0, 90.0]), 0.3
+"""Turns from the usual one within which the edges are learned, round by round [rad], and share of the pictures that is taken at least."""
+LEARNING_REACH = 3.0
+"""Distance from where the edges are taken to be within which they are looked for then [px]."""
+MAX_SPREAD, MIN_SEEN = 0.6, 0.4
+"""A piece is of the edge if it is usually this near to where the body has it [px], in this share of the pictures or more."""
+MIN_GOOD = 0.5
+"""Share of an edge's pieces that must be of it."""
+MAX_SLANT = np.radians(1.5)
+"""Slope against level beyond which a ridge is no edge of the deck's end: the outline of a long side [rad]."""
+MIDDLES = (np.arange(PIECES) + 0.5) / PIECES
+"""Middles of the pieces, as shares of an edge's length."""
 
 
 def find_deck_end(look: Survey) -> DeckEnd | None:
@@ -103,10 +103,11 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
     reach = np.array([0.25 * size, 0.5 * (bottom - top)])
     steps = 2 * np.ceil(reach / (unit * np.array(PIVOT_GRID))).astype(int) + 1
 
-    def shown_on(grid: Grid) -> Image:
+    def shown_on(grid: Grid, *, signed: bool = False) -> Image:
         """How much of an edge each picture shows, turned back about the pivot."""
         each = zip(every, pivot + shifts, turns.tolist(), strict=True)
-        return np.array([_shown(one, centre, turn, grid) for one, centre, turn in each])
+        shown = np.array([_shown(one, centre, turn, grid) for one, centre, turn in each])
+        return shown if signed else np.abs(shown)
 
     for round_ in range(4):
         weight = _attitudes(turns)
@@ -127,11 +128,65 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
             ])  # fmt: skip
             shown = shown_on(grid)
         turns = turns + _own_turns(shown, mean)
-    ends, bends = _edges(_in_most_attitudes(shown_on(grid), turns), *grid, MIN_LENGTH * width)
+    shown = shown_on(grid, signed=True)
+    means = {way: _in_most_attitudes(np.maximum(-way * shown, 0), turns) for way in (1, -1)}
+    ends, bends, ways = _edges(means, *grid, MIN_LENGTH * width)
     if not len(ends):
         return None
-    vanishing = axis_vanishes_at(every, pivot + shifts, ends, turns, np.array(look.moving.shape[::-1]))
-    return DeckEnd(pivot, ends, bends, turns, vanishing)
+    end = DeckEnd(np.tile(pivot, (len(ends), 1)), np.full(len(ends), np.inf), ends, ways, bends, turns)
+    return _learned(end, every, look.frames, shifts)
+
+
+def measured(
+    end: DeckEnd, frame: Frame, shift: Array, turn: float, height: float, reach: float
+) -> tuple[Array, Array]:
+    """Points of the edges in a frame where they are near a turn [rad] and height [px], both of shape (E, PIECES, 2) [px].
+
+    In the picture, and from their pivots where the edges are level; NaN where there is none.
+    """
+    centre = (end.pivot + shift)[:, None]
+    place = centre + turned(end.ends + np.array([0.0, height]), turn)
+    steps = find_pieces(frame, place, reach, MIN_CONTRAST, 1.0, (1, -1), end.bends)
+    points = np.where(end.ways[:, None, None] > 0, *steps)
+    return points, turned(points - centre, -turn)
+
+
+def _learned(end: DeckEnd, every: list[Steps], frames: Sequence[Frame], shifts: Array) -> DeckEnd | None:
+    """Return the edges with the pivot and the shape that each shows in frames, from usual attitudes outwards; and that of the far end."""
+    away = np.abs(end.turns - np.median(end.turns))
+    for round_, far in enumerate(LEARNED_WITHIN):
+        some = np.flatnonzero(away <= max(far, np.quantile(away, LEAST_SHARE)))
+        end, good = _learn(end, frames, shifts, some)
+        if not (kept := good.mean(axis=1) > MIN_GOOD).any():
+            return None
+        end = end.only(kept)
+        if round_ == 1:
+            end = with_far_end(end, every, shifts)
+    return end
+
+
+def _learn(end: DeckEnd, frames: Sequence[Frame], shifts: Array, some: Rows) -> tuple[DeckEnd, Mask]:
+    """Return the edges as they are in some frames, and which pieces keep their place there, shape (E, PIECES)."""
+    edge, turns = np.repeat(np.arange(len(end.ends)), PIECES), end.turns.copy()
+    seen = [
+        measured(end, frames[row], shifts[row], turns[row], 0.0, LEARNING_REACH)[0] - shifts[row]
+        for row in some
+    ]
+    x, y = np.moveaxis(np.array(seen).reshape(len(some), -1, 2), -1, 0)
+    z = x + 1j * y
+    body = fit_edges(z, edge, np.repeat(end.pivot[:, 0] + 1j * end.pivot[:, 1], PIECES))
+    turns[some] = body.angle
+    there = np.isfinite(z).mean(axis=0).reshape(-1, PIECES)
+    good = (body.spread.reshape(-1, PIECES) < MAX_SPREAD) & (there > MIN_SEEN)
+    own = body.pivot[::PIECES]
+    pivot = np.stack([own.real, own.imag], axis=1)
+    ends, bends = end.ends + (end.pivot - pivot)[:, None], end.bends.copy()
+    for one, (height, use) in enumerate(zip(body.height.reshape(-1, PIECES), good, strict=True)):
+        if use.any():
+            level = float(np.median(height[use]))
+            ends[one, :, 1] = level
+            bends[one] = np.where(use, height - level, np.interp(MIDDLES, MIDDLES[use], height[use] - level))
+    return replace(end, pivot=pivot, pivot_std=body.pivot_std, ends=ends, bends=bends, turns=turns), good
 
 
 def _rough_slopes(every: list[Steps], box: Box) -> Array:
@@ -200,7 +255,7 @@ def _shown(one: Steps, centre: Array, turn: float, grid: Grid) -> Image:
     x, y = grid
     step = one.on_grid(centre, x, y, turn)
     width = max(1, round(STRAIGHT_LENGTH / (one.scale * float(x[1] - x[0]))))
-    return np.asarray(np.minimum(np.abs(cv2.blur(step, (width, 1))), MAX_SLOPE), np.float32)
+    return np.asarray(np.clip(cv2.blur(step, (width, 1)), -MAX_SLOPE, MAX_SLOPE), np.float32)
 
 
 def _mean(pictures: Sequence[Image] | Image, weight: Array) -> Image:
@@ -287,16 +342,20 @@ def _turned_on(shown: Sequence[Image] | Image, rows: Rows, columns: Rows, turn: 
     return np.array(seen, np.float32)
 
 
-def _edges(mean: Image, x: Array, y: Array, shortest: float) -> tuple[Array, Array]:
-    """Return the ridges of the mean picture, concave as decks are.
+def _edges(means: dict[int, Image], x: Array, y: Array, shortest: float) -> tuple[Array, Array, Rows]:
+    """Return the ridges of the mean pictures of either way in which brightness steps, concave as decks are.
 
-    Left and right end of each, shape (E, 2, 2), and how far below the line between them its pieces are, shape (E, PIECES), both in px.
+    Left and right end of each, shape (E, 2, 2), how far below the line between them its pieces are, shape (E, PIECES), both in px,
+    and the way, shape (E,).
     """
-    ridge = _ridges(mean)
-    usual = MIN_STRENGTH * ridge.mean(axis=1).max()
+    ridges = {way: _ridges(mean) for way, mean in means.items()}
+    usual = MIN_STRENGTH * max(ridge.mean(axis=1).max() for ridge in ridges.values())
     ends: list[Array] = []
     bends: list[Array] = []
+    ways: list[int] = []
     for _ in range(2 * MAX_EDGES):
+        way = max(ridges, key=lambda one: float(ridges[one].mean(axis=1).max()))
+        ridge = ridges[way]
         strength = ridge.mean(axis=1)
         row = int(np.argmax(strength))
         if strength[row] < usual or len(ends) == MAX_EDGES:
@@ -310,12 +369,15 @@ def _edges(mean: Image, x: Array, y: Array, shortest: float) -> tuple[Array, Arr
         a, b = np.quantile(there, [0.02, 0.98]).astype(int)
         if x[b] - x[a] < shortest:
             continue
-        middles = x[a] + (x[b] - x[a]) * (np.arange(PIECES) + 0.5) / PIECES
+        middles = x[a] + (x[b] - x[a]) * MIDDLES
         height = np.interp(middles, x[a : b + 1], y[rows[a : b + 1]])
+        if abs(np.arctan(np.polyfit(middles, height, 1)[0])) > MAX_SLANT:
+            continue
         level = float(height.mean())
         ends.append(np.array([[x[a], level], [x[b], level]]))
         bends.append(height - level)
-    return np.array(ends).reshape(-1, 2, 2), np.array(bends).reshape(-1, PIECES)
+        ways.append(way)
+    return np.array(ends).reshape(-1, 2, 2), np.array(bends).reshape(-1, PIECES), np.array(ways, np.intp)
 
 
 def _traced(ridge: Image, row: int) -> tuple[Rows, Image]:

@@ -7,9 +7,10 @@ import numpy.typing as npt
 
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
-from sysid.video.trackers._edge_profile import PIECES, beside_line, find_pieces
+from sysid.video.trackers._edge_profile import PIECES, beside_line
 from sysid.video.trackers.edge.brightness_steps import MAX_SLOPE, Steps, scale_of, steps_of, turned
-from sysid.video.trackers.edge.find import DeckEnd
+from sysid.video.trackers.edge.far_end import DeckEnd
+from sysid.video.trackers.edge.find import measured
 from sysid.video.types import Box
 
 EDGE_SAMPLES = 24
@@ -30,8 +31,6 @@ CONVERGED = 0.1
 """Edges are measured once more where that moves their ends by more than this [px]."""
 EDGE_REACH = 2.5
 """Distance from where the deck's turn puts an edge within which it is looked for at last [px]."""
-MIN_CONTRAST = 8.0
-"""Least contrast of an edge [grey levels]."""
 MIN_FITTING_SHARE = 0.35
 """Share of the edges' points that must lie where one turn puts them."""
 FIT_SCALE = 0.6
@@ -50,25 +49,20 @@ class EdgeFollower:
 
     @property
     def points(self) -> int:
-        """Points along all edges, on the lower and then on the upper side of each; they show where they are across it only."""
-        return 2 * PIECES * len(self.end.ends)
+        """Points along all edges; they show where they are across them only."""
+        return PIECES * len(self.end.ends)
 
     def update(self, frame: Frame) -> Array | None:
         """Return the points of the edges [px], shape (N, 2), NaN where one is not seen; None where few are."""
         frame = frame.cut(self.view)
-        centre = self.end.pivot + frame.shift
+        centre = (self.end.pivot + frame.shift)[:, None]
         turn, shift = self._search(frame, centre)
-        points = np.full((2, len(self.end.ends), PIECES, 2), np.nan)
+        points, fits = np.zeros(0), np.zeros(self.points, bool)
         radius = float(np.abs(self.end.ends).max())
-        fits = np.zeros(self.points, bool)
         for reach in (2 * EDGE_REACH, EDGE_REACH, EDGE_REACH):
-            place = centre + turned(self.end.ends + np.array([0.0, shift]), turn)
-            steps = find_pieces(frame, place, reach, MIN_CONTRAST, 1.0, (1, -1), self.end.bends)
-            x, y = np.moveaxis(turned(steps - centre, -turn), -1, 0)
-            x, y = np.stack(2 * [np.fmax(*x)]), np.stack([np.fmax(*y), np.fmin(*y)])
-            points = centre + turned(np.stack([x, y], axis=-1), turn)
-            off = y - self.end.ends[:, :1, 1] - self.end.bends - shift
-            more, further, fits = _line(x.ravel(), off.ravel())
+            points, level = measured(self.end, frame, frame.shift, turn, shift, reach)
+            off = level[..., 1] - self.end.ends[:, :1, 1] - self.end.bends - shift
+            more, further, fits = _line(level[..., 0].ravel(), off.ravel())
             turn, shift = turn + more, shift + further
             if reach == EDGE_REACH and abs(further) + abs(more) * radius < CONVERGED:
                 break
@@ -85,9 +79,9 @@ class EdgeFollower:
         reach = MAX_TURN if self._lost else MAX_FRAME_TURN
         middle = 0.0 if self._lost else self._turn
         turn, shift = middle, 0.0
-        place = centre + turned(self.end.ends.reshape(-1, 1, 2), middle + np.linspace(-reach, reach, 5))
-        left, top = (place.min(axis=(0, 1)) - MARGIN * unit).astype(int).tolist()
-        right, bottom = (place.max(axis=(0, 1)) + MARGIN * unit).astype(int).tolist()
+        place = centre[:, None] + turned(self.end.ends[:, :, None], middle + np.linspace(-reach, reach, 5))
+        left, top = (place.min(axis=(0, 1, 2)) - MARGIN * unit).astype(int).tolist()
+        right, bottom = (place.max(axis=(0, 1, 2)) + MARGIN * unit).astype(int).tolist()
         steps = steps_of(frame.cut((left, top, right, bottom)), scale)
         for width, count, astray in (
             (reach, 1 + round(2 * reach / TURN_STEP), MAX_SHIFT),

@@ -10,7 +10,7 @@ from sysid.video.pose.camera_state import READOUT, CameraState, rate_of, spread_
 from sysid.video.pose.rectify import rectify, smear, unwrap
 from sysid.video.pose.view import View
 from sysid.video.trackers._edge_profile import PIECES
-from sysid.video.trackers.edge.body import Edge, EdgeBody, attitudes, fit_edges, moments
+from sysid.video.trackers.edge.body import Edge, EdgeBody, fit_edges, moments
 from sysid.video.types import Complex
 
 MIN_POINTS, MIN_USUAL_SHARE = 6, 0.45
@@ -25,42 +25,45 @@ SEVERAL_EDGES = 1.3
 """So many edges a frame [1], each as it counts, tell how far edges turn from each other."""
 SLANT_NODES, SLANT_WEIGHTS = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0]), np.array([1.0, 4.0, 1.0]) / 6
 """Slants at which an unknown direction is tried, in its standard deviations, and their weights."""
-PARALLEL = np.radians(1.5)
-"""Standard deviation of the angle between the long sides of a deck and its axis: they taper [rad]."""
 SHUTTER_ROUNDS = 2
 """Times that the shutter's correction is made, the second time with the turn that is known by then."""
 
 
 def fit_direction(
-    view: View, matrix: Array, before: CameraState, *, pivot: Array, vanishing: Array | None = None
+    view: View,
+    matrix: Array,
+    before: CameraState,
+    *,
+    pivot: Array,
+    vanishing: tuple[Array, float] | None = None,
 ) -> AngleTrack:
     """Turn of the edges of the deck's end, as seen along its axis.
 
     Lines across the axis show neither its direction nor focal length nor read-out: they stay as they are
-    known beforehand, unless the deck's long sides show its direction.
+    known beforehand, unless the deck's far end shows its direction.
 
     Args:
         view: Points along each edge.
         matrix: Camera matrix [px], shape (3, 3).
         before: What is known of camera and lens.
-        pivot: What the deck turns about in the picture, roughly [px].
-        vanishing: Where the axis vanishes in the picture [px], shape (2,), if that is seen.
+        pivot: What each edge turns about in the picture, roughly [px], shape (E, 2).
+        vanishing: Where the axis vanishes in the picture, shape (2,), and its standard deviation [px], if that is seen.
     """
     if vanishing is not None and {0, 1} <= set(before.free):
-        before = before.facing((view.straighten(vanishing[None])[0] - matrix[:2, 2]) / matrix[0, 0], PARALLEL)
+        place, std = vanishing
+        off = view.straighten(place[None])[0] - matrix[:2, 2]
+        before = before.facing(off / matrix[0, 0], std / matrix[0, 0])
     time = view.time(before.readout)
     z = rectify(view.points, matrix, before.value)
-    about = complex(rectify(pivot[None], matrix, before.value)[0])
-    sides = _own_sides(z, about)
-    z, late, still = z[:, sides], view.late[:, sides], view.points[:, sides]
-    edge = np.arange(len(sides)) // PIECES
+    about = np.repeat(rectify(pivot, matrix, before.value), PIECES)
+    edge = np.arange(z.shape[1]) // PIECES
     body = fit_edges(z, edge, about)
     for _ in range(SHUTTER_ROUNDS if before.readout else 0):
-        body = fit_edges(z - _moved(body, z, time, late * before.readout), edge, about)
+        body = fit_edges(z - _moved(body, z, time, view.late * before.readout), edge, about)
 
     def angle_at(value: Array) -> Array:
-        place = rectify(still, matrix, value)
-        return body.angle + _turned(place - _moved(body, place, time, late * value[READOUT]), edge, body)
+        place = rectify(view.points, matrix, value)
+        return body.angle + _turned(place - _moved(body, place, time, view.late * value[READOUT]), edge, body)
 
     seen = angle_at(before.value)
     doubt, slant = before.apart
@@ -81,18 +84,6 @@ def fit_direction(
         np.array([1 + 0j]),
         np.where(wrong, np.nan, np.sqrt(own)),
     )
-
-
-def _own_sides(z: Complex, about: complex) -> Edge:
-    """Which points are on the side of each edge that turns as the others do, of its lower and upper ones (n, 2 M), shape (M,).
-
-    Where the deck's upper side, a truck or a wheel show beside its end, brightness steps twice. The step on the side of the
-    deck's end is its edge whatever is behind; the other one is elsewhere at each attitude.
-    """
-    points = np.arange(z.shape[1]).reshape(2, -1, PIECES)
-    body = fit_edges(z, points.ravel() // PIECES, about)
-    trust = (attitudes(body.angle) @ body.weight)[points].sum(axis=2)
-    return np.take_along_axis(points, np.argmax(trust, axis=0)[None, :, None], axis=0).ravel()
 
 
 def _moved(body: EdgeBody, z: Complex, time: Array, late: Array) -> Complex:
