@@ -5,14 +5,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.files import atomic_path
 from sysid.roll import Array, Roll
 from sysid.video.film.frames import Clip
 from sysid.video.film.track import Track
-from sysid.video.types import Picture
+from sysid.video.types import Picture, Rows
 
 SEEN_COLOUR = (0, 159, 230)
 """Orange, in OpenCV's order: measurements have it everywhere."""
@@ -29,11 +28,11 @@ def draw_overlay(
     clip: Clip,
     track: Track,
     roll: Roll,
-    rows: npt.NDArray[np.intp],
+    rows: Rows,
     path: Path,
     joined: tuple[tuple[int, int], ...] = (),
     on_frame: Callable[[float, Picture], None] | None = None,
-) -> Path:
+) -> None:
     """Write the clip with points, angle and trace drawn in, and `<path>.png` with twelve frames of it.
 
     Args:
@@ -44,9 +43,6 @@ def draw_overlay(
         path: The clip to write (.mp4, .mov, .mkv or .avi).
         joined: Points between which a line is drawn.
         on_frame: Called with the time of each frame on the roll's clock [s], and the frame as drawn.
-
-    Returns:
-        The contact sheet's path.
 
     Raises:
         SysidError: The clip cannot be written.
@@ -87,9 +83,7 @@ def draw_overlay(
                     )
         finally:
             writer.release()
-    sheet_path = path.with_suffix(".png")
-    _write_sheet(sheet, sheet_path)
-    return sheet_path
+    _write_sheet(sheet, path.with_suffix(".png"))
 
 
 def _annotate(

@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from sysid.roll import Array
 from sysid.video.film.shake import Shake
-from sysid.video.types import Rows
+from sysid.video.types import Points, Rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +15,7 @@ class Track:
 
     time: Array
     """Stamps since the film's first frame [s], shape (n,), strictly increasing, not shifted."""
-    points: npt.NDArray[np.float32]
+    points: Points
     """Points in the pictures [px], shape (n, N, 2); NaN where not seen."""
     shake: Shake
     index: Rows

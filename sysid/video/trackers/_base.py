@@ -58,6 +58,8 @@ class Target:
     warnings: tuple[str, ...] = ()
     shows_body: bool = True
     """Whether two or more of its points stay where they are on the board, so that they tell how all of it moved."""
+    shows_turn: bool = True
+    """Whether its points are places on the board, so that all of it turns as far as they do; texture's are means over depths."""
     joined: tuple[tuple[int, int], ...] = ()
     """Points between which a line is drawn, so that a person sees what they are."""
 

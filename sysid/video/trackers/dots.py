@@ -5,7 +5,6 @@ from functools import partial
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.roll import Array
@@ -17,10 +16,8 @@ from sysid.video.pose.camera_state import READOUT, CameraState, spread_by
 from sysid.video.pose.prior import POINT_FLOOR, BodyPrior
 from sysid.video.pose.rectify import rectify, smear, unwrap
 from sysid.video.pose.view import View
-from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_angle, rests_at
-from sysid.video.types import Complex, Picture
-
-Chroma = npt.NDArray[np.float32]
+from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_angle, level_at_rest
+from sysid.video.types import Complex, Image, Picture
 
 MIN_CHROMA = 28.0
 """Distance from grey, in CIELAB units, from which a colour is taken as a sticker's."""
@@ -62,7 +59,11 @@ def find_dots(look: Survey) -> tuple[Dot, ...]:
     """Return the two dots, or the one, that move; nothing where no colour stands out."""
     dots = _patches(*look.frames[0].coloured(look.box), look)
     pairs = [
-        ((a.alone and b.alone, _alike(a, b), _worth(a) + _worth(b)), a, b)
+        (
+            (a.alone and b.alone, np.linalg.norm(a.chroma - b.chroma) < SAME_CHROMA, _worth(a) + _worth(b)),
+            a,
+            b,
+        )
         for number, a in enumerate(dots)
         for b in dots[number + 1 :]
         if 0.65 < a.radius / b.radius < 1.55
@@ -72,10 +73,6 @@ def find_dots(look: Survey) -> tuple[Dot, ...]:
         _, a, b = max(pairs, key=lambda pair: pair[0])
         return (a, b) if a.place[0] < b.place[0] else (b, a)
     return tuple(sorted(dots, key=_worth)[-1:])
-
-
-def _alike(one: Dot, other: Dot) -> bool:
-    return float(np.linalg.norm(one.chroma - other.chroma)) < SAME_CHROMA
 
 
 def _worth(dot: Dot) -> float:
@@ -242,13 +239,7 @@ def _centre(z: Complex) -> tuple[complex, Array]:
     return complex(fit.x[0], fit.x[1]), covariance
 
 
-def _chroma(part: Picture) -> Chroma:
-    return (
-        cv2.cvtColor(part, cv2.COLOR_BGR2LAB)[..., 1:].astype(np.float32) - GREY
-    )  # whole units: a hundredth of a sticker's colour
-
-
-def _dot_share(part: Picture, dot: Dot) -> Chroma:
+def _dot_share(part: Picture, dot: Dot) -> Image:
     """How much of each pixel is dot, from 0 to 1: colours mix linearly where a dot's rim is blurred.
 
     The surroundings' colour is the part's median; what lies off the line between both colours is
@@ -268,7 +259,9 @@ def _dot_share(part: Picture, dot: Dot) -> Chroma:
 
 
 def _patches(part: Picture, corner: tuple[int, int], look: Survey) -> list[Dot]:
-    chroma = _chroma(np.asarray(cv2.GaussianBlur(part, (0, 0), 1.0), np.uint8))
+    # In whole units: a hundredth of a sticker's colour.
+    smooth = cv2.cvtColor(cv2.GaussianBlur(part, (0, 0), 1.0), cv2.COLOR_BGR2LAB)
+    chroma = smooth[..., 1:].astype(np.float32) - GREY
     strength = np.linalg.norm(chroma - np.median(chroma.reshape(-1, 2), axis=0), axis=-1)
     strong = strength[strength > MIN_CHROMA]
     if len(strong) < MIN_AREA:
@@ -334,7 +327,7 @@ def _find(reel: Reel) -> Target | None:
             pair,
             what="the pair of patches of colour",
             why=f"two patches of colour ({size})",
-            zero=lambda found: -rests_at(found.angle),
+            zero=level_at_rest,
             shows_level=False,
             zero_note="where the deck is at the end of the film: colours run on about both patches, as in a print, and "
             "nobody put them on level",
@@ -359,7 +352,7 @@ def _level_pair(track: AngleTrack) -> float:
 
 def _level_arm(track: AngleTrack) -> float:
     zero = level_angle(track, 1 + 0j, 4)
-    return zero if abs(np.nanmedian(track.angle) + zero) < MAX_ASIDE else -rests_at(track.angle)
+    return zero if abs(np.nanmedian(track.angle) + zero) < MAX_ASIDE else level_at_rest(track)
 
 
 TRACKER = Tracker(

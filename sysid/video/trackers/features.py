@@ -178,6 +178,7 @@ def _find(reel: Reel) -> Target | None:
         solve=partial(fit_angle, prior=BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE, still=SAME_ERRORS)),
         zero=level_at_rest,
         shows_level=False,
+        shows_turn=False,
         zero_note="where the deck is at the end of the film (its last tenth): texture shows no horizontal",
     )
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, box_about, halved
@@ -15,7 +14,7 @@ from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.trackers._base import Target, Tracker, level_angle
 from sysid.video.trackers._edge_profile import Aliasing, corners, find_pieces
-from sysid.video.types import Box
+from sysid.video.types import Box, Picture, Points
 
 DICTIONARIES = {
     "ArUco 4x4": cv2.aruco.DICT_4X4_50,
@@ -81,9 +80,11 @@ class MarkerFollower:
     """Left, top, right and bottom [px]: it is followed inside only."""
     aliasing: Aliasing = field(default_factory=Aliasing)
     """Of its edges; what is known of it grows from frame to frame."""
+    points: int = 4
+    """Its corners."""
     cells: Array = field(init=False)
     """Brightness of the marker's cells, border included, less its mean, in standard deviations."""
-    _middles: npt.NDArray[np.float32] = field(init=False)
+    _middles: Points = field(init=False)
     """Where the cells' middles are, in cells."""
     _corners: Array = field(init=False)
     _step: Array = field(default_factory=lambda: np.zeros((4, 2)))
@@ -101,11 +102,6 @@ class MarkerFollower:
         rows, columns = np.mgrid[0:size, 0:size] + 0.5
         self._middles = np.stack([columns, rows], axis=-1).astype(np.float32).reshape(-1, 1, 2)
         self._corners = self.marker.corners
-
-    @property
-    def points(self) -> int:
-        """Four corners."""
-        return 4
 
     def update(self, frame: Frame) -> Array | None:
         """Return the corners in this frame [px], shape (4, 2), or None where the marker is not seen."""
@@ -195,7 +191,7 @@ def _detect(frame: Frame, box: Box, kind: str) -> list[Marker]:
     ]
 
 
-def marker_cells(number: int) -> npt.NDArray[np.uint8]:
+def marker_cells(number: int) -> Picture:
     """Return the cells of an ArUco 4x4 marker, its black border included [grey levels, 0 or 255], shape (6, 6).
 
     Args:
