@@ -291,7 +291,8 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
     """Return the angle of the whole body, with zero where the target that led to it has it.
 
     Where the camera stands is for the target to tell: the body's points err alike, which looks like a slant. So is how far it
-    turned, by places on the board: pixels at several depths, made upright by a wrong slant, seem to turn up to 2 % further.
+    turned, by places on the board, where the body contradicts them: pixels at several depths, made upright by a wrong slant,
+    seem to turn up to 2 % further.
     """
     points = led.found
     camera = replace(points.camera_state, covariance=np.zeros((4, 4)))
@@ -303,7 +304,9 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
     # Where the body is not made out, for a hand before it say, the points may be.
     whole = np.isfinite(found.angle)
     if led.target.shows_turn:
-        found = replace(found, angle=_as_far(found.angle, points.angle, theirs))
+        swing = np.nanmax(np.abs(points.angle - np.nanmedian(points.angle)))
+        doubt = float(np.sqrt(np.nanmax(common)) / swing)
+        found = replace(found, angle=_as_far(found.angle, points.angle, theirs, doubt))
     return replace(
         found,
         camera_state=points.camera_state,
@@ -313,13 +316,18 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
     )
 
 
-def _as_far(angle: Array, other: Array, std: Array) -> Array:
-    """Return an angle that turns as far as another one with this standard deviation, all of shape (n,) [rad]."""
+def _as_far(angle: Array, other: Array, std: Array, doubt: float) -> Array:
+    """Return an angle that turns as far as another one with this standard deviation, all of shape (n,) [rad].
+
+    What is within the other's doubt of its own scale [1] is no contradiction and stays; the share that is taken is that of
+    Stein's shrinkage: of what is taken and what is doubted, squared.
+    """
     apart = np.abs(angle - other - np.nanmedian(angle - other))
     both = apart < MAX_DISAGREEMENT * np.nanmax(np.abs(other - np.nanmedian(other)))
     line = np.stack([angle[both], np.ones(both.sum())], axis=1) / std[both, None]
     fit, *_ = np.linalg.lstsq(line, other[both] / std[both], rcond=None)
-    return fit[0] * angle
+    contradiction = np.log(fit[0]) ** 2
+    return fit[0] ** (contradiction / (contradiction + doubt**2)) * angle
 
 
 def _same_swing(one: Followed, other: Followed) -> bool:
