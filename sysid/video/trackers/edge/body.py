@@ -198,6 +198,8 @@ def _further_along(along: Array, height: Array, weight: Array, edge: Edge) -> Ar
     bent = np.zeros(len(edge))
     for one in range(edge.max() + 1):
         own = edge == one
+        if np.count_nonzero(weight[:, own].any(axis=0)) < 3:
+            continue
         x = usual[own] - usual[own].mean()
         some = weight[:, own].sum(axis=0) + 1e-9
         curve = np.polynomial.Polynomial.fit(x, height[own], 2, w=np.sqrt(some))

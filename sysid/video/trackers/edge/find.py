@@ -169,7 +169,7 @@ def _learn(end: DeckEnd, frames: Sequence[Frame], shifts: Array, some: Rows) -> 
     """Return the edges as they are in some frames, and which pieces keep their place there, shape (E, PIECES)."""
     edge, turns = np.repeat(np.arange(len(end.ends)), PIECES), end.turns.copy()
     seen = [
-        measured(end, frames[row], shifts[row], turns[row], 0.0, LEARNING_REACH)[0] - shifts[row]
+        measured(end, frames[row], shifts[row], float(turns[row]), 0.0, LEARNING_REACH)[0] - shifts[row]
         for row in some
     ]
     x, y = np.moveaxis(np.array(seen).reshape(len(some), -1, 2), -1, 0)
