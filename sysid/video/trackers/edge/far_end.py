@@ -31,7 +31,7 @@ class DeckEnd:
     """Slope of the lines in each picture [rad]."""
 
     def only(self, kept: Mask) -> "DeckEnd":
-        """Return some of the edges, shape (E,)."""
+        """Return some of the edges: `kept` [1], shape (E,)."""
         return replace(
             self,
             **{name: getattr(self, name)[kept] for name in ("pivot", "pivot_std", "ends", "ways", "bends")},
