@@ -3,7 +3,7 @@
 import json
 import threading
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from datetime import datetime
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -22,6 +22,7 @@ from sysid.live.rest import Rest
 from sysid.live.session import Session
 from sysid.logs import read_roll
 from sysid.recording import Recording
+from sysid.roll import Release
 from sysid.text import display
 from sysid.workspace import shipped_data
 
@@ -73,8 +74,8 @@ def live(
             while releases is None or len(session.releases) < releases:
                 begin = time.monotonic()
                 found = look()
-                if found is not None and session.take(found):
-                    _say(session, printer)
+                if found is not None and (new := session.take(found)):
+                    _say(session, new, printer)
                     shown.renew()
                 time.sleep(max(0.0, POLL_PERIOD - (time.monotonic() - begin)))
         except KeyboardInterrupt:
@@ -99,10 +100,12 @@ def _warm_up(board: Board) -> None:
     live_page(session, 0, "")
 
 
-def _say(session: Session, printer: Printer) -> None:
-    last = session.releases[-1]
-    first = display(is_rate=False, slides=session.board.slides)(last.amplitude, 2)
-    where = f"release {len(session.releases)}: {first} from the {last.side}"
+def _say(session: Session, new: Mapping[int, Release], printer: Printer) -> None:
+    """Print a line for each new release, and beside the last the numbers of all so far."""
+    show = display(is_rate=False, slides=session.board.slides)
+    *others, where = (f"release {n}: {show(r.amplitude, 2)} from the {r.side}" for n, r in new.items())
+    for line in others:
+        printer.say(line)
     if session.trouble or not session.history:
         printer.warn(f"{where}: {session.trouble}")
     else:

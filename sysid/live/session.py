@@ -50,14 +50,19 @@ class Session:
     """Why they have no numbers."""
     history: list[Numbers] = field(default_factory=list[Numbers])
 
-    def take(self, recordings: Sequence[Recording]) -> bool:
-        """Take all that has been read so far, each log as it is now, and return whether another release has ended."""
+    def take(self, recordings: Sequence[Recording]) -> dict[int, Release]:
+        """Take all that has been read so far, each log as it is now, and return the releases that have ended since, by their numbers."""
         found = [
             r for recording in recordings for r in (_ended(recording) if self.grows else recording.releases)
         ]
         known = {(release.log, round(release.start, 1)) for release in self.releases}
-        if not any((release.log, round(release.start, 1)) not in known for release in found):
-            return False
+        new = {
+            number: release
+            for number, release in enumerate(found, 1)
+            if (release.log, round(release.start, 1)) not in known
+        }
+        if not new:
+            return new
         self.releases = found
         try:
             self.decay = fit_decay(found, board=self.board)
@@ -67,7 +72,7 @@ class Session:
             self.trouble = ""
             numbers = self.decay.numbers
             self.history.append(Numbers(len(found), numbers.stiffness, numbers.damping))
-        return True
+        return new
 
     @property
     def next_step(self) -> str:

@@ -82,9 +82,10 @@ def test_files_that_appear_are_taken_and_the_page_shows_them(tmp_path):
         (tmp_path / "in" / "readme.txt").write_text("no log")
         shutil.copy(ROOT / "data" / "decays" / "pink.csv", tmp_path / "in")
         shown = [""]
-        while "release" not in shown[-1]:
+        while "k = " not in shown[-1]:
             shown.append(process.stdout.readline())
-        assert "k = " in shown[-1]
+        numbers = [line.split(":")[0] for line in shown if re.match(r"release \d", line)]
+        assert numbers == [f"release {n}" for n in range(1, 5)]  # of one file, each with a line of its own
         deadline = time.monotonic() + 10
         while '"version": 2' not in fetch(address + "state"):
             assert time.monotonic() < deadline
