@@ -138,6 +138,11 @@ class Board:
         return self.tilt["rest_angle"].value
 
     @property
+    def is_unmeasured(self) -> bool:
+        """Whether it holds no number of the tilt joint yet: then its rest angle of 0 is none either."""
+        return self.stiffness == 0 == self.damping and not self.fit
+
+    @property
     def passed(self) -> bool:
         """Whether `check` accepted the board as it is recorded now."""
         return bool(self.check.get("passed", False)) and not self.check_is_stale

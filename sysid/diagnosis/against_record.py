@@ -82,19 +82,24 @@ def _shift(
     deviation = float(np.sqrt(max(covariance[index, index], 0.0) + known**2 + rounding**2))
     if abs(moved) < SURE * deviation or abs(moved) < SMALLEST_SHIFT * model.problem.scales.amplitude:
         return Deviation()
+    show = display(is_rate=False, slides=board.slides)
+    far = f"{show.scale * moved:+.3g}{show.unit}"
+    if board.is_unmeasured:
+        return Deviation(
+            text=f"The deck rests {far} from the log's zero: the record has no rest angle yet, and a fit writes it."
+        )
     # Where a deck sticks the cost has kinks, and the deviation above may be too small: refit without the shift.
     slack = 2 * float(np.hypot(known, rounding))
     held = board.rest_angle + float(np.clip(moved, -slack, slack))
     named = tuple(name for name in named if not _shifts(name))
     if _worse(model, held) < SURE**2 or (named and _worse(model, held, *named) < SURE**2):
         return Deviation()
-    show = display(is_rate=False, slides=board.slides)
     moved_by = [name for name, part in catalogue().items() if "rest_angle" in part.same_as]
     drift = drifting()[0]
     by_drift = _worse(model, held, drift) if drift not in model.effects else float("inf")
     if by_drift < -BETTER:
         text = (
-            f"The middle of the decay is {show.scale * moved:+.3g}{show.unit} from the record's rest angle, and a sensor that drifts "
+            f"The middle of the decay is {far} from the record's rest angle, and a sensor that drifts "
             "explains that better than a rest angle that moved."
         )
         alike = tuple((name,) for name in moved_by) if by_drift > -TIE else ()
@@ -102,7 +107,7 @@ def _shift(
     others = [*moved_by[1:], *([drift] if by_drift < TIE else [])]
     torque = model.parameters["stiffness"] * moved
     text = (
-        f"The deck rests {show.scale * moved:+.3g}{show.unit} from the record's rest angle: its rest angle moved, or a "
+        f"The deck rests {far} from the record's rest angle: its rest angle moved, or a "
         f"constant {'force' if board.slides else 'torque'} of {torque:+.3g} {'N' if board.slides else 'N*m'} acts, or the sensor is off by as much; a free decay cannot tell."
     )
     return Deviation((moved_by[0],), tuple((name,) for name in others), text, board.experiment(moved_by[0]))

@@ -85,6 +85,10 @@ def test_where_a_deck_sticks_is_no_shift_of_its_rest_angle(tmp_path):
     assert record_deviation(model, board, look_at_linear=False).effects == ()
     moved = board.with_tilt(rest_angle=replace(board.tilt["rest_angle"], value=0.08))
     assert record_deviation(model, moved, look_at_linear=False).effects == ("offset",)
+    nothing = {name: replace(moved.tilt[name], value=0.0, std=0.0) for name in ("stiffness", "damping")}
+    fresh = record_deviation(model, moved.with_tilt(**nothing), look_at_linear=False)
+    assert fresh.effects == ()  # what was never measured did not move
+    assert "no rest angle yet" in fresh.text
 
 
 def test_an_arm_too_weak_to_bend_a_decay_is_among_what_may_have_moved_k_and_d(tmp_path):
