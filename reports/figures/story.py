@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from textwrap import wrap
+from textwrap import fill, wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -132,7 +132,7 @@ def draw_missing(axes: "Axes", missing: Missing, show: Display, named: str, *, s
 
 def draw_candidates(axes: "Axes", ranked: "tuple[Ranked, ...]") -> None:
     """Draw the score of each candidate with its interval, the chosen one filled, as models are ranked by expected prediction."""
-    from matplotlib.ticker import NullLocator, StrMethodFormatter
+    from matplotlib.ticker import NullLocator, StrMethodFormatter, SymmetricalLogLocator
 
     axes.axvspan(0, TIED, color=NOISE, alpha=0.25, lw=0)
     axes.axvline(0, color=NOISE, lw=1.2, ls="--")
@@ -141,12 +141,15 @@ def draw_candidates(axes: "Axes", ranked: "tuple[Ranked, ...]") -> None:
             model.score, row, xerr=Z95 * (model.std or 0.0), fmt="o", color=SIM if model.chosen else "black",
             mfc=SIM if model.chosen else "none", ms=7, capsize=3, elinewidth=1.2,
         )  # fmt: skip
-    names = [f"{model.label} (chosen)" if model.chosen else model.label for model in ranked]
+    names = [fill(f"{model.label} (chosen)" if model.chosen else model.label, 22) for model in ranked]
     axes.set_yticks(range(len(ranked)), names)
     axes.set_ylim(len(ranked) - 0.5, -0.5)
     largest = max(model.score for model in ranked)
     if largest > 4 * TIED:
         axes.set_xscale("symlog", linthresh=TIED)
+        decades = SymmetricalLogLocator(base=10, linthresh=TIED)
+        decades.set_params(numticks=4)  # more labels run into one another
+        axes.xaxis.set_major_locator(decades)
         axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.margins(x=0.08)
