@@ -14,7 +14,7 @@ SMALL_SIDE = 640
 """Longer side of the pictures in which motion is looked for, and patches of the background are followed [px]."""
 MAX_SHAKE = 0.05
 """Share of the picture's long side by which a camera may shake; one that moves further pans."""
-MIN_CHANGE = 18.0
+MIN_CHANGE = 18
 """Change of brightness that counts as motion [grey levels]."""
 MIN_AREA = 40
 """Least area of what moves [px of the small picture]."""
@@ -149,7 +149,9 @@ def _held(small: Picture, start: Picture, shift: Array) -> Picture:
         return small
     move, size = np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]]), (small.shape[1], small.shape[0])
     held = cv2.warpAffine(small, move, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    plain, shifted = (np.minimum(cv2.absdiff(one, start), MIN_CHANGE).mean() for one in (small, held))
+    plain, shifted = (
+        cv2.norm(np.minimum(cv2.absdiff(one, start), MIN_CHANGE), cv2.NORM_L1) for one in (small, held)
+    )
     return np.asarray(held, np.uint8) if shifted < plain else small
 
 

@@ -40,13 +40,11 @@ def fill_gaps(signal: Signal, pace: float) -> tuple[Signal, int, int]:
     missing = np.diff(known) - 1
     short = np.flatnonzero((missing > 0) & (missing <= min(MAX_GAP, pace / 8)))
     if len(short) and len(known) >= 4:
-        from scipy.interpolate import CubicSpline  # slow to start, and seldom needed
-
-        spline = CubicSpline(time[known], roll[known])
         straight = np.interp(time, time[known], roll[known])
         for at in short:
             gap = slice(known[at] + 1, known[at + 1])
-            roll[gap] = spline(time[gap])
+            near = known[max(0, min(at - 1, len(known) - 4)) :][:4]
+            roll[gap] = np.polynomial.Polynomial.fit(time[near], roll[near], 3)(time[gap])
             # Where the deck was let go in the gap, the cubic is no better than the chord.
             for std in deviations:
                 std[gap] = np.hypot(std[known[at : at + 2]].max(), np.abs(roll[gap] - straight[gap]))

@@ -31,6 +31,8 @@ ATTITUDE_BINS = 12
 LEAST_SPREADS = (1.0, 1.0, 0.75, 0.5, 0.35, 0.25, 0.2, 0.2, 0.2, 0.2)
 """Usual distance of a point from where the body has it that is not told from a smaller one, round by round [px]: what compression and
 shade do to an edge is common to its points."""
+LEAST_WEIGHT = 1e-6
+"""Of points that are not seen, so that no equation is singular [1]."""
 OUTLYING = 2.5
 """Distance at which points count half, in their usual one [1]."""
 
@@ -194,25 +196,22 @@ def _further_along(along: Array, height: Array, weight: Array, edge: Edge) -> Ar
 
     Points are evenly spaced about a pivot that is roughly known: about the right one they move along the edge as it turns.
     """
-    usual = _usual(along, weight)
-    bent = np.zeros(len(edge))
-    for one in range(edge.max() + 1):
-        own = edge == one
-        if np.count_nonzero(weight[:, own].any(axis=0)) < 3:
-            continue
-        x = usual[own] - usual[own].mean()
-        some = weight[:, own].sum(axis=0) + 1e-9
-        curve = np.polynomial.Polynomial.fit(x, height[own], 2, w=np.sqrt(some))
-        bent[own] = curve.deriv()(x) - float(np.average(curve.deriv()(x), weights=some))
-    return bent * (along - usual)
+    usual, some = _usual(along, weight), weight.sum(axis=0)[None]
+    x = usual / max(float(np.abs(usual).max()), 1.0)
+    powers = np.array(moments(some, edge, *(x[None] ** power for power in range(1, 5))))[:, 0]
+    pulls = np.array(moments(some, edge, height[None], (x * height)[None], (x**2 * height)[None]))[1:, 0]
+    order = np.arange(3)
+    beforehand = LEAST_WEIGHT * np.diag([1.0, 1.0, 1e3])  # two places are on a line rather than on a parabola
+    normal = np.moveaxis(powers[order[:, None] + order], -1, 0) + beforehand
+    parabola = np.linalg.solve(normal, pulls.T[..., None])[..., 0]
+    # Its mean slope is the edge's own, which is told from its turn by nothing.
+    bend = 2 * parabola[edge, 2] * (x - (powers[1] / np.maximum(powers[0], LEAST_WEIGHT))[edge])
+    return bend / max(float(np.abs(usual).max()), 1.0) * (along - usual)
 
 
 def _slope(along: Array, height: Array, weight: Array, edge: Edge) -> float:
     """Common slope of the edges where the angle is zero."""
-    total = weight.sum(axis=0)
-    x = (weight * along).sum(axis=0) / np.maximum(total, 1e-9)
-    number, sx, sy, sxx, sxy = moments(
-        total[None], edge, x[None], height[None], x[None] ** 2, (x * height)[None]
-    )
-    number = np.maximum(number, 1e-9)
-    return float((sxy - sx * sy / number).sum() / (sxx - sx**2 / number).sum())
+    x = _usual(along, weight)[None]
+    total, sx, sy, sxx, sxy = moments(weight.sum(axis=0)[None], edge, x, height[None], x**2, x * height)
+    total = np.maximum(total, 1e-9)
+    return float((sxy - sx * sy / total).sum() / (sxx - sx**2 / total).sum())
