@@ -40,7 +40,7 @@ from sysid.diagnosis.search import INEXACT, Progress, Search, best_families
 from sysid.diagnosis.search import Candidate as Model
 from sysid.diagnosis.stretches import judged_stretches
 from sysid.diagnosis.surrogates import LAWS, in_words, nearest_outside, surrogates
-from sysid.diagnosis.touched import begun_by_hand, untouched
+from sysid.diagnosis.touched import seen_by_hands, untouched
 from sysid.diagnosis.wording import (
     experiment_for_the_unknown,
     experiment_in_words,
@@ -317,8 +317,8 @@ def diagnose(
             else:
                 left = None
         decided = _decided(search, first, final, board)
-        if left is None and (begun := begun_by_hand(search, decided.asked, decided.everything)) is not None:
-            kept, left_out = begun
+        if left is None and (seen := seen_by_hands(search, decided.asked, decided.everything)) is not None:
+            kept, left_out = seen
             again, others, last = _searched_anew(started, kept)
             other = _decided(again, Field(last, again.base, period, noise.std), last, board)
             if other.laws < decided.laws:

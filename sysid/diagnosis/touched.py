@@ -6,7 +6,7 @@ the noise, and one does without that. What the catalogue lacks acts in every swi
 A board that changed before a release is no hand's: that is a decay by numbers of its own.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from math import ceil
@@ -73,9 +73,8 @@ def untouched(
     beyond = _error(best) ** 2 - 1
     if beyond > REACHED**2 - 1:
         found: list[tuple[bool, float, int, int, list[Release]]] = []
-        middles = [
-            [part for record in best.problem.records for part in _middle(record, best, *cut)] for cut in CUTS
-        ]
+        parts = [[_middle(record, best, *cut) for record in best.problem.records] for cut in CUTS]
+        middles = [[part for part in cut if part is not None] for cut in parts]
         enough = 1 + LEFT * beyond
         errors = [[_begun(pool, _error_on, m, kept, enough) for m in asked if kept] for kept in middles]
         for index, (kept, results) in enumerate(zip(middles, errors, strict=True)):
@@ -111,48 +110,84 @@ def untouched(
     )
 
 
-def begun_by_hand(
+def seen_by_hands(
     search: Search, asked: Sequence[Candidate], tried: Field
 ) -> tuple[list[Release], str] | None:
-    """Return the releases without their beginnings, and why, if what is said to be missing shows there only; else None.
+    """Return the releases without their beginnings or ends, and why, if what is said to be missing shows there only; else None.
 
-    What the joint has acts in every swing, a hand before the first. So what is missing must be told from what is simpler by the motion after
-    a hand can have been there, too, where enough of that is left: of a deck that stops within a swing nothing is. A law is doubted only if its
-    state at each release is free by as many numbers as a push has, as a hanging body's is: it follows any push.
+    What the joint has acts in every swing, a hand before the first and after the last. So what is missing must be told from what is
+    simpler by the motion between, too, where enough of that is left: of a deck that stops within a swing nothing is.
 
     Args:
         search: That found the models.
         asked: What is said to be missing, then models that have less, the record's own among them.
         tried: In which they were judged.
     """
-    # What was held still for a period was let go, not pushed.
-    if not asked or all(record.release.hold > tried.period for record in search.records):
+    if not asked:
         return None
-    if asked[0].size - len(asked[0].problem.names) < OF_A_PUSH * len(search.records):
-        return None
-    kept = [part for record in search.records for part in _middle(record, asked[0], PUSHED, 0.0)]
-    if len(kept) < len(search.records):
-        return None
-    records = make_records(kept, search.records[0].std, rate=search.records[0].is_rate)
-    later = replace(search, records=records)
+    records = search.records
+    # A law is doubted at the beginnings only if its state at each release is free by as many numbers as a push has, as a hanging body's is:
+    # it follows any push. What was held still for a period was let go, not pushed.
+    follows = asked[0].size - len(asked[0].problem.names) >= OF_A_PUSH * len(records)
+    if follows and any(r.release.hold <= tried.period for r in records):
+        kept = [_middle(record, asked[0], PUSHED, 0.0) for record in records]
+        if _simpler(search, asked, tried, kept, DEGREE):
+            text = "the beginnings of the releases are left out: what seems to be missing shows nowhere else, as if a hand was on the deck"
+            parts = [part for part in kept if part is not None]
+            if len({release.log for release in parts}) == 1:
+                free = " ".join(f"--release {ceil(1e3 * release.start) / 1e3:g}" for release in parts)
+                text += f". `fit` finds the spring and the damper of what is free with {free}"
+            return parts, text
+    # Friction stops a deck, and so does a hand. Who has caught it in motion once may have done so when it hardly swung any more.
+    stops = [r.release.end == "rest" for r in records]
+    if (
+        asked[0].problem.structure.has_dry_friction
+        and any(r.release.end == "caught" for r in records)
+        and any(stops)
+    ):
+        kept = [
+            _middle(record, asked[0], 0.0, 1.0) if stop else record.release
+            for record, stop in zip(records, stops, strict=True)
+        ]
+        if _simpler(search, asked, tried, kept, 0):
+            text = "where the deck came to rest is left out: what seems to be missing shows nowhere else, as if a hand had caught it"
+            return [part for part in kept if part is not None], text
+    return None
+
+
+def _simpler(
+    search: Search, asked: Sequence[Candidate], tried: Field, kept: Sequence[Release | None], degree: int
+) -> bool:
+    """Return whether parts of the releases are explained by less, though what is missing would show there, too.
+
+    Args:
+        search: That found the models.
+        asked: What is said to be missing, then models that have less, the record's own among them.
+        tried: In which they were judged.
+        kept: Of each release; None where too little is left.
+        degree: With which power of the motion's energy the evidence falls.
+    """
+    parts = [part for part in kept if part is not None]
+    if len(parts) < len(kept):
+        return False
+    later = replace(
+        search, records=make_records(parts, search.records[0].std, rate=search.records[0].is_rate)
+    )
     after = Field(
-        [later.finalist(_refitted_to(m, kept, np.inf)) for m in asked], search.base, tried.period, tried.floor
+        [later.finalist(_refitted_to(m, parts, np.inf)) for m in asked],
+        search.base,
+        tried.period,
+        tried.floor,
     )
     winner = after.winner()
     if _laws(winner.model) >= _laws(asked[0]) or (after.surely_missing and not after.explains(winner)):
-        return None
+        return False
     said, less = (
         next(s for s in tried.scored if s.model.effects == m.effects and s.model.shape == m.shape)
         for m in (asked[0], winner.model)
     )
     left = _energy(later.records, asked[0]) / _energy(search.records, asked[0])
-    if (said.score - less.score) * left**DEGREE < TIE:
-        return None
-    text = "the beginnings of the releases are left out: what seems to be missing shows nowhere else, as if a hand was on the deck"
-    if len({release.log for release in kept}) == 1:
-        free = " ".join(f"--release {ceil(1e3 * release.start) / 1e3:g}" for release in kept)
-        text += f". `fit` finds the spring and the damper of what is free with {free}"
-    return kept, text
+    return bool((said.score - less.score) * left**degree >= TIE)
 
 
 def _energy(records: Sequence[Record], model: Candidate) -> float:
@@ -179,8 +214,8 @@ def _error_on(model: Candidate, releases: Sequence[Release], enough: float) -> f
     return _error(_refitted_to(model, releases, enough))
 
 
-def _middle(record: Record, model: Candidate, begin: float, end: float) -> Iterator[Release]:
-    """Yield a release without some periods after its beginning and before the end of what moves, if enough is left of it."""
+def _middle(record: Record, model: Candidate, begin: float, end: float) -> Release | None:
+    """Return a release without some periods after its beginning and before the end of what moves; None if too little is left of it."""
     release, period = record.release, 2 * np.pi / model.problem.scales.frequency
     swing = np.abs(record.signal - np.median(record.signal[-max(8, len(record.signal) // 10) :]))
     wide = np.flatnonzero(swing > max(STILL * float(swing.max()), 5 * record.std))
@@ -188,8 +223,9 @@ def _middle(record: Record, model: Candidate, begin: float, end: float) -> Itera
     time = release.time - release.time[0]
     first = max(begin * period, QUICK) if begin else 0.0
     inside = (time >= first) & (time <= last)
-    if np.count_nonzero(inside) >= SAMPLES and last - first >= SHORTEST * period:
-        yield replace(release[inside], hold=0.0 if begin else release.hold, end="log" if end else release.end)
+    if np.count_nonzero(inside) < SAMPLES or last - first < SHORTEST * period:
+        return None
+    return replace(release[inside], hold=0.0 if begin else release.hold, end="log" if end else release.end)
 
 
 def _refitted_to(model: Candidate, releases: Sequence[Release], enough: float) -> Candidate:

@@ -21,6 +21,12 @@ SMALLEST_OF_LOG = 0.12
 """Nor are they where the largest one's first swing is below this share of the log's whole range."""
 MANY = 6
 """Swings at one pace that are surely a decay's."""
+PACE, YIELDS = 2.5, 3.2
+"""How many times as long as another a swing of the same decay lasts at most, and as the second the first: a slider that yields in that
+one and holds in all that follow makes them up to three times as quick. A hand takes four times as long as a deck to lift it."""
+LIFTED = 0.12
+"""Share of its first swing by which a deck was lifted at least that was let go: in random logs a hand that led one home had moved it by at
+most 0.08 before, one that let it go from beside where a gap had held it by 0.17."""
 FADED, SWELLS = 1.5, 0.9
 """How many times its last swings, and up to what share of its first, a decay may swell again without a hand."""
 AGAIN = 0.12
@@ -79,10 +85,12 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
     if largest < SMALLEST_OF_LOG * float(np.ptp(signal.roll)):
         return []
     segments = [segment for segment in segments if segment.swings[0].size > SMALLEST_RELEASE * largest]
-    led = [_led_home(signal, one, other) for one, other in pairwise(segments)]
-    segments = [one for one, home in zip(segments, [False, *led], strict=True) if not home]
     groups = [[other for other in segments if _same_board(segment, other, signal)] for segment in segments]
-    return _swelling(signal, swings, max(groups, key=lambda group: _segment_score(group, signal)))
+    group = max(groups, key=lambda group: _segment_score(group, signal))
+    led = [_led_home(signal, one, other) for one, other in pairwise(group)]
+    return _swelling(
+        signal, swings, [one for one, home in zip(group, [False, *led], strict=True) if not home]
+    )
 
 
 def _jumped(signal: SmoothedSignal, segment: Segment) -> bool:
@@ -96,12 +104,17 @@ def _jumped(signal: SmoothedSignal, segment: Segment) -> bool:
 
 
 def _led_home(signal: SmoothedSignal, one: Segment, other: Segment) -> bool:
-    """Whether a hand that stopped a decay only takes the deck to rest from there: nobody lifts it, and it swings no more."""
-    since, until = one.swings[-1].finish, other.swings[-1].left
-    if len(one.wide) <= 2 or len(other.swings) > 2 or not other.settles:
+    """Whether a hand only takes the deck to rest from where a decay has ended: nobody lifts it in between, and it swings no more.
+
+    Who stops a deck that swings may carry it on a little.
+    """
+    since, until, home = one.swings[-1].finish, other.swings[-1].left, other.swings[0]
+    if len(other.swings) > 2 or not other.settles:
         return False
-    lifted = np.abs(signal.roll[since : until + 1] - one.rest).max(initial=0.0)
-    return bool(lifted < FADED * max(one.sizes[-2:]))
+    reached = np.abs(signal.roll[since : until + 1] - one.rest).max(initial=0.0)
+    carried = len(one.wide) > 2 and reached < FADED * max(one.sizes[-2:])
+    lifted = (one.swings[-1].target - home.origin) * np.sign(home.way)
+    return bool(carried or lifted < LIFTED * home.size)
 
 
 def _swelling(signal: SmoothedSignal, swings: Sequence[HalfCycle], group: Sequence[Segment]) -> list[Segment]:
@@ -200,9 +213,10 @@ def _swings_on_alike(one: Segment, other: Segment, signal: SmoothedSignal) -> bo
     sizes = [swing.size for swing in one.wide]
     if len(sizes) < MANY:
         return True
-    shares = [after / size for size, after in pairwise(sizes) if size <= first] or [sizes[-1] / sizes[-2]]
-    expected = first * shares[0]
-    return expected < 2.0 * signal.min_movement or max(later, default=0.0) > 0.5 * expected
+    wider = [after / size for size, after in pairwise(sizes) if size > first]
+    narrower = [after / size for size, after in pairwise(sizes) if size <= first]
+    expected = first * min(wider[-1:] + narrower[:1])
+    return expected < 1.5 * signal.min_movement or max(later, default=0.0) > 0.5 * expected
 
 
 def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segment]:
@@ -247,9 +261,8 @@ def _without_hitches(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Ha
 def _continues(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle, other: HalfCycle) -> bool:
     """Whether the next swing is a shorter one back, of about the same pace, and follows without a stay."""
     shorter = other.size < one.size + _room(signal, first, one)
-    return (
-        shorter and _same_pace(signal, one.duration, other) and one.way * other.way < 0 and not one.to_plateau
-    )
+    same = _same_pace(signal, one.duration, other, YIELDS if one is first else PACE)
+    return shorter and same and one.way * other.way < 0 and not one.to_plateau
 
 
 def _room(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle) -> float:
@@ -263,9 +276,9 @@ def _room(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle) -> float:
     return max(6.0 * signal.noise, WANDER * first.size, one.size * (1 - math.cos(math.pi / (2 * count))))
 
 
-def _same_pace(signal: SmoothedSignal, pace: float, swing: HalfCycle) -> bool:
+def _same_pace(signal: SmoothedSignal, pace: float, swing: HalfCycle, most: float = PACE) -> bool:
     """Whether a swing takes about as long as others; the time of a small one is not known."""
-    return pace / 2.5 < swing.duration < 2.5 * pace or swing.size < 3.0 * signal.min_movement
+    return pace / most < swing.duration < most * pace or swing.size < 3.0 * signal.min_movement
 
 
 def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish: int) -> Segment | None:

@@ -154,7 +154,8 @@ def _let_go(signal: SmoothedSignal, segment: Segment) -> tuple[float, float]:
     last = int(np.flatnonzero(still)[-1]) if still.any() else swing.left
     moving = np.flatnonzero(~still[:last])
     since = int(moving[-1]) + 1 if len(moving) else 0
-    if signal.time[last] - signal.time[since] < 0.5 * segment.pace:
+    # Where friction holds it, later swings are small and quick: the first one tells how long a turning point lasts.
+    if signal.time[last] - signal.time[since] < 0.5 * max(segment.pace, swing.duration):
         found = _onset(signal, swing, swing.origin) if swing.begin else float(signal.time[0])
         return found if segment.start is None else segment.start, 0.0
     found = _onset(signal, swing, float(np.median(before[since : last + 1])))

@@ -3,6 +3,7 @@
 import pickle
 import re
 from dataclasses import replace
+from itertools import zip_longest
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from sysid.diagnosis.diagnose import diagnose
 from sysid.diagnosis.judgement import Field
 from sysid.diagnosis.search import Search
 from sysid.diagnosis.surrogates import nearest_outside
-from sysid.diagnosis.touched import _begun, _refitted, begun_by_hand, untouched
+from sysid.diagnosis.touched import _begun, _refitted, seen_by_hands, untouched
 from sysid.diagnosis.workers import WorkerPool
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
@@ -43,14 +44,14 @@ def caught(angle):
     return np.where(TIME < 0.4, decay(angle), 0.05 * np.minimum((TIME - 0.4) / 0.3, 1.0))
 
 
-def searched(*rolls, hold=1.0, effect="coulomb"):
+def searched(*rolls, hold=1.0, effect="coulomb", ends=()):
     rng = np.random.default_rng(3)
     releases = [
         Release(
             log="x", number=n, time=TIME, roll=roll + NOISE * rng.standard_normal(len(TIME)), rest=0.0, hold=hold,
-            std=np.full(len(TIME), NOISE), origin="angle", end="log",
+            std=np.full(len(TIME), NOISE), origin="angle", end=end,
         )
-        for n, roll in enumerate(rolls, start=1)
+        for n, (roll, end) in enumerate(zip_longest(rolls, ends, fillvalue="log"), start=1)
     ]  # fmt: skip
     board = load_board(shipped_data() / "boards" / "pink.toml")
     records = make_records(releases, NOISE, rate=False)
@@ -192,18 +193,18 @@ def carried(angle, seconds=0.04):
     return np.where(seconds > TIME, begin, np.interp(TIME - seconds, TIME, free))
 
 
-def named_by_its_beginnings(*rolls, effect):
-    search, models = searched(*rolls, hold=0.0, effect=effect)
+def named(*rolls, effect, hold=0.0, ends=()):
+    search, models = searched(*rolls, hold=hold, effect=effect, ends=ends)
     asked = search.finalists(models)[::-1]
     tried = Field(asked, (), 2 * np.pi / search.scales.frequency, NOISE)
     assert tried.winner().model.effects == (effect,)
-    return begun_by_hand(search, asked, tried)
+    return seen_by_hands(search, asked, tried)
 
 
 @pytest.mark.parametrize("rolls", [(carried(0.12),), (WIDE, FREE, carried(0.12))], ids=["one", "three"])
 def test_what_shows_in_the_beginnings_only_is_a_hands(rolls):
     """A body that hung still or not when it was let go follows any push, to the noise."""
-    found = named_by_its_beginnings(*rolls, effect="hanging-body")
+    found = named(*rolls, effect="hanging-body")
     assert found is not None
     kept, text = found
     assert text.startswith("the beginnings of")
@@ -219,13 +220,13 @@ def test_what_shows_in_the_beginnings_only_is_a_hands(rolls):
 def test_what_the_joint_has_shows_after_a_hand_can_have_been_there_too(effect, size):
     """Weak friction, a stop that only the first swing of one release meets, and a light body."""
     law = LAW.with_effect(effect, *size)
-    assert named_by_its_beginnings(decay(-0.17, law), decay(0.14, law), effect=effect) is None
+    assert named(decay(-0.17, law), decay(0.14, law), effect=effect) is None
 
 
 def test_of_a_deck_that_stops_within_a_swing_the_beginnings_are_all_there_is():
     """A stiffening spring beside a damper of half the critical one: what is left after them tells nothing."""
     law = replace(LAW, damping=0.36).with_effect("cubic-stiffness", 150.0)
-    assert named_by_its_beginnings(decay(0.17, law), decay(-0.14, law), effect="cubic-stiffness") is None
+    assert named(decay(0.17, law), decay(-0.14, law), effect="cubic-stiffness") is None
 
 
 @pytest.mark.parametrize("angles", [(0.19,), (0.19, 0.185, 0.18)], ids=["one", "three"])
@@ -233,4 +234,31 @@ def test_what_has_no_number_of_its_own_in_each_release_follows_no_push(angles):
     """A stop that only the beginnings meet."""
     law = LAW.with_effect("one-sided-stop", 0.16, 200.0, 0.0)
     rolls = [decay(angle, law) for angle in angles]
-    assert named_by_its_beginnings(*rolls, effect="one-sided-stop") is None
+    assert named(*rolls, effect="one-sided-stop") is None
+
+
+def stopped(angle, law=LAW):
+    """A hand stops it beside its rest when it hardly swings any more."""
+    roll, turn = decay(angle, law), int(np.searchsorted(TIME, 0.7))
+    return np.where(TIME[turn] > TIME, roll, roll[turn])
+
+
+@pytest.mark.parametrize(
+    ("friction", "others", "left"), [(0.0, "caught", True), (0.0, "log", False), (0.03, "caught", False)]
+)
+def test_friction_that_only_one_stop_shows_is_a_hands_where_a_hand_has_caught_another(friction, others, left):
+    """Else nobody is known to have caught anything; and friction shows in the swings before it, too."""
+    law = LAW.with_effect("coulomb", friction)
+    found = named(
+        decay(0.17, law),
+        stopped(-0.14, law),
+        decay(0.12, law),
+        effect="coulomb",
+        hold=1.0,
+        ends=(others, "rest", others),
+    )
+    assert (found is not None) == left
+    if found is not None:
+        kept, text = found
+        assert text.startswith("where the deck came to rest")
+        assert [len(release.time) < len(TIME) for release in kept] == [False, True, False]

@@ -24,7 +24,7 @@ LAWS = {
 }
 
 
-def handled(law, *, push, swings, seed=1, noise=0.03 * DEGREE, rate=500.0):
+def handled(law, *, push, swings, seed=1, noise=0.03 * DEGREE, rate=500.0, speed_share=0.3):
     """Three decays of a deck that a hand pushes on its way for `push` seconds and catches after `swings` periods.
 
     Returns the log and from when until when nobody touched the deck.
@@ -41,8 +41,8 @@ def handled(law, *, push, swings, seed=1, noise=0.03 * DEGREE, rate=500.0):
         since = np.arange(0, 1.2, 1 / rate)
         add(angle + (start - angle) * lift(since, 0.5))
         share = np.arange(0, 1, 1 / (push * rate)) if push else np.zeros(0)
-        speed = -0.3 * OMEGA * start
-        if push:  # from rest to a third of the free deck's top speed, as u³
+        speed = -speed_share * OMEGA * start
+        if push:  # from rest to a share of the free deck's top speed, as u³
             add(start + speed * push * share**3 / 3)
         begin = now
         since = np.arange(0, swings * PERIOD, 1 / rate)
@@ -116,6 +116,11 @@ def test_a_push_is_told_from_a_hold_under_noise(push):
     assert [release.hold > 0 for release in found] == [push == 0] * 3
     for release, (begin, _) in zip(found, free, strict=True):
         assert -0.05 < (release.start - begin) / PERIOD < 0.25
+
+
+def test_a_weak_push_is_told_from_a_hold():
+    roll, _ = handled(LAWS["linear"], push=0.06, swings=9.0, speed_share=0.07)
+    assert [release.hold for release in find_releases(roll)] == [0.0] * 3
 
 
 def test_a_deck_that_dry_friction_stops_at_once_is_a_release_like_the_others():
@@ -291,6 +296,21 @@ def test_a_slider_that_yields_once_and_then_holds_more_than_doubles_the_pace():
     assert [r.start for r in found] == pytest.approx(begins, abs=0.02)
 
 
+def test_a_first_swing_that_lasts_nearly_three_times_as_long_as_the_next_is_of_the_decay():
+    """Half a cosine from the hold, then swings at the pace of a slider that holds; its short turning points are no hold."""
+    slow, quick, time = 0.087, 0.03, np.arange(0, 4, 1 / 500)
+    since = np.maximum(time - 1.0, 0.0)
+    first = 0.1 - 0.056 * (1 - np.cos(np.pi * np.minimum(since / slow, 1.0)))
+    later = np.maximum(since - slow, 0.0)
+    roll = first + 0.016 * (1 - np.exp(-4 * later) * np.cos(np.pi * later / quick))
+    roll += 3e-4 * np.random.default_rng(2).standard_normal(len(time))
+    (release,) = find_releases(
+        Roll(log="x", time=time, roll=roll, std=np.full(len(time), 3e-4), origin="angle")
+    )
+    assert release.start == pytest.approx(1.0, abs=0.02)
+    assert release.hold > 0.5
+
+
 def test_what_a_hand_takes_home_from_where_it_stopped_the_deck_is_no_release():
     """It carries the swing on, holds the deck, and takes it to rest as quickly as it swings."""
     caught, held, slow = 0.6 + 3.9 * PERIOD, 0.12, 0.6 * PERIOD
@@ -305,6 +325,22 @@ def test_what_a_hand_takes_home_from_where_it_stopped_the_deck_is_no_release():
         Roll(log="x", time=time, roll=roll, std=np.full(len(time), 5e-4), origin="angle")
     )
     assert -0.6 < (release.time[-1] - caught) / PERIOD < 0.05
+
+
+def test_what_a_hand_takes_home_from_where_friction_held_the_deck_is_no_release():
+    """It stays where it stopped after a swing or two, until a hand takes it to its rest, as quickly as it swings."""
+    roll, free = handled(
+        lambda x, v: -(OMEGA**2) * (x - np.clip(x, -0.05, 0.05) + 0.06 * np.tanh(v / 0.05)) - 1.6 * v,
+        push=0.0,
+        swings=9.0,
+    )
+    until = int(np.searchsorted(roll.time, free[-1][1]))
+    stuck, since = float(np.mean(roll.roll[until - 50 : until])), roll.time[until:] - roll.time[until]
+    assert abs(stuck) > 0.02
+    noise = 0.03 * DEGREE * np.random.default_rng(2).standard_normal(len(since))
+    home = stuck * (1 - lift(np.maximum(since - 0.4, 0), 0.8 * PERIOD)) + noise
+    found = find_releases(replace(roll, roll=np.concatenate([roll.roll[:until], home])))
+    assert [r.start for r in found] == pytest.approx([begin for begin, _ in free], abs=0.1 * PERIOD)
 
 
 @pytest.mark.parametrize("off", [0.0, 0.01])
