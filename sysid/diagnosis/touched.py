@@ -130,14 +130,14 @@ def seen_by_hands(
     # it follows any push. What was held still for a period was let go, not pushed.
     follows = asked[0].size - len(asked[0].problem.names) >= OF_A_PUSH * len(records)
     if follows and any(r.release.hold <= tried.period for r in records):
-        kept = [_middle(record, asked[0], PUSHED, 0.0) for record in records]
-        if _simpler(search, asked, tried, kept, DEGREE):
+        middles = [_middle(record, asked[0], PUSHED, 0.0) for record in records]
+        kept = _explained_by_less(search, asked, tried, middles, DEGREE)
+        if kept is not None:
             text = "the beginnings of the releases are left out: what seems to be missing shows nowhere else, as if a hand was on the deck"
-            parts = [part for part in kept if part is not None]
-            if len({release.log for release in parts}) == 1:
-                free = " ".join(f"--release {ceil(1e3 * release.start) / 1e3:g}" for release in parts)
+            if len({release.log for release in kept}) == 1:
+                free = " ".join(f"--release {ceil(1e3 * release.start) / 1e3:g}" for release in kept)
                 text += f". `fit` finds the spring and the damper of what is free with {free}"
-            return parts, text
+            return kept, text
     # Friction stops a deck, and so does a hand. Who has caught it in motion once may have done so when it hardly swung any more.
     stops = [r.release.end == "rest" for r in records]
     if (
@@ -145,49 +145,46 @@ def seen_by_hands(
         and any(r.release.end == "caught" for r in records)
         and any(stops)
     ):
-        kept = [
+        middles = [
             _middle(record, asked[0], 0.0, 1.0) if stop else record.release
             for record, stop in zip(records, stops, strict=True)
         ]
-        if _simpler(search, asked, tried, kept, 0):
+        kept = _explained_by_less(search, asked, tried, middles, 0)
+        if kept is not None:
             text = "where the deck came to rest is left out: what seems to be missing shows nowhere else, as if a hand had caught it"
-            return [part for part in kept if part is not None], text
+            return kept, text
     return None
 
 
-def _simpler(
-    search: Search, asked: Sequence[Candidate], tried: Field, kept: Sequence[Release | None], degree: int
-) -> bool:
-    """Return whether parts of the releases are explained by less, though what is missing would show there, too.
+def _explained_by_less(
+    search: Search, asked: Sequence[Candidate], tried: Field, middles: Sequence[Release | None], degree: int
+) -> list[Release] | None:
+    """Return the middles of the releases if less explains them, though what is missing would show there, too; else None.
 
     Args:
         search: That found the models.
         asked: What is said to be missing, then models that have less, the record's own among them.
         tried: In which they were judged.
-        kept: Of each release; None where too little is left.
+        middles: Of each release; None where too little is left.
         degree: With which power of the motion's energy the evidence falls.
     """
-    parts = [part for part in kept if part is not None]
-    if len(parts) < len(kept):
-        return False
-    later = replace(
-        search, records=make_records(parts, search.records[0].std, rate=search.records[0].is_rate)
-    )
+    kept = [middle for middle in middles if middle is not None]
+    if len(kept) < len(middles):
+        return None
+    records = make_records(kept, search.records[0].std, rate=search.records[0].is_rate)
+    later = replace(search, records=records)
     after = Field(
-        [later.finalist(_refitted_to(m, parts, np.inf)) for m in asked],
-        search.base,
-        tried.period,
-        tried.floor,
+        [later.finalist(_refitted_to(m, kept, np.inf)) for m in asked], search.base, tried.period, tried.floor
     )
     winner = after.winner()
     if _laws(winner.model) >= _laws(asked[0]) or (after.surely_missing and not after.explains(winner)):
-        return False
+        return None
     said, less = (
         next(s for s in tried.scored if s.model.effects == m.effects and s.model.shape == m.shape)
         for m in (asked[0], winner.model)
     )
-    left = _energy(later.records, asked[0]) / _energy(search.records, asked[0])
-    return bool((said.score - less.score) * left**degree >= TIE)
+    left = _energy(records, asked[0]) / _energy(search.records, asked[0])
+    return kept if (said.score - less.score) * left**degree >= TIE else None
 
 
 def _energy(records: Sequence[Record], model: Candidate) -> float:

@@ -197,7 +197,8 @@ def _further_along(along: Array, height: Array, weight: Array, edge: Edge) -> Ar
     Points are evenly spaced about a pivot that is roughly known: about the right one they move along the edge as it turns.
     """
     usual, some = _usual(along, weight), weight.sum(axis=0)[None]
-    x = usual / max(float(np.abs(usual).max()), 1.0)
+    reach = max(float(np.abs(usual).max()), 1.0)
+    x = usual / reach
     powers = np.array(moments(some, edge, *(x[None] ** power for power in range(1, 5))))[:, 0]
     pulls = np.array(moments(some, edge, height[None], (x * height)[None], (x**2 * height)[None]))[1:, 0]
     order = np.arange(3)
@@ -206,7 +207,7 @@ def _further_along(along: Array, height: Array, weight: Array, edge: Edge) -> Ar
     parabola = np.linalg.solve(normal, pulls.T[..., None])[..., 0]
     # Its mean slope is the edge's own, which is told from its turn by nothing.
     bend = 2 * parabola[edge, 2] * (x - (powers[1] / np.maximum(powers[0], LEAST_WEIGHT))[edge])
-    return bend / max(float(np.abs(usual).max()), 1.0) * (along - usual)
+    return bend / reach * (along - usual)
 
 
 def _slope(along: Array, height: Array, weight: Array, edge: Edge) -> float:
