@@ -85,17 +85,20 @@ class Release(Signal):
     """Time for which the deck was held still before the release [s]; 0 where it was not."""
     end: Literal["rest", "caught", "log"]
     """Why it ends: the deck came to rest, somebody caught it, or the log stops."""
+    held: Signal | None = None
+    """What was read while it was held still before, without the moment of the release; None where it was not, or that is not known."""
     known: Mapping[str, float] = field(default_factory=dict[str, float])
     """Parameters that differ from the record in this release, by the names of the joint's parameters: the inertia [kg*m^2] and the weight of a
     robot's joint in the pose, and with the load, of this release."""
 
     @classmethod
     def of(
-        cls, part: Signal, *, number: int, rest: float, hold: float, end: Literal["rest", "caught", "log"]
-    ) -> "Release":
+        cls, part: Signal, *, number: int, rest: float, hold: float, end: Literal["rest", "caught", "log"],
+        held: Signal | None = None,
+    ) -> "Release":  # fmt: skip
         """Return the free decay that a part of a log is."""
         shared = {one.name: getattr(part, one.name) for one in fields(Signal)}
-        return cls(**shared, number=number, rest=rest, hold=hold, end=end)
+        return cls(**shared, number=number, rest=rest, hold=hold, end=end, held=held)
 
     @property
     def start(self) -> float:

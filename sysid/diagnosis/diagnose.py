@@ -60,7 +60,7 @@ from sysid.fitting.joint import FitOptions, check_parameters, held_parameters
 from sysid.fitting.records import Signal, make_records, signal_of
 from sysid.fitting.search import scales_of
 from sysid.joint.structure import structure_of
-from sysid.noise.floor import NoiseFloor, noise_floor
+from sysid.noise.floor import NoiseFloor, held_noise, noise_floor
 from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
@@ -271,6 +271,7 @@ def diagnose(
         chosen = signal_of(releases, signal)
         bias, use_rate = chosen["bias"], chosen["use_rate"]
         noise = noise_floor(releases, rate=use_rate)
+        held_still = max(noise.std, held_noise(releases, rate=use_rate))
         scales = scales_of(make_records(releases, noise.std, rate=use_rate), board)
         period = 2 * np.pi / scales.frequency
         warnings = [*weak, *check_releases(releases, board, period)]
@@ -303,12 +304,12 @@ def diagnose(
         final = _finalists(search, models)
         first = Field(final, search.base, period, noise.std)
         alone = alone or _learning_begun(pool, learning, first)
-        left = untouched([*final, *_outside_all(search, final)], search.base, pool)
+        left = untouched([*final, *_outside_all(search, final)], search.base, pool, held_still / noise.std)
         if left is not None:
             kept, left_out = left
             again, others, last = _searched_anew(started, kept)
             # A hand was there if what it did not touch is by a law: a narrower swing alone is nearer to any.
-            if min(m.rmse for m in last) < REACHED * noise.std:
+            if min(m.rmse for m in last) < REACHED * held_still:
                 warnings.append(left_out)
                 judged, search, models, final = kept, again, others, last
                 first = Field(final, search.base, period, noise.std)

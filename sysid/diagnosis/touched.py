@@ -40,7 +40,7 @@ QUICK = 0.07
 STILL = 0.1
 """Share of the largest swing below which a deck may be held still."""
 FIRST = 1.25
-"""Periods of each release to which a model is fitted first: in those no start is out of step yet."""
+"""Periods of each release to which a model is fitted first, and then to twice as many: in those no start is out of step yet."""
 LEFT = 0.2
 """Share of the squared error beyond the noise that may be left without ends that held hands: of fourteen random logs, those with
 hands kept at most 0.14, those whose law the catalogue lacks, and which were not at the noise, 0.4 or more."""
@@ -55,7 +55,7 @@ SHORTEST, SAMPLES = 0.6, 24
 
 
 def untouched(
-    models: Sequence[Candidate], base: Sequence[str], pool: WorkerPool
+    models: Sequence[Candidate], base: Sequence[str], pool: WorkerPool, noise: float
 ) -> tuple[list[Release], str] | None:
     """Return the releases without what a hand has touched, and what was left out of them; None where a hand is nowhere.
 
@@ -64,14 +64,17 @@ def untouched(
             by a law outside the catalogue was touched by no hand.
         base: Effects of the record.
         pool: Which fits them to what is left of the releases.
+        noise: That a sensor may have, as it shows while a deck is held still, over the noise of the fits [1]: noise that lasts is more
+            than shows from sample to sample.
     """
+    reached = REACHED * noise
     releases = [record.release for record in models[0].problem.records]
     simple = sorted((m for m in models if _laws(m) == len(base) + 1), key=lambda m: m.cost)[:ASKED]
     simple += [m for m in models if _laws(m) == len(base)]
     best = min(models, key=_error)
     asked = list({id(model): model for model in [*simple, best]}.values())
     beyond = _error(best) ** 2 - 1
-    if beyond > REACHED**2 - 1:
+    if beyond > reached**2 - 1:
         found: list[tuple[bool, float, int, int, list[Release]]] = []
         parts = [[_middle(record, best, *cut) for record in best.problem.records] for cut in CUTS]
         middles = [[part for part in cut if part is not None] for cut in parts]
@@ -80,7 +83,7 @@ def untouched(
         for index, (kept, results) in enumerate(zip(middles, errors, strict=True)):
             if kept:
                 laws, error = _simplest([(_laws(m), e()) for m, e in zip(asked, results, strict=True)])
-                holds = error < REACHED
+                holds = error < reached
                 # A release too short to be cut goes for a law only.
                 if (holds or len(kept) == len(releases)) and error**2 - 1 < LEFT * beyond:
                     found.append(
@@ -101,7 +104,7 @@ def untouched(
                 kept,
                 f"the {where} of the releases are left out: no law holds there, as if a hand was on the deck",
             )
-    odd = touched_release(simple, _error(best), pool)
+    odd = touched_release(simple, _error(best), pool, reached)
     if odd is None:
         return None
     return (
@@ -241,22 +244,26 @@ def _refitted_to(model: Candidate, releases: Sequence[Release], enough: float) -
         free_states=problem.free_states or free,
     )
     # What was fitted to a hand too is off, and soon out of step: the first swings bring it nearer.
-    early = part.with_(records=[first_swings(record, part.scales, FIRST) for record in part.records])
-    start = part.start(model.parameters)
-    near = early.fitted(start, 12, 1e-4).point
+    start = near = part.start(model.parameters)
+    for periods in (FIRST, 2 * FIRST):
+        early = part.with_(records=[first_swings(record, part.scales, periods) for record in part.records])
+        near = early.fitted(near, 12, 1e-4).point
     begun = [part.fitted(one, BEGUN) for one in (start, near)]
     hopeful = [m for m in begun if 2 * promise(m) < enough * part.samples]
     ends = [part.fitted(m.point, 25 - BEGUN, known=m.normal) for m in hopeful] or begun
     return replace(model, problem=part, minimum=min(ends, key=lambda m: m.normal.cost))
 
 
-def touched_release(simple: Sequence[Candidate], whole: float, pool: WorkerPool) -> int | None:
+def touched_release(
+    simple: Sequence[Candidate], whole: float, pool: WorkerPool, reached: float
+) -> int | None:
     """Return the index of the one release that is not by the law of all others, if there is one.
 
     Args:
         simple: Models that are asked.
         whole: Error over the noise of the best of all models.
         pool: Which fits them.
+        reached: Error over the noise up to which a law holds.
     """
     count = len(simple[0].problem.records)
     if count < FEWEST or whole < BROKEN:
@@ -268,7 +275,7 @@ def touched_release(simple: Sequence[Candidate], whole: float, pool: WorkerPool)
     ]
     errors = np.array([result() for result in results]).reshape(len(simple), count)
     best, odd = (int(i) for i in np.unravel_index(np.argmin(errors), errors.shape))
-    reached = max(REACHED, SHARE * whole)
+    reached = max(reached, SHARE * whole)
     if errors[best, odd] > reached or _refitted(simple[best], [odd]) < BROKEN * reached:
         return None
     return odd

@@ -152,8 +152,10 @@ class Problem:
             pull = self.scales.frequency**2 * release.amplitude
             if self.structure.acts_during_hold:  # else only the spring has set it off
                 pull = max(pull, _first_pull(release))
-            unsure = max(UNSURE_START, 0.5 * sampling)
             std = record.std / (self.scales.frequency if record.is_rate else 1.0)
+            # The noise hides what the pull moves it by until then, too.
+            unseen = float(np.sqrt(2 * std / max(pull, 1e-300)))
+            unsure = max(UNSURE_START, 0.5 * sampling, unseen)
             inward = -float(np.sign(release.roll[0] - release.rest))
             starts.append(_Start(unsure if release.hold > 0 else 0.0, pull, std, inward))
         return starts

@@ -11,7 +11,7 @@ from sysid.errors import SysidError
 from sysid.noise.sensor import quantisation_step
 from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Z95
-from sysid.roll import Array, Release
+from sysid.roll import Array, Release, Signal
 
 _ORDERS = (4, 6, 8, 10)
 """Even difference orders; a higher one removes more of the motion but is a little noisier."""
@@ -149,6 +149,26 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
     )
 
 
+def held_noise(releases: Sequence[Release], *, rate: bool = False) -> float:
+    """Return how far readings stray while the deck is held still, without the hand's drift [rad or rad/s]; 0 where that is too short.
+
+    Noise that lasts from sample to sample shows there in full, beside what is left of the hand: so it is what the noise has at most.
+    The median of the quarters of each hold: in one a hand may still move.
+    """
+    squares: list[float] = []
+    for release in releases:
+        if release.held is None or len(release.held.time) < 3 * _ENOUGH:
+            continue
+        reading, count = _signal(release.held, rate=rate), min(len(release.held.time) // (3 * _ENOUGH), 4)
+        for part, time in zip(
+            np.array_split(reading, count), np.array_split(release.held.time, count), strict=True
+        ):
+            t = np.interp(time, (time[0], time[-1]), (-1, 1))
+            away = part - np.polyval(np.polyfit(t, part, 2), t)
+            squares.append(float(away @ away) / (len(part) - 3))
+    return float(np.sqrt(np.median(squares))) if squares else 0.0
+
+
 def _without_swing(tail: Array, time: Array) -> Array:
     """Return a stretch at rest without its trend and without what is left of the swing that faded before.
 
@@ -179,7 +199,7 @@ def _fades(tail: Array, time: Array) -> bool:
     return bool(np.log(first / second) > BY_CHANCE * np.sqrt(8 / independent))
 
 
-def _signal(release: Release, *, rate: bool) -> Array:
+def _signal(release: Signal, *, rate: bool) -> Array:
     return release.rate if rate and release.rate is not None else release.roll
 
 

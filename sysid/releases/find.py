@@ -25,6 +25,8 @@ FELT = 0.15
 """Periods for which a hand that catches a deck is felt before it is seen: up to 20 ms of a swing of 0.2 s in random logs."""
 STUCK = 0.03
 """Share of a swing by which it may differ from half a cosine to where dry friction holds the deck: a choice."""
+SETS_OFF = 0.25
+"""Share of a hold, at its end, in which a hand may already set off or let go: a choice."""
 _End = Literal["rest", "caught", "log"]
 _Seen = tuple[float, float, float, _End]
 
@@ -130,18 +132,20 @@ def _release(
 ) -> Release:
     """Cut one free decay out of the log."""
     begin, hold, finish, end = seen
+    before = (roll.time >= begin - hold) & (roll.time <= begin - SETS_OFF * hold)
     if segment.start is None and free.begin > begin:
         begin, hold = free.begin, 0.0  # a hand pushed it on its way: it starts from no hold
     if free.end < finish:
-        before = signal.roll[(signal.time >= free.end - segment.half_period) & (signal.time <= free.end)]
-        finish, end = free.end, "rest" if np.ptp(before) < STILL * segment.sizes[0] else "caught"
+        last = signal.roll[(signal.time >= free.end - segment.half_period) & (signal.time <= free.end)]
+        finish, end = free.end, "rest" if np.ptp(last) < STILL * segment.sizes[0] else "caught"
     if end == "caught":
         finish -= FELT * min(2 * segment.half_period, finish - begin)
     inside = (roll.time >= begin - 1e-9) & (roll.time <= finish + 1e-9)
     rest = segment.rest
     if end == "rest":
         rest = float(np.median(signal.roll[(signal.time >= finish - segment.pace) & (signal.time <= finish)]))
-    return Release.of(roll[inside], number=number, rest=rest, hold=hold, end=end)
+    held = roll[before] if before.any() else None
+    return Release.of(roll[inside], number=number, rest=rest, hold=hold, end=end, held=held)
 
 
 def _let_go(signal: SmoothedSignal, segment: Segment) -> tuple[float, float]:

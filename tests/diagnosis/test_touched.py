@@ -20,7 +20,7 @@ from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
 from sysid.joint import JointLaw, simulate
 from sysid.recording import Recording
-from sysid.roll import Release
+from sysid.roll import Release, Signal
 from sysid.workspace import shipped_data
 
 NOISE = 1e-3
@@ -61,7 +61,9 @@ def searched(*rolls, hold=1.0, effect="coulomb", ends=()):
 
 def touched(*rolls, outside=False, **options):
     search, models = searched(*rolls, **options)
-    return untouched([*models, *([nearest_outside(search, models[1])] if outside else [])], (), Sending(1))
+    return untouched(
+        [*models, *([nearest_outside(search, models[1])] if outside else [])], (), Sending(1), 1.0
+    )
 
 
 FREE, WIDE = decay(-0.14), decay(0.17)
@@ -262,3 +264,30 @@ def test_friction_that_only_one_stop_shows_is_a_hands_where_a_hand_has_caught_an
         kept, text = found
         assert text.startswith("where the deck came to rest")
         assert [len(release.time) < len(TIME) for release in kept] == [False, True, False]
+
+
+def halted(angle):
+    """A hand stops it within a sample, aside, and holds it there."""
+    roll, turn = decay(angle), int(np.searchsorted(TIME, 0.43))
+    return np.where(TIME[turn] > TIME, roll, roll[turn] + 0.02)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_the_noise_that_lasts_is_known_by_what_is_read_while_a_deck_is_held(known):
+    """Without the hands a law holds, but leaves twice the noise that shows from sample to sample."""
+    rng = np.random.default_rng(6)
+
+    def lasting():
+        smoothed = np.convolve(rng.standard_normal(len(TIME) + 7), np.full(8, 8**-0.5), "valid")
+        return NOISE * (2 * smoothed + rng.standard_normal(len(TIME)))
+
+    releases: list[Release] = []
+    for number, roll in enumerate((halted(0.17), halted(-0.14)), start=1):
+        time, std = TIME + 10 * number, np.full(len(TIME), NOISE)
+        held = Signal(log="x", time=time - 2, roll=roll[0] + lasting(), std=std, origin="angle")
+        part = replace(held, time=time, roll=roll + lasting())
+        releases.append(
+            Release.of(part, number=number, rest=0.0, hold=1.0, end="log", held=held if known else None)
+        )
+    found = diagnose(releases, load_board(shipped_data() / "boards" / "pink.toml"))
+    assert found.verdict.status == ("none-missing" if known else "unexplained")
