@@ -101,13 +101,18 @@ class Candidate:
     @property
     def rmse(self) -> float:
         """Root mean square residual [rad or rad/s]."""
-        squares = self.chi2 - self.problem.start_penalty(self.minimum.point)
+        squares = self.misfit + self.samples - self.problem.samples
         return float(np.sqrt(max(squares, 0.0) / self.samples)) * self.problem.records[0].std
 
     @property
     def cost(self) -> float:
         """Sum of squared residuals in units of the noise."""
         return 2.0 * self.minimum.normal.cost
+
+    @property
+    def misfit(self) -> float:
+        """The same, without what starts cost that are too fast: predictions are not charged for those."""
+        return self.cost - self.problem.start_penalty(self.minimum.point)
 
     @property
     def families(self) -> frozenset[str]:
@@ -454,10 +459,10 @@ class Search:
         """Return models fitted on the fine grid, simple ones first, and what those in the running miss of held-out releases."""
         done: dict[tuple[str, ...], Candidate] = {}
         models = list(models)
-        lost = LOST * _hopeless(min(models, key=lambda m: m.cost))
+        lost = LOST * _hopeless(models)
         for _, group in itertools.groupby(sorted(models, key=_count), key=_count):
             jobs = [
-                (m, [known for names, known in done.items() if set(names) < set(m.effects)], m.cost < lost)
+                (m, [known for names, known in done.items() if set(names) < set(m.effects)], m.misfit < lost)
                 for m in group
             ]
             share = 0.85 + 0.05 * (len(done) > 1)
@@ -466,7 +471,7 @@ class Search:
         groups = itertools.groupby(sorted(done.values(), key=_count), key=_count)
         best = [min(group, key=lambda m: m.cost) for _, group in groups]
         simpler = self.simplified(best, list(done.values()), 0.91)
-        jobs = [(m,) for m in simpler if m.cost < lost and m is not done.get(m.effects)]
+        jobs = [(m,) for m in simpler if m.misfit < lost and m is not done.get(m.effects)]
         again = self.each("refining", Search.fine, jobs, 0.91, 0.92)
         done = {m.effects: m for m in _better(list(done.values()), again)}
         # What the best one needs not may have kept its own fit from the right valley.
@@ -479,12 +484,12 @@ class Search:
         for model in self.each("refining", Search.fine, again, 0.92, 0.93):
             done[model.effects] = min(done[model.effects], model, key=lambda m: m.cost)
         ranked = sorted(done.values(), key=lambda m: m.cost)
-        hopeless = _hopeless(ranked[0])
+        hopeless = _hopeless(ranked)
         # Of coloured noise many numbers more take much away: what the best one holds may be as likely.
         running = [
             m
             for i, m in enumerate(ranked)
-            if i < BEATEN or m.cost < hopeless or set(m.effects) < set(ranked[0].effects)
+            if i < BEATEN or m.misfit < hopeless or set(m.effects) < set(ranked[0].effects)
         ]
         for model in self.each("predicting", Search.predicted, [(m,) for m in running], 0.93, 0.98):
             done[model.effects] = model
@@ -594,9 +599,10 @@ def _better(found: Sequence[Candidate], again: Iterable[Candidate]) -> list[Cand
     return list(best.values())
 
 
-def _hopeless(best: Candidate) -> float:
-    """Return the squared error, in units of the noise, from which a model is out of the running."""
-    return best.cost + max(FAR, HOPELESS * (best.cost - best.problem.samples))
+def _hopeless(models: Sequence[Candidate]) -> float:
+    """Return the misfit, in units of the noise, from which one of some models is out of the running."""
+    least = min(m.misfit for m in models)
+    return least + max(FAR, HOPELESS * (least - models[0].problem.samples))
 
 
 def _count(model: Candidate) -> int:
