@@ -516,7 +516,8 @@ def _searched(search: Search) -> tuple[Search, list[Model]]:
     reached = search.at_noise(singles)
     pairs = search.pairs(singles, reached)
     best = min(pairs, key=lambda m: m.cost)
-    near = [] if reached else [*search.neighbours(best, [*singles, *pairs]), *search.kinked(singles)]
+    near = [] if reached else search.neighbours(best, [*singles, *pairs])
+    near += search.kinked(singles, reached)
     models = sorted([*singles, *pairs, *near], key=lambda m: m.cost, reverse=True)
     models = list({m.effects: m for m in models}.values())
     large = sorted([*pairs, *near], key=lambda m: m.cost)[:4]

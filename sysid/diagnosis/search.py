@@ -384,16 +384,21 @@ class Search:
         }  # fmt: skip
         return self.unions(list(wanted.values()), 0.7, 0.8)
 
-    def kinked(self, singles: Sequence[Candidate]) -> list[Candidate]:
+    def kinked(self, singles: Sequence[Candidate], reached: Candidate | None) -> list[Candidate]:
         """Search the pairs of the simplest dry friction and a stop or a gap from the catalogue's starts, the first swings first.
 
-        Friction decides in which swing a stop is last met, so alone neither comes near to what it is beside the other.
+        Friction decides in which swing a stop is last met, so alone neither comes near to what it is beside the other. If one effect
+        is at the noise, only those that are no richer than it: a Stribeck friction mimics a gap beside friction.
         """
         laws = [(m, structure_of(self.added(m))) for m in singles]
         rubbed = [m for m, law in laws if law.has_dry_friction]
         kinked = [m for m, law in laws if law.nonsmooth and not law.has_dry_friction and not law.states]
         one = min(rubbed, key=lambda m: m.size, default=None)
-        jobs = [((*one.effects, *self.added(m)), one) for m in kinked if _sensible(one, m)] if one else []
+        most = _choices(reached) + _choices(singles[0]) if reached else np.inf
+        jobs = [
+            ((*one.effects, *self.added(m)), one)
+            for m in kinked if one and _sensible(one, m) and _choices(one) + _choices(m) <= most
+        ]  # fmt: skip
         return self.each("friction and", Search.single, jobs, 0.8, 0.8)
 
     def reduced(self, models: Sequence[Candidate], found: Sequence[Candidate]) -> list[Candidate]:

@@ -263,9 +263,13 @@ def test_a_gap_beside_friction_is_searched_anew(search):
         both.single(()),
         *(both.single((name,)) for name in ("coulomb", "cubic-stiffness", "freeplay")),
     ]
-    found = both.kinked(singles)
+    found = both.kinked(singles, None)
     assert [model.effects for model in found] == [("coulomb", "freeplay")]
     assert found[0].rmse < 1.2 * NOISE
+    rich = both.single(("stribeck",))
+    with patch.object(Search, "single", lambda self, effects, known: replace(known, effects=effects)):
+        assert [model.effects for model in both.kinked(singles, rich)] == [("coulomb", "freeplay")]
+        assert both.kinked(singles, singles[1]) == [], "what is at the noise is simpler"
 
 
 def later(record, begin):
