@@ -418,10 +418,10 @@ def check_releases(releases: Sequence[Release], board: Board, period: float) -> 
     """
     warnings = amplitude_warnings(releases, board)
     longest = max(float(r.time[-1] - r.time[0]) for r in releases)
-    samples = max(len(r.time) for r in releases)
+    samples = sum(len(r.time) for r in releases)
     if longest < 0.6 * period or samples < 24:
         raise SysidError(
-            f"the longest release has {samples} samples over {longest:.3g} s, and one swing takes {period:.3g} s: "
+            f"the releases have {samples} samples, the longest {longest:.3g} s of them, and one swing takes {period:.3g} s: "
             "too short for a verdict. Record until the deck rests, and three releases or more."
         )
     if len(releases) == 1:
@@ -517,7 +517,8 @@ def _searched(search: Search) -> tuple[Search, list[Model]]:
     reached = search.at_noise(singles)
     pairs = search.pairs(singles, reached)
     best = min(pairs, key=lambda m: m.cost)
-    near = [] if reached else [*search.neighbours(best, [*singles, *pairs]), *search.kinked(singles)]
+    near = [] if reached else search.neighbours(best, [*singles, *pairs])
+    near += search.kinked(singles, reached)
     models = sorted([*singles, *pairs, *near], key=lambda m: m.cost, reverse=True)
     models = list({m.effects: m for m in models}.values())
     large = sorted([*pairs, *near], key=lambda m: m.cost)[:4]

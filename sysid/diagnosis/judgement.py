@@ -300,7 +300,8 @@ class Field:
 
     def explains(self, scored: Scored) -> bool:
         """Return whether a candidate has something more than the joint as it is, which explains the log."""
-        stands_in = self.is_stood_in_for and scored.model.rmse > self.exact
+        told_apart = self.gap(self.best, scored) > TIE
+        stands_in = self.is_stood_in_for and scored.model.rmse > self.exact and told_apart
         enough = self.explained(scored) >= EXPLAINED and self.left(scored) <= CLOSE
         return scored.extra > 0 and enough and not stands_in
 

@@ -101,13 +101,18 @@ class Candidate:
     @property
     def rmse(self) -> float:
         """Root mean square residual [rad or rad/s]."""
-        squares = self.chi2 - self.problem.start_penalty(self.minimum.point)
+        squares = self.misfit + self.samples - self.problem.samples
         return float(np.sqrt(max(squares, 0.0) / self.samples)) * self.problem.records[0].std
 
     @property
     def cost(self) -> float:
         """Sum of squared residuals in units of the noise."""
         return 2.0 * self.minimum.normal.cost
+
+    @property
+    def misfit(self) -> float:
+        """The same, without what starts cost that are too fast: predictions are not charged for those."""
+        return self.cost - self.problem.start_penalty(self.minimum.point)
 
     @property
     def families(self) -> frozenset[str]:
@@ -379,16 +384,21 @@ class Search:
         }  # fmt: skip
         return self.unions(list(wanted.values()), 0.7, 0.8)
 
-    def kinked(self, singles: Sequence[Candidate]) -> list[Candidate]:
+    def kinked(self, singles: Sequence[Candidate], reached: Candidate | None) -> list[Candidate]:
         """Search the pairs of the simplest dry friction and a stop or a gap from the catalogue's starts, the first swings first.
 
-        Friction decides in which swing a stop is last met, so alone neither comes near to what it is beside the other.
+        Friction decides in which swing a stop is last met, so alone neither comes near to what it is beside the other. If one effect
+        is at the noise, only those that are no richer than it: a Stribeck friction mimics a gap beside friction.
         """
         laws = [(m, structure_of(self.added(m))) for m in singles]
         rubbed = [m for m, law in laws if law.has_dry_friction]
         kinked = [m for m, law in laws if law.nonsmooth and not law.has_dry_friction and not law.states]
         one = min(rubbed, key=lambda m: m.size, default=None)
-        jobs = [((*one.effects, *self.added(m)), one) for m in kinked if _sensible(one, m)] if one else []
+        most = _choices(reached) + _choices(singles[0]) if reached else np.inf
+        jobs = [
+            ((*one.effects, *self.added(m)), one)
+            for m in kinked if one and _sensible(one, m) and _choices(one) + _choices(m) <= most
+        ]  # fmt: skip
         return self.each("friction and", Search.single, jobs, 0.8, 0.8)
 
     def reduced(self, models: Sequence[Candidate], found: Sequence[Candidate]) -> list[Candidate]:
@@ -454,10 +464,10 @@ class Search:
         """Return models fitted on the fine grid, simple ones first, and what those in the running miss of held-out releases."""
         done: dict[tuple[str, ...], Candidate] = {}
         models = list(models)
-        lost = LOST * _hopeless(min(models, key=lambda m: m.cost))
+        lost = LOST * _hopeless(models)
         for _, group in itertools.groupby(sorted(models, key=_count), key=_count):
             jobs = [
-                (m, [known for names, known in done.items() if set(names) < set(m.effects)], m.cost < lost)
+                (m, [known for names, known in done.items() if set(names) < set(m.effects)], m.misfit < lost)
                 for m in group
             ]
             share = 0.85 + 0.05 * (len(done) > 1)
@@ -466,7 +476,7 @@ class Search:
         groups = itertools.groupby(sorted(done.values(), key=_count), key=_count)
         best = [min(group, key=lambda m: m.cost) for _, group in groups]
         simpler = self.simplified(best, list(done.values()), 0.91)
-        jobs = [(m,) for m in simpler if m.cost < lost and m is not done.get(m.effects)]
+        jobs = [(m,) for m in simpler if m.misfit < lost and m is not done.get(m.effects)]
         again = self.each("refining", Search.fine, jobs, 0.91, 0.92)
         done = {m.effects: m for m in _better(list(done.values()), again)}
         # What the best one needs not may have kept its own fit from the right valley.
@@ -479,12 +489,12 @@ class Search:
         for model in self.each("refining", Search.fine, again, 0.92, 0.93):
             done[model.effects] = min(done[model.effects], model, key=lambda m: m.cost)
         ranked = sorted(done.values(), key=lambda m: m.cost)
-        hopeless = _hopeless(ranked[0])
+        hopeless = _hopeless(ranked)
         # Of coloured noise many numbers more take much away: what the best one holds may be as likely.
         running = [
             m
             for i, m in enumerate(ranked)
-            if i < BEATEN or m.cost < hopeless or set(m.effects) < set(ranked[0].effects)
+            if i < BEATEN or m.misfit < hopeless or set(m.effects) < set(ranked[0].effects)
         ]
         for model in self.each("predicting", Search.predicted, [(m,) for m in running], 0.93, 0.98):
             done[model.effects] = model
@@ -594,9 +604,10 @@ def _better(found: Sequence[Candidate], again: Iterable[Candidate]) -> list[Cand
     return list(best.values())
 
 
-def _hopeless(best: Candidate) -> float:
-    """Return the squared error, in units of the noise, from which a model is out of the running."""
-    return best.cost + max(FAR, HOPELESS * (best.cost - best.problem.samples))
+def _hopeless(models: Sequence[Candidate]) -> float:
+    """Return the misfit, in units of the noise, from which one of some models is out of the running."""
+    least = min(m.misfit for m in models)
+    return least + max(FAR, HOPELESS * (least - models[0].problem.samples))
 
 
 def _count(model: Candidate) -> int:

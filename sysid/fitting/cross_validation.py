@@ -79,11 +79,10 @@ def _within_noise(problem: Problem, minimum: Minimum, index: int, together: Arra
     training, start = _training(problem, minimum.point, index)
     held, point = problem.with_(priors={}, smoothing=()).of([index], minimum.point)
     here, shared = held.normal(point), len(problem.names)
-    fitted = training.fitted(
-        start, 10, known=_without(minimum.normal, here, problem.places[index][0], shared)
-    )
+    there = _without(minimum.normal, here, problem.places[index][0], shared)
+    fitted = training.fitted(start, 10, known=there)
     known = np.zeros((len(point), len(point)))
-    known[:shared, :shared] = _information(fitted, shared)
+    known[:shared, :shared] = _information(fitted, start, there, shared)
     return _predicted(held, np.r_[fitted.point[:shared], point[shared:]], known, point, here, together)
 
 
@@ -110,19 +109,28 @@ def _interrupted(problem: Problem, minimum: Minimum, together: Array) -> Array:
         hidden = np.zeros(count)
         hidden[begin:end] = 1.0
         training = problem.with_(weights=[1.0 - hidden])
-        fitted = training.fitted(minimum.point, 15)
-        known = _information(fitted, len(fitted.point))
+        there = training.normal(minimum.point)
+        fitted = training.fitted(minimum.point, 15, known=there)
+        known = _information(fitted, minimum.point, there, len(fitted.point))
         held = problem.with_(weights=[hidden])
         here = held.normal(minimum.point)
         missed[begin:end] = _predicted(held, fitted.point, known, minimum.point, here, together)[begin:end]
     return missed
 
 
-def _information(fitted: Minimum, count: int) -> Array:
-    """Return the inverse covariance of the first unknowns of a fit, whatever the others are, shape (count, count)."""
+def _information(fitted: Minimum, start: Array, there: Normal, count: int) -> Array:
+    """Return the inverse covariance of the first unknowns of a fit, whatever the others are, shape (count, count).
+
+    A rough cost is steeper at its least than it is wide: towards where the fit began, at `start`, shape (p,), it rises by no more
+    than it is higher `there`. Of other directions it says what it said.
+    """
     hessian = fitted.normal.hessian
     inner, mixed, other = hessian[:count, :count], hessian[:count, count:], hessian[count:, count:]
-    return inner - mixed @ np.linalg.pinv(other) @ mixed.T
+    known = inner - mixed @ np.linalg.pinv(other) @ mixed.T
+    off = (start - fitted.point)[:count]
+    slope = known @ off
+    rise, real = 0.5 * float(off @ slope), there.cost - fitted.normal.cost
+    return known - max(1 - real / rise, 0.0) / (2 * rise) * np.outer(slope, slope) if rise > 0 else known
 
 
 def _predicted(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sysid.board import load_board
-from sysid.diagnosis.diagnose import _fast_starts, diagnose
+from sysid.diagnosis.diagnose import _fast_starts, check_releases, diagnose
 from sysid.diagnosis.search import Search
 from sysid.errors import SysidError
 from sysid.fitting.records import make_records
@@ -284,6 +284,16 @@ def test_a_search_goes_on_where_another_ended_without_looking_again(slider):
 def test_too_short_for_a_verdict_is_said(pink):
     with pytest.raises(SysidError, match="too short for a verdict"):
         diagnose([made(LAW, 0.06)], pink)
+
+
+def test_few_samples_of_several_releases_are_enough(pink):
+    """Of a slow gyro's stiff board no release alone holds as many."""
+    few = [made(LAW, 1.0, seed=seed)[::23][:22] for seed in range(3)]
+    assert all(len(r.time) < 24 for r in few)
+    period = float(np.ptp(few[0].time))
+    check_releases(few, pink, period)
+    with pytest.raises(SysidError, match="too short for a verdict"):
+        check_releases(few[:1], pink, period)
 
 
 def test_degrees_taken_for_radians_are_said(pink):

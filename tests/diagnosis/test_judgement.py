@@ -386,6 +386,17 @@ def test_a_soft_stop_that_leaves_but_noise_that_lasts_is_one(friction):
         assert not soft.edged(INEXACT * 3 * NOISE)
 
 
+@pytest.mark.parametrize(("behind", "explains"), [(TIE - 1, True), (TIE + 1, False)])
+def test_what_is_not_told_from_what_stands_in_for_it_explains_a_log(friction, monkeypatch, behind, explains):
+    """An idle effect at its edge may bring noise that lasts just under what counts as noise."""
+    _, field = friction
+    chosen = field.winner()
+    monkeypatch.setattr(Field, "is_stood_in_for", True)
+    monkeypatch.setattr(field, "exact", 0.9 * chosen.model.rmse)
+    monkeypatch.setattr(field, "gap", lambda one, other: behind)
+    assert field.explains(chosen) is explains
+
+
 @pytest.mark.parametrize("edge", [False, True])
 def test_noise_that_a_model_at_an_edge_found_is_not_believed(friction, edge):
     _, field = friction

@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 
 from sysid.board import load_board
 from sysid.diagnosis.search import (
+    Candidate,
     Search,
     _freed,
     best_families,
@@ -86,6 +87,19 @@ def test_a_stop_may_be_much_softer_than_the_spring(search):
     model = replace(search, records=records).single(("one-sided-stop",))
     assert not model.at_edge
     assert model.parameters["one-sided-stop.stiffness"] == pytest.approx(0.5, rel=0.5)
+
+
+def test_what_starts_cost_keeps_nothing_from_being_predicted(search):
+    """No prediction is charged for a start that is too fast."""
+    linear = search.single(())
+    friction, drag = (search.single((name,), linear) for name in ("coulomb", "quadratic-damping"))
+    with (
+        patch("sysid.diagnosis.search.BEATEN", 1),
+        patch.object(Search, "fine", lambda self, model, *_, **__: model),
+        patch.object(Candidate, "misfit", 0.0),
+    ):
+        found = search.finalists([linear, friction, drag])
+    assert all(model.heldout is not None for model in found)
 
 
 @pytest.mark.slow
@@ -204,7 +218,10 @@ def test_what_the_best_model_holds_is_predicted(search):
     linear = both.single(())
     friction, drag = (both.single((name,), linear) for name in ("coulomb", "quadratic-damping"))
     module = "sysid.diagnosis.search"
-    with patch(f"{module}.BEATEN", 1), patch(f"{module}._hopeless", lambda best: best.cost):
+    with (
+        patch(f"{module}.BEATEN", 1),
+        patch(f"{module}._hopeless", lambda models: min(m.misfit for m in models)),
+    ):
         found = both.finalists([linear, friction, drag, both.union(friction, drag)])
     assert all(model.heldout is not None for model in found)
 
@@ -246,9 +263,13 @@ def test_a_gap_beside_friction_is_searched_anew(search):
         both.single(()),
         *(both.single((name,)) for name in ("coulomb", "cubic-stiffness", "freeplay")),
     ]
-    found = both.kinked(singles)
+    found = both.kinked(singles, None)
     assert [model.effects for model in found] == [("coulomb", "freeplay")]
     assert found[0].rmse < 1.2 * NOISE
+    rich = both.single(("stribeck",))
+    with patch.object(Search, "single", lambda self, effects, known: replace(known, effects=effects)):
+        assert [model.effects for model in both.kinked(singles, rich)] == [("coulomb", "freeplay")]
+        assert both.kinked(singles, singles[1]) == [], "what is at the noise is simpler"
 
 
 def later(record, begin):

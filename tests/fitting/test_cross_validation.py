@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from sysid.fitting.cross_validation import _predicted
-from sysid.least_squares import Normal
+from sysid.fitting.cross_validation import _information, _predicted
+from sysid.least_squares import Minimum, Normal
 
 
 class Folded:
@@ -40,3 +40,12 @@ def test_what_the_others_know_stays():
     known = np.array([[1e6]])
     missed = predicted(np.array([0.5]), known, np.array([1.0]))
     assert abs(missed[0] + 0.75) < 1e-3
+
+
+def test_a_rough_cost_says_no_more_than_it_rises():
+    """Steep at its least, it is but 2 higher a unit beside it, where a bowl as steep would be 50; in other directions it counts as it is."""
+    curvature = np.diag([100.0, 1.0])
+    least = Minimum(np.zeros(2), Normal(1.0, np.zeros(2), curvature), "converged", 1, np.zeros(2, dtype=bool))
+    for cost, share in ((3.0, 0.04), (51.0, 1.0), (80.0, 1.0)):
+        known = _information(least, np.array([1.0, 0.0]), Normal(cost, np.zeros(2), curvature), 2)
+        np.testing.assert_allclose(known, np.diag([share * 100.0, 1.0]))
