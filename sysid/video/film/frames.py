@@ -31,6 +31,8 @@ SLOW_MOTION = 1.5
 """A film plays slowly if it was filmed at so many times the rate at which it plays."""
 MAX_MISSING_SHARE = 0.05
 """Share of the announced frames that may be missing before a file counts as cut off."""
+NO_RATE_GUESS = {"fpsprobesize": "0"}
+"""FFmpeg decodes up to 20 frames of a film as it opens it, to guess its rate: frames bring their own times."""
 CAPTURE_RATE = "com.android.capture.fps"
 READOUT = "com.apple.quicktime.camera.framereadouttimeinmicroseconds"
 """What phones note: the rate at which a film was taken [Hz], and the time for reading a frame [µs]."""
@@ -232,7 +234,7 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
 def _decoded(path: Path) -> Generator[av.VideoFrame]:
     """Yield the frames of a film as far as they can be decoded."""
     try:
-        with av.open(str(path)) as film:
+        with av.open(str(path), options=NO_RATE_GUESS) as film:
             stream = film.streams.video[0]
             stream.thread_type = "AUTO"
             for packet in film.demux(stream):
