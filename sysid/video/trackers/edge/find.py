@@ -199,7 +199,9 @@ def _rough_slopes(every: list[Steps], box: Box) -> Array:
         amount = one.amount[part]
         across, down = one.slopes[part][amount > 0].T
         slope = np.arctan2(-across * np.sign(down), np.abs(down))
-        count, _ = np.histogram(slope, edges, weights=np.minimum(amount[amount > 0], MAX_SLOPE))
+        count, _ = np.histogram(
+            slope, len(edges) - 1, (edges[0], edges[-1]), weights=np.minimum(amount[amount > 0], MAX_SLOPE)
+        )
         counts.append(np.convolve(count, np.hanning(9), mode="same"))
     always = np.quantile(counts, ALWAYS_THERE, axis=0)  # the horizon, in a camera that shakes
     return edges[np.argmax(counts - always, axis=1)] + np.radians(0.25)
