@@ -121,6 +121,8 @@ class Parameter:
     """Value in units of `size` up to which the effect stands in for another, unless nothing but noise is left."""
     rough: bool = False
     """Whether the cost is rough along it, because it decides in which half swing the deck stops."""
+    open_above: bool = False
+    """Whether its upper bound is only how far it is looked for: there the effect is itself, too."""
     held: bool = False
     """Whether it is known from elsewhere: a fit holds it at the record's value, unless the user bounds it."""
 
@@ -133,7 +135,8 @@ class Parameter:
         if (share and self.low == 0.0) or (self.neutral is not None and self.low <= self.neutral):
             return False
         low = self.low if exact else max(self.low, self.doubted)
-        return value <= 1.001 * low or (self.neutral is None and not share and value >= 0.999 * self.high)
+        closed = self.neutral is None and not share and not self.open_above
+        return value <= 1.001 * low or (closed and value >= 0.999 * self.high)
 
     def bounds(self, scales: Scales) -> tuple[float, float]:
         """Return the bounds in `unit`."""

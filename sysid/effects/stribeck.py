@@ -96,7 +96,14 @@ EFFECT = TorqueEffect(
             "torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.02,), rough=True, default=0.0
         ),
         Parameter(
-            "static_torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.06,), neutral=None
+            "static_torque",
+            "N*m",
+            lambda s: s.torque,
+            low=0.0,
+            high=1.0,
+            starts=(0.06,),
+            neutral=None,
+            open_above=True,
         ),
         Parameter(
             "velocity", "rad/s", lambda s: s.rate, low=0.003, high=2.0, starts=(0.1, 0.4), neutral=None

@@ -364,3 +364,5 @@ def test_what_unloads_by_the_line_that_it_was_loaded_by_is_no_hysteresis():
     ratio = next(p for p in catalogue()["hanging-body"].parameters if p.name == "damping_ratio")
     assert [unloading.edged(value, exact=True) for value in (unloading.low, 0.3, 1.0)] == [True, False, False]
     assert not any(ratio.edged(value, exact=True) for value in (0.0, 1.0))
+    static, velocity = catalogue()["stribeck"].parameters[1:]
+    assert [one.edged(one.high, exact=False) for one in (static, velocity)] == [False, True]
