@@ -86,7 +86,8 @@ class Release(Signal):
     end: Literal["rest", "caught", "log"]
     """Why it ends: the deck came to rest, somebody caught it, or the log stops."""
     held: Signal | None = None
-    """What was read while it was held still before, without the moment of the release; None where it was not, or that is not known."""
+    """What was read while it was held still before, for no longer than it then swung and without the moment of the release; None where it
+    was not, or that is not known."""
     known: Mapping[str, float] = field(default_factory=dict[str, float])
     """Parameters that differ from the record in this release, by the names of the joint's parameters: the inertia [kg*m^2] and the weight of a
     robot's joint in the pose, and with the load, of this release."""

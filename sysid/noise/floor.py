@@ -153,7 +153,7 @@ def held_noise(releases: Sequence[Release], *, rate: bool = False) -> float:
     """Return how far readings stray while the deck is held still, without the hand's drift [rad or rad/s]; 0 where that is too short.
 
     Noise that lasts from sample to sample shows there in full, beside what is left of the hand: so it is what the noise has at most.
-    The median of the quarters of each hold: in one a hand may still move.
+    The median of up to four parts of each hold: in one a hand may still move.
     """
     squares: list[float] = []
     for release in releases:

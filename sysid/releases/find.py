@@ -132,7 +132,9 @@ def _release(
 ) -> Release:
     """Cut one free decay out of the log."""
     begin, hold, finish, end = seen
-    before = (roll.time >= begin - hold) & (roll.time <= begin - SETS_OFF * hold)
+    still = min(hold, finish - begin)  # as much as there is of the decay is enough
+    before = (roll.time >= begin - still) & (roll.time <= begin - SETS_OFF * still)
+    held = roll[before] if still > 0 else None
     if segment.start is None and free.begin > begin:
         begin, hold = free.begin, 0.0  # a hand pushed it on its way: it starts from no hold
     if free.end < finish:
@@ -144,7 +146,6 @@ def _release(
     rest = segment.rest
     if end == "rest":
         rest = float(np.median(signal.roll[(signal.time >= finish - segment.pace) & (signal.time <= finish)]))
-    held = roll[before] if before.any() else None
     return Release.of(roll[inside], number=number, rest=rest, hold=hold, end=end, held=held)
 
 

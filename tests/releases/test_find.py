@@ -88,7 +88,19 @@ def test_the_first_sample_may_be_in_the_decay():
         (release,) = find_releases(made)
         assert release.start < 0.5 * 2 * np.pi / 41
         assert release.hold == 0
+        assert release.held is None
         assert release.rest == pytest.approx(0.3, abs=2e-3)
+
+
+def test_what_was_read_while_the_deck_was_held_goes_with_its_release():
+    found = find_releases(make_roll(Recipe(sampling=1000, noise=0.02 * DEGREE)))
+    for release in found:
+        assert release.held is not None
+        begin, end = release.held.time[[0, -1]]
+        still = min(release.hold, release.time[-1] - release.start)
+        assert begin == pytest.approx(release.start - still, abs=2e-3)
+        assert end == pytest.approx(release.start - 0.25 * still, abs=2e-3)
+        assert np.abs(release.held.roll - release.roll[0]).max() < 0.05 * release.amplitude
 
 
 def test_a_decay_cut_off_by_the_end_of_the_log():
