@@ -22,6 +22,8 @@ from sysid.roll import Array
 
 PIECES = 3
 """Stretches of one release alone, each of which is predicted from the others."""
+_LEAST_SHARE = 1e-9
+"""Of what a fit says of a direction, that is left of it in any case: an information stays positive."""
 
 
 def heldout_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
@@ -130,7 +132,10 @@ def _information(fitted: Minimum, start: Array, there: Normal, count: int) -> Ar
     off = (start - fitted.point)[:count]
     slope = known @ off
     rise, real = 0.5 * float(off @ slope), there.cost - fitted.normal.cost
-    return known - max(1 - real / rise, 0.0) / (2 * rise) * np.outer(slope, slope) if rise > 0 else known
+    if not rise > 0:
+        return known
+    share = np.clip(real / rise, _LEAST_SHARE, 1.0)  # a search may end where it is no lower
+    return known - (1 - share) / (2 * rise) * np.outer(slope, slope)
 
 
 def _predicted(
