@@ -103,7 +103,7 @@ EFFECT = TorqueEffect(
             high=1.0,
             starts=(0.06,),
             neutral=None,
-            open_above=True,
+            open_above=True,  # more would hold the deck where it is let go
         ),
         Parameter(
             "velocity", "rad/s", lambda s: s.rate, low=0.003, high=2.0, starts=(0.1, 0.4), neutral=None

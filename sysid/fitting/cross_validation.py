@@ -23,7 +23,7 @@ from sysid.roll import Array
 PIECES = 3
 """Stretches of one release alone, each of which is predicted from the others."""
 _LEAST_SHARE = 1e-9
-"""Of what a fit says of a direction, that is left of it in any case: an information stays positive."""
+"""Share of what a fit says of a direction that is left of it in any case [1]: an information stays positive."""
 
 
 def heldout_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:

@@ -449,7 +449,7 @@ class Problem:
         """Return how much faster than from rest a record starts, in deviations, and its slope with the rate.
 
         A deck that was held still starts at rate zero. A hand may drag and make it late, so only a start
-        towards the rest angle that is too fast counts, beyond what `UNSURE_START` of its acceleration makes.
+        towards the rest angle that is too fast counts, beyond what its acceleration makes while its instant is not known.
         Without this a stop that acts in the first milliseconds only would be taken for a push.
         """
         at = len(self.names) + index * self.n_local + 1

@@ -73,7 +73,7 @@ def make_records(releases: Sequence[Release], std: float, *, rate: bool) -> tupl
 LETTING_GO = 0.004
 """For how long a hand still drags while it lets go [s]."""
 UNSURE_START = 0.002
-"""How well the instant of a release from a hold is known [s]."""
+"""How well the instant of a release from a hold is known at best [s]: samples and noise may hide more."""
 
 
 def _onset(release: Release) -> int:
