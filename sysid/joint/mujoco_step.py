@@ -254,14 +254,17 @@ def _discrete(
     def row(solref: Pair, solimp: Impedance, distance: Expression, side: float, *, spring: bool) -> _Row:
         impedance = _impedance(solimp, distance)
         end = min(max(solimp[1], _MIN_IMPEDANCE), _MAX_IMPEDANCE)
-        shortest = timestep / (solref[1] * end**0.5) if spring and solref[0] > 0 else 0.0
+        most = _MAX_IMPEDANCE / (1 - _MAX_IMPEDANCE) * (1 - impedance) / impedance
+        shortest = timestep * ca.sqrt(impedance) / (solref[1] * end) if spring and solref[0] > 0 else 0.0
         pull, damper = _reference(solref, solimp, shortest)
-        if spring and solref[0] > 0 and end == _MAX_IMPEDANCE:
-            # As hard as it gets: such a limit is undone in one step and has nothing left to damp.
-            damper = ca.if_else(solref[0] < shortest, 0.0, damper)
+        if spring and solref[0] > 0:
+            # A limit that is undone in one step damps no more than the largest weight leaves room for.
+            damper = ca.if_else(
+                solref[0] < shortest, ca.fmin(damper, ca.fmax(most - 2, 0.0) / timestep), damper
+            )
         pull = pull * impedance if spring else 0.0
         ahead = 1 + timestep * damper + timestep**2 * pull
-        weight = ca.fmin(impedance / (1 - impedance) * ahead, _MAX_IMPEDANCE / (1 - _MAX_IMPEDANCE))
+        weight = impedance / (1 - impedance) * ca.fmin(ahead, most)
         reference = (-damper * side * v - pull * (distance + timestep * side * v)) / ahead
         return _Row(metric * weight, reference, side, distance)
 
