@@ -272,13 +272,16 @@ class Field:
     def winner(self, moved: Callable[[Candidate], int] = lambda _: 0) -> Scored:
         """Return the simplest of the candidates that may be true and that none beats: by effects and parameters, then by score.
 
-        What is less likely than the joint as it is cannot win against it.
+        What is less likely than the joint as it is cannot win against it. Where that one is beaten, something is missing, and what
+        does not explain it is no answer, if anything does.
 
         Args:
             moved: How many effects more a model asks for because the board's record is another: they count with its own.
         """
         likely = [s for s in self.possible if odds(s) >= odds(self.base)] or self.possible
         near = [s for s in likely if self.behind(s) <= TIE] or likely
+        if self.base not in near:
+            near = [s for s in near if self.explained(s) >= EXPLAINED] or near
         found: list[tuple[tuple[float, ...], Scored]] = []
         for s in sorted(near, key=lambda s: s.choices):
             if not found or s.choices <= min(rank for rank, _ in found)[0]:

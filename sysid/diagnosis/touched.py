@@ -13,7 +13,7 @@ from math import ceil
 
 import numpy as np
 
-from sysid.diagnosis.judgement import TIE, Field, rest_of
+from sysid.diagnosis.judgement import TIE, Field, odds, rest_of
 from sysid.diagnosis.search import Candidate, Search, promise
 from sysid.diagnosis.workers import WorkerPool
 from sysid.fitting.records import Record, make_records
@@ -181,6 +181,8 @@ def _explained_by_less(
     )
     winner = after.winner()
     if _laws(winner.model) >= _laws(asked[0]) or (after.surely_missing and not after.explains(winner)):
+        return None
+    if odds(after.scored[0]) > odds(winner):  # what is missing is likelier by what is left, too
         return None
     said, less = (
         next(s for s in tried.scored if s.model.effects == m.effects and s.model.shape == m.shape)
