@@ -186,6 +186,24 @@ def test_what_the_record_must_be_wrong_for_is_one_effect_more(friction, monkeypa
     assert field.winner(lambda model: moved * (model is one.model)) is (one, other)[winner]
 
 
+@pytest.mark.parametrize(
+    ("beaten", "shares", "winner"), [(True, (0.5, 0.9), 2), (True, (0.5, 0.7), 1), (False, (0.5, 0.9), 0)]
+)
+def test_where_something_is_missing_what_does_not_explain_it_is_no_answer(
+    friction, monkeypatch, beaten, shares, winner
+):
+    """If anything does: a bent spring is simpler than a stop, and takes half of the error away."""
+    _, field = friction
+    models = [field.base, *(replace(field.best, extra=1, choices=choices) for choices in (2, 4))]
+    explained = {id(model): share for model, share in zip(models, (0.0, *shares), strict=True)}
+    monkeypatch.setattr(field, "possible", models)
+    monkeypatch.setattr(Field, "explained", lambda self, scored: explained[id(scored)])
+    monkeypatch.setattr(
+        Field, "behind", lambda self, scored: TIE + 1 if beaten and scored is self.base else 0.0
+    )
+    assert field.winner() is models[winner]
+
+
 def test_what_looks_the_same_is_held_against_the_record_itself(friction, monkeypatch):
     """A rest angle that moved is named beside the effects that ask for it, and beside no others."""
     search, field = friction

@@ -215,6 +215,11 @@ def test_what_shows_in_the_beginnings_only_is_a_hands(rolls):
     assert all(0 <= time - one.start <= 1e-3 for time, one in zip(given, kept, strict=True))
 
 
+def test_what_is_likelier_by_the_rest_of_the_motion_too_is_no_hands(monkeypatch):
+    monkeypatch.setattr("sysid.diagnosis.touched.odds", lambda scored: len(scored.model.effects))
+    assert named(WIDE, FREE, carried(0.12), effect="hanging-body") is None
+
+
 @pytest.mark.parametrize(
     ("effect", "size"),
     [("coulomb", (0.02,)), ("one-sided-stop", (0.12, 60.0, 0.0)), ("hanging-body", (5e-4, 36.0, 0.05))],
