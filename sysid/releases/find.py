@@ -96,9 +96,12 @@ def _spans(signal: SmoothedSignal, segments: Sequence[Segment]) -> tuple[list[_S
     limits = [signal.time[one.swings[0].left] if one.start is None else one.start for one in segments[1:]]
     seen = [_seen(signal, segment, limit) for segment, limit in zip(segments, [*limits, None], strict=True)]
     spans = [
-        Span(begin, finish, segment.rest, segment.swings[0].origin)
+        Span(
+            begin, finish, segment.rest, segment.swings[0].origin,
+            tuple((float(signal.time[swing.finish]), swing.size) for swing in segment.swings),
+        )
         for (begin, _, finish, _), segment in zip(seen, segments, strict=True)
-    ]
+    ]  # fmt: skip
     # A hand that pushes makes the first swing last.
     later = [swing.duration for segment in segments for swing in segment.wide[1:4] or segment.wide]
     period = 2 * float(np.median(later)) / SHARE_OF_HALF

@@ -344,21 +344,25 @@ def test_what_a_hand_takes_home_from_where_friction_held_the_deck_is_no_release(
 
 
 @pytest.mark.parametrize("off", [0.0, 0.01])
-@pytest.mark.parametrize("moved", [0.1, 0.8, 3.0])
+@pytest.mark.parametrize(
+    ("swings", "grows", "on"), [(0, 1, False), (3, 1, False), (4, 0.8, True), (4, 0.3, False), (4, 2, False)]
+)
 @pytest.mark.parametrize(("periods", "seen"), [(3, True), (8, False)])
-def test_a_law_that_is_a_little_off_everywhere_hides_no_hand(off, moved, periods, seen):
+def test_a_law_that_is_a_little_off_everywhere_hides_no_hand(off, swings, grows, on, periods, seen):
     """Time runs backward: first a third of the swing's torque, then a law that is surer of itself than right.
 
     What lasts for many periods is no hand but a joint that is loose near its rest, unless the law holds everywhere else and the deck
-    stands from there on, or swings wider than before.
+    does not swing on,
+    or a hand stops it, or drives it.
     """
     time = np.arange(0.0, 4.0, 0.01)
     swing = np.full(len(time), 0.1)
     torque = np.where(time < periods * 0.2, 0.03, off * swing)
     law = SimpleNamespace(beyond=lambda w, n: (torque, np.full(len(time), 1e-4)), about=lambda w, n: swing)
     windows = SimpleNamespace(time=time, width=0.1, period=20)
-    found = _hand(windows, law, 0, 3.8, lambda end: moved)
-    if seen or not (off or moved == 0.8):
+    after = [(end, 0.1 * grows) for end in np.linspace(-1.5, -1.0, swings)]
+    found = _hand(windows, law, 0, 3.8, [(-3.0, 0.1), *after])
+    if seen or not (off or on):
         assert found == pytest.approx(periods * 0.2, abs=0.02)
     else:
         assert found is None
