@@ -166,6 +166,7 @@ def test_of_those_not_told_apart_a_law_of_three_parameters_is_no_simpler_than_tw
     rich = by_name["stribeck",]
     pair = replace(by_name["quadratic-damping",], extra=2, choices=4, score=rich.score + 1.0)
     monkeypatch.setattr(Field, "behind", lambda self, scored: 0.0)
+    monkeypatch.setattr(Field, "explained", lambda self, scored: 1.0)
     for changes, winner in (({}, 1), ({"score": rich.score - 1.0}, 0), ({"choices": 3}, 1)):
         pair = replace(pair, **changes)
         monkeypatch.setattr(field, "possible", [rich, pair])
@@ -181,6 +182,7 @@ def test_what_the_record_must_be_wrong_for_is_one_effect_more(friction, monkeypa
     one = replace(field.best, extra=2, choices=4)
     other = replace(field.base, extra=2, choices=choices, score=one.score + 1.0)
     monkeypatch.setattr(Field, "behind", lambda self, scored: 0.0)
+    monkeypatch.setattr(Field, "explained", lambda self, scored: 1.0)
     monkeypatch.setattr("sysid.diagnosis.judgement.odds", lambda scored: 0.0)
     monkeypatch.setattr(field, "possible", [one, other])
     assert field.winner(lambda model: moved * (model is one.model)) is (one, other)[winner]
