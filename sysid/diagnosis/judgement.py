@@ -215,7 +215,11 @@ class Field:
         ] or self.scored  # fmt: skip
         if not self.surely_missing:
             return known
-        return [s for s in known if self.explained(s) >= EXPLAINED] or known
+        return self._explaining(known)
+
+    def _explaining(self, models: list[Scored]) -> list[Scored]:
+        """Return those that explain what is missing; all, if none does."""
+        return [s for s in models if self.explained(s) >= EXPLAINED] or models
 
     def behind(self, scored: Scored) -> float:
         """Return by how much the candidate that beats one most does so, in nats."""
@@ -281,7 +285,7 @@ class Field:
         likely = [s for s in self.possible if odds(s) >= odds(self.base)] or self.possible
         near = [s for s in likely if self.behind(s) <= TIE] or likely
         if self.base not in near:
-            near = [s for s in near if self.explained(s) >= EXPLAINED] or near
+            near = self._explaining(near)
         found: list[tuple[tuple[float, ...], Scored]] = []
         for s in sorted(near, key=lambda s: s.choices):
             if not found or s.choices <= min(rank for rank, _ in found)[0]:

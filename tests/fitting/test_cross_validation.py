@@ -49,10 +49,8 @@ def test_a_rough_cost_says_no_more_than_it_rises():
     for cost, share in ((3.0, 0.04), (51.0, 1.0), (80.0, 1.0)):
         known = _information(least, np.array([1.0, 0.0]), Normal(cost, np.zeros(2), curvature), 2)
         np.testing.assert_allclose(known, np.diag([share * 100.0, 1.0]))
-    for cost in (
-        1.0,
-        0.5,
-    ):  # no higher where the fit began: of that direction next to nothing is known, and not less
+    # No higher where the fit began: of that direction next to nothing is known, and not less.
+    for cost in (1.0, 0.5):
         known = _information(least, np.array([1.0, 0.0]), Normal(cost, np.zeros(2), curvature), 2)
         assert 0 < known[0, 0] < 1e-6
         assert known[1, 1] == 1.0

@@ -352,8 +352,7 @@ def test_a_law_that_is_a_little_off_everywhere_hides_no_hand(off, swings, grows,
     """Time runs backward: first a third of the swing's torque, then a law that is surer of itself than right.
 
     What lasts for many periods is no hand but a joint that is loose near its rest, unless the law holds everywhere else and the deck
-    does not swing on,
-    or a hand stops it, or drives it.
+    does not swing on, for a hand stops it, or drives it.
     """
     time = np.arange(0.0, 4.0, 0.01)
     swing = np.full(len(time), 0.1)
