@@ -153,39 +153,43 @@ def _linear(model: Candidate, board: Board, covariance: np.ndarray, names: list[
         f"Against the record, k/I is {100 * np.expm1(logs[0]):+.1f} % and d/I is {100 * np.expm1(logs[1]):+.1f} %; a free decay "
         "cannot tell whether stiffness and damping changed or "
     )
-    if not matches:
-        return Deviation(text=change + "the inertia did. A fit to these logs brings the record up to date.")
-    *others, last = (f"'{name}' ({effect(name).title})" for name in matches)
-    titles = " or ".join(filter(None, (", ".join(others), last)))
+    titles = [f"'{name}' ({effect(name).title})" for name in matches]
+    cause = "the inertia did"
+    if titles:
+        cause = "one cause makes both, " + " or ".join(filter(None, (", ".join(titles[:-1]), titles[-1])))
+    text = f"{change}{cause}."
+    # With more numbers than the two that changed, an effect says no more than that they did.
+    if not matches or len(effect(matches[0]).parameters) > len(record):
+        return Deviation(text=f"{text} A fit to these logs brings the record up to date.")
     return Deviation(
         (matches[0],),
         tuple((name,) for name in matches[1:]),
-        change + f"one cause makes both, {titles}.",
+        text,
         board.experiment(matches[0]),
     )
 
 
 def _faithful(model: Candidate, board: Board) -> list[tuple[str, float]]:
-    """Return effects of one or two parameters that fit with the record's own stiffness and damping, and how badly.
+    """Return effects that fit with the record's own stiffness and damping, and how badly.
 
     An effect that is too weak to show in the shape of the decay may still have moved the k and d that a fit
     without it finds. The distance is that of inertia or clock: how much worse the fit with the effect is,
-    and how far it is from the record, in standard deviations.
+    and how far it is from the record, in standard deviations. A support that takes from the stiffness starts as what was taken.
     """
     problem, found = model.problem, list[tuple[str, float]]()
-    record = {key: (board.tilt[key].value, board.tilt[key].std) for key in ("stiffness", "damping")}
+    priors = {key: (board.tilt[key].value, board.tilt[key].std) for key in ("stiffness", "damping")}
+    record = {key: value for key, (value, _) in priors.items()}
     for name, part in catalogue().items():
-        tried = (
-            part.role in ("torque", "measurement")
-            and len(part.parameters) <= len(record)
-            and name not in model.effects
-        )
-        if not tried or part.record_direction is not None or _shifts(name):
+        acts = part.role in ("torque", "measurement", "support") and name not in model.effects
+        if not acts or part.record_direction is not None or _shifts(name):
             continue
-        richer = problem.with_(structure=structure_of((*model.effects, name)), priors=record)
-        own = catalogue_starts(structure_of((name,)), problem.scales)
-        starts = [richer.start({**model.parameters, **start}) for start in own]
-        costs = [richer.fitted(start, 25, 1e-6).normal.cost for start in starts]
+        richer = problem.with_(structure=structure_of((*model.effects, name)), priors=priors)
+        alone = structure_of((name,))
+        softer = max(1 / model.parameters["stiffness"] - 1 / record["stiffness"], 1e-300)
+        given = {f"{name}.{support.series_stiffness}": 1 / softer for support in alone.supports}
+        own = catalogue_starts(alone, problem.scales)
+        starts = [richer.start({**model.parameters, **record, **start, **given}) for start in own]
+        costs = [richer.fitted(start, 60, 1e-6).normal.cost for start in starts]
         found.append((name, float(np.sqrt(max(2 * (min(costs) - model.minimum.normal.cost), 0.0)))))
     return found
 

@@ -91,20 +91,37 @@ def test_where_a_deck_sticks_is_no_shift_of_its_rest_angle(tmp_path):
     assert "no rest angle yet" in fresh.text
 
 
-def test_an_arm_too_weak_to_bend_a_decay_is_among_what_may_have_moved_k_and_d(tmp_path):
-    """Rubber adds stiffness and damping at the one frequency of a decay; what else adds them comes first if it is simpler."""
+@pytest.mark.parametrize(
+    ("effect_name", "values"), [("viscoelastic", (0.15, 0.02)), ("second-mode", (0.002, 1200.0, 1.0))]
+)
+def test_what_is_too_weak_to_bend_a_decay_is_among_what_may_have_moved_k_and_d(tmp_path, effect_name, values):
+    """Rubber adds stiffness and damping at the one frequency of a decay, a support takes from them; what is simpler comes first."""
     from sysid.diagnosis.against_record import record_deviation
 
-    truth = truths.Truth("arm", {"viscoelastic": (0.15, 0.02)}, rates=(500.0,), noises=(0.04,))
+    truth = truths.Truth("weak", {effect_name: values}, rates=(500.0,), noises=(0.04,))
     releases, board = truths.make(truth, SEED, tmp_path), truths.board_of(truth)
     records = make_records(releases, noise_floor(releases).std, rate=False)
     searcher = Search(records=records, scales=scales_of(records, board), bias="shared")
     model = searcher.fine(searcher.single(()), average=1)
     deviation = record_deviation(model, board, look_at_linear=True)
     named = [deviation.effects, *deviation.alike]
-    assert ("viscoelastic",) in named
+    assert (effect_name,) in named
     sizes = [len(effect(name).parameters) for (name,) in named]
     assert sizes == sorted(sizes)
+
+
+def test_a_support_that_moves_k_and_d_as_nothing_simpler_does_is_told_and_not_named(tmp_path):
+    """It has three numbers, and two changed: that they did says as much."""
+    from sysid.diagnosis.against_record import record_deviation
+
+    truth = truths.Truth("soft", {"second-mode": (0.01, 500.0, 0.3)}, rates=(500.0,), noises=(0.04,))
+    releases, board = truths.make(truth, SEED, tmp_path), truths.board_of(truth)
+    records = make_records(releases, noise_floor(releases).std, rate=False)
+    searcher = Search(records=records, scales=scales_of(records, board), bias="shared")
+    deviation = record_deviation(searcher.fine(searcher.single(()), average=1), board, look_at_linear=True)
+    assert (deviation.effects, deviation.alike) == ((), ())
+    assert "'second-mode' (compliant support)" in deviation.text
+    assert "brings the record up to date" in deviation.text
 
 
 @pytest.mark.parametrize(
