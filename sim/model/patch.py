@@ -112,7 +112,7 @@ def patch(setup: Setup, board: Board) -> Patch:
     }
     known = {kind: {one.name for one in getattr(spec, f"{kind}s")} for kind in ADDED}
     bodies = len(spec.bodies)
-    remarks = _write(setup, spec, joint, board)
+    remarks = [*_write(setup, spec, joint, board), *_leaning(spec, setup.joint)]
     if len(spec.bodies) > bodies:
         raise SysidError(
             f"an effect of {board.name} needs a body of its own in the model, which a patch of the joint is not. Build it in "
@@ -179,6 +179,19 @@ def _write(setup: Setup, spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Boa
     if not np.any(joint.stiffness) and len(spec.tendons) == tendons:
         joint.springref = springref  # nothing refers to it
     return remarks
+
+
+def _leaning(spec: mujoco.MjSpec, name: str) -> list[str]:
+    """Return a word of a joint whose spring rests beyond its range."""
+    model = spec.copy().compile()
+    joint = model.joint(name)
+    rest, (low, high) = float(model.qpos_spring[joint.qposadr[0]]), map(float, joint.range)
+    if not joint.limited[0] or low <= rest <= high:
+        return []
+    return [
+        f"the spring of '{name}' rests at {rest:.4g}, beyond the joint's range of {low:.4g} to {high:.4g}: the model will lean on "
+        "its limit. Correct the range, or fit a log whose zero is the model's"
+    ]
 
 
 def _text(name: str, values: np.ndarray) -> str:

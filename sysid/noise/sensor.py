@@ -111,7 +111,7 @@ def clipped_rows(rate: Array, noise: Noise) -> npt.NDArray[np.bool_]:
     """
     size = np.abs(rate)
     band, top = BAND * max(noise.std, noise.step), float(np.partition(size, -4)[-4])
-    flat = 0
+    flat = list[float]()
     for level in (rate, -rate):
         inside = np.concatenate(([False], level > top - band, [False]))
         starts, stops = np.flatnonzero(np.diff(inside.astype(np.int8))).reshape(-1, 2).T
@@ -119,10 +119,14 @@ def clipped_rows(rate: Array, noise: Noise) -> npt.NDArray[np.bool_]:
         for start, stop in zip(starts[enough], stops[enough], strict=True):
             beside = np.concatenate((np.arange(start - SIDE, start), np.arange(stop, stop + SIDE)))
             middle = 0.5 * (start + stop - 1)
-            round_top = float(np.polyfit(beside - middle, level[beside], 2)[-1])
-            flat += round_top > level[start:stop].max() + band
-    at_limit = np.abs(top / FULL_SCALES - 1).min() < FULL_SCALE_ERROR
-    found = flat > 1 or (flat and at_limit) or saturated(rate, noise) is not None
+            parabola = np.polyfit(beside - middle, level[beside], 2)
+            height, round_top = float(level[start:stop].max()), float(parabola[-1])
+            bend = round_top - float(np.polyval(parabola, 0.5 * (stop - start - 1)))
+            # A top of few rows, or of a spring that hardens, is no parabola either; but it bends, and a flat one does not.
+            if round_top > height + band and height - level[start:stop].min() - band < 0.5 * bend:
+                flat.append(height)
+    at_limit = any(np.abs(height / FULL_SCALES - 1).min() < FULL_SCALE_ERROR for height in flat)
+    found = len(flat) > 1 or at_limit or saturated(rate, noise) is not None
     return size > SOFT * top if found else np.zeros(rate.size, dtype=np.bool_)
 
 

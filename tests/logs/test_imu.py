@@ -10,6 +10,7 @@ from sysid.logs import LogOptions, read_roll
 from sysid.logs.sources.gravity_smoother import smooth_gravity
 from sysid.logs.sources.rotations import integrate_rate
 from sysid.logs.table.names import RATE_UNITS
+from sysid.noise.sensor import clipped_rows, estimate_noise
 
 TIME = np.arange(0, 8, 1 / 200)
 OFFSET = np.array([0.012, -0.02, 0.005])
@@ -264,6 +265,20 @@ def test_a_deck_with_play_coasts_without_a_limit(tmp_path):
     coasting = np.clip(rate, -tops, tops) + np.random.default_rng(9).normal(0, 0.3, len(time))
     roll = read_roll(write_csv(tmp_path / "log.csv", ("t_s", "gyro_dps"), time, coasting))
     assert not any("saturated" in warning for warning in roll.warnings)
+
+
+@pytest.mark.parametrize("hardening", [1e4, 2e4, 4e4])
+def test_the_top_of_a_hard_spring_bends_and_is_no_limit(hardening):
+    """It is flatter than a parabola, and may be near a limit that gyros have, of any height."""
+    from scipy.integrate import solve_ivp
+
+    for amplitude in np.arange(0.3, 0.4, 0.005):
+        swing = solve_ivp(
+            lambda _, y: (y[1], -7 * y[1] - 900 * y[0] - hardening * y[0] ** 3), (0, 2), (-amplitude, 0.0),
+            t_eval=np.arange(0, 2, 0.004), max_step=1e-3,
+        ).y[1]  # fmt: skip
+        rate = np.concatenate((np.zeros(250), swing)) + np.random.default_rng(9).normal(0, 0.0035, 750)
+        assert not clipped_rows(rate, estimate_noise(rate)).any()
 
 
 # Orientation

@@ -66,6 +66,15 @@ def test_the_copy_compiles_to_what_was_fitted(tmp_path):
     assert again.damping == pytest.approx(board.damping)
 
 
+def test_a_spring_that_rests_beyond_the_range_is_told(tmp_path):
+    """A log whose zero is not the model's: MuJoCo would hold the joint at its limit."""
+    setup, board = knee(tmp_path)  # which ends at 150 degrees
+    for rest, leans in ((0.1, False), (3.0, True)):
+        tilt = {"stiffness": Quantity(2.0, 0.01, "N*m/rad"), "rest_angle": Quantity(rest, 0.001, "rad")}
+        said = " ".join(patch(setup, board.with_tilt(**tilt)).remarks)
+        assert ("beyond the joint's range of -2.618 to 2.618" in said) is leans
+
+
 def test_an_attribute_is_replaced_where_it_stands_and_polynomials_are_written(tmp_path):
     setup = Setup(file=robots.write(tmp_path)["slider"], joint="lift")
     board = board_of(setup)[0].with_tilt(
