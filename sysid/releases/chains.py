@@ -86,7 +86,8 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
         return []
     segments = [segment for segment in segments if segment.swings[0].size > SMALLEST_RELEASE * largest]
     groups = [[other for other in segments if _same_board(segment, other, signal)] for segment in segments]
-    group = max(groups, key=lambda group: _segment_score(group, signal))
+    swing = any(len(segment.wide) > 1 for segment in segments)
+    group = max(groups, key=lambda group: _segment_score(group, signal, swing=swing))
     led = [_led_home(signal, one, other) for one, other in pairwise(group)]
     return _swelling(
         signal, swings, [one for one, home in zip(group, [False, *led], strict=True) if not home]
@@ -161,15 +162,22 @@ def segments_after_hands(
     return segments
 
 
-def _segment_score(group: list[Segment], signal: SmoothedSignal) -> float:
-    """How much segments look like free decays: quick swings, many that are not small, an angle often come to."""
+def _segment_score(group: list[Segment], signal: SmoothedSignal, *, swing: bool) -> tuple[float, float]:
+    """How much segments look like free decays: quick swings, many that are not small, an angle often come to.
+
+    Where nothing swings, a hand may be quicker than the joint: the angle that it comes to most often counts first, for a hand may hold it anywhere.
+    """
     speed = sum(
         sum(swing.size**2 / swing.duration for swing in segment.swings[:8]) / segment.swings[0].size
         for segment in group
     )
     room = max(5.0 * signal.noise, 0.1 * group[0].sizes[0])
-    at_rest = [abs(level - group[0].rest) < room for level in signal.levels]
-    return speed * max(1, sum(now and not before for before, now in pairwise([False, *at_rest])))
+
+    def visits(segments: list[Segment]) -> int:
+        there = [any(abs(level - one.rest) < room for one in segments) for level in signal.levels]
+        return max(1, sum(now and not before for before, now in pairwise([False, *there])))
+
+    return (0.0 if swing else float(visits(group)), speed * visits(group[:1]))
 
 
 def _same_board(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
@@ -222,7 +230,7 @@ def _swings_on_alike(one: Segment, other: Segment, signal: SmoothedSignal) -> bo
 def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segment]:
     """Split the swings into segments that shrink, each followed as far as it goes on about its own rest."""
     segments: list[Segment] = []
-    swings = _without_hitches(signal, swings)
+    swings = _with_tails(signal, _without_hitches(signal, swings))
     begin = 0
     while begin < len(swings):
         finish = begin + 1
@@ -255,6 +263,22 @@ def _without_hitches(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Ha
                 joined[-1] = whole
                 continue
         joined.append(swing)
+    return joined
+
+
+def _with_tails(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[HalfCycle]:
+    """Join to a swing from a hold what it creeps on in the end: a joint that does not swing comes home ever more slowly."""
+    joined: list[HalfCycle] = []
+    for swing in swings:
+        one = joined[-1] if joined else swing
+        pause = float(signal.time[swing.left] - signal.time[one.reached])
+        creeps = one.way * swing.way > 0 and swing.size < AGAIN * one.size and pause < one.duration
+        if joined and one.from_plateau and creeps:
+            joined[-1] = replace(
+                one, finish=swing.finish, reached=swing.reached, target=swing.target, to_plateau=swing.to_plateau
+            )
+        else:
+            joined.append(swing)
     return joined
 
 
