@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.frames import BLACK, WHITE, Frame, halved
+from sysid.video.film.frames import Frame, halved
 from sysid.video.film.track import Track
 from sysid.video.pose.pose import pose_between, principal_corners, turn_of
 from sysid.video.pose.rectify import project
@@ -25,8 +25,6 @@ MAX_SIDE = 720
 """Longer side of the board's picture; larger ones are halved [px]."""
 KERNEL = cv2.getGaussianKernel(7, 0.8)
 """Smoothing before gradients are taken: a standard deviation of 0.8 px."""
-GAIN = 255 / (WHITE - BLACK)
-"""Grey levels in one of a film's."""
 ATTITUDE_STEP = np.radians(1.0)
 """Turns this far apart are different attitudes [rad]: the outermost pixels are a pixel or two apart."""
 AGREEMENT = 0.3
@@ -96,12 +94,12 @@ class BodyPicture:
 
 def seen_upright(frame: Frame, box: Box, upright: Array) -> tuple[Image, Array]:
     """Return a part of a frame, small and smoothed [grey levels], and the map to it of places along the axis, shape (3, 3)."""
-    part = frame.cut(box)
-    small, times = halved(part.picture, MAX_SIDE)
+    part, corner = frame.bright(box)
+    small, times = halved(part, MAX_SIDE)
     # Pixels are squares: one that is made of several has their middle for its own.
-    left, top = 0.5 * (1 / times - 1) - np.array(part.corner) / times
+    left, top = 0.5 * (1 / times - 1) - np.array(corner) / times
     inward = np.array([[1 / times, 0, left], [0, 1 / times, top], [0, 0, 1.0]])
-    smooth = cv2.sepFilter2D(small, cv2.CV_32F, GAIN * KERNEL, KERNEL, delta=-BLACK * GAIN)
+    smooth = cv2.sepFilter2D(small, cv2.CV_32F, KERNEL, KERNEL)
     return np.asarray(smooth, np.float32), inward @ _inverse(upright)
 
 

@@ -75,14 +75,18 @@ class Frame:
         """Memory that it takes [bytes]."""
         return sum(plane.nbytes for plane in (self.picture, *self.chroma))
 
-    def part(self, box: Box) -> tuple[Picture, tuple[int, int]]:
-        """Return a box [px] in grey, black 0 and white 255, as far as it was kept, and its corner in the film's picture; shape (height, width)."""
+    def bright(self, box: Box) -> tuple[Picture, tuple[int, int]]:
+        """Return the brightness in a box [px], as far as it was kept, and its corner in the film's picture; shape (height, width)."""
         left, top, right, bottom = self.within(box)
         x, y = self.corner
-        seen = self.picture[top - y : bottom - y, left - x : right - x]
+        return self.picture[top - y : bottom - y, left - x : right - x], (left, top)
+
+    def part(self, box: Box) -> tuple[Picture, tuple[int, int]]:
+        """Return the same in grey, black 0 and white 255."""
+        seen, corner = self.bright(box)
         gain = 255 / (WHITE - BLACK)
         grey = cv2.addWeighted(seen, gain, seen, 0, -BLACK * gain) if seen.size else seen
-        return np.asarray(grey, np.uint8), (left, top)
+        return np.asarray(grey, np.uint8), corner
 
     def cut(self, box: Box) -> "Frame":
         """Return what was kept of a box [px], or up to a pixel more of it: whole squares."""

@@ -153,11 +153,11 @@ def _moves(frames: Sequence[Frame], place: Array) -> bool:
     """Whether a patch of the first of some frames is not where it was in a tenth of the others, or more."""
     half = WINDOW // 2
     x, y = np.round(place).astype(int)
-    patch = frames[0].part((x - half, y - half, x + half + 1, y + half + 1))[0]
+    patch = frames[0].bright((x - half, y - half, x + half + 1, y + half + 1))[0]
     likeness: list[float] = []
     for other in frames[1:]:
         u, v = np.round(place + other.shift - frames[0].shift).astype(int)
-        around = other.part((u - half - 3, v - half - 3, u + half + 4, v + half + 4))[0]
+        around = other.bright((u - half - 3, v - half - 3, u + half + 4, v + half + 4))[0]
         if min(around.shape) >= WINDOW:
             likeness.append(float(cv2.matchTemplate(around, patch, cv2.TM_CCOEFF_NORMED).max()))
     if not likeness:
