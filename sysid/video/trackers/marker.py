@@ -65,10 +65,13 @@ def find_marker(frame: Frame, region: Box) -> Marker | None:
         frame: The frame.
         region: Left, top, right and bottom [px] of where to look.
     """
-    every = (_detect(frame, region, kind) for kind in DICTIONARIES)
+    order = {kind: rank for rank, kind in enumerate(DICTIONARIES)}
     # A marker of one dictionary may look like a poor one of another: the first that has any.
-    found = next((some for some in every if some), [])
-    return max(found, key=lambda marker: float(np.ptp(marker.corners, axis=0).max()), default=None)
+    return min(
+        _detect(frame, region, *DICTIONARIES),
+        key=lambda marker: (order[marker.kind], -float(np.ptp(marker.corners, axis=0).max())),
+        default=None,
+    )
 
 
 @dataclass(slots=True)
@@ -168,7 +171,7 @@ class MarkerFollower:
         return float(seen @ self.cells.ravel() / (len(seen) * max(float(seen.std()), 1e-9)))
 
 
-def _detect(frame: Frame, box: Box, kind: str) -> list[Marker]:
+def _detect(frame: Frame, box: Box, *kinds: str) -> list[Marker]:
     part, corner = frame.part(box)
     if min(part.shape[:2]) < MIN_SIDE:
         return []
@@ -178,16 +181,15 @@ def _detect(frame: Frame, box: Box, kind: str) -> list[Marker]:
     # Thresholding windows up to a marker's cell: blurred and small markers both.
     parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = 5, 37
     parameters.adaptiveThreshWinSizeStep = 16
-    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[kind])
-    found: Any = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(dark)
-    places, numbers, _ = found  # the stubs say that there always are numbers
-    if numbers is None:
+    dictionaries = [cv2.aruco.getPredefinedDictionary(DICTIONARIES[kind]) for kind in kinds]
+    found: Any = cv2.aruco.ArucoDetector(dictionaries, parameters).detectMarkersMultiDict(dark)
+    places, numbers, _, whose = found
+    if numbers is None:  # the stubs say that there always are some
         return []
+    every = np.reshape(places, (-1, 4, 2)).astype(np.float64) * times + (times - 1) / 2 + corner
     return [
-        Marker(
-            kind, int(number), np.reshape(place, (4, 2)).astype(np.float64) * times + (times - 1) / 2 + corner
-        )
-        for place, number in zip(places, np.ravel(numbers), strict=True)
+        Marker(kinds[kind], number, place)
+        for kind, number, place in zip(np.ravel(whose), np.ravel(numbers).tolist(), every, strict=True)
     ]
 
 
