@@ -1,4 +1,7 @@
-"""Coloured stickers: two on the deck's end, or one dot that swings about a pivot."""
+"""Coloured stickers: two on the deck's end, or one dot that swings about a pivot.
+
+Their colour is looked at as films hold it: two numbers for a square of 2x2 pixels, both 128 where it is grey.
+"""
 
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -8,7 +11,7 @@ import numpy as np
 
 from sysid.errors import SysidError
 from sysid.roll import Array
-from sysid.video.film.frames import Frame
+from sysid.video.film.frames import GREY, Frame
 from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import AngleTrack, fit_angle
@@ -20,23 +23,21 @@ from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_angle, 
 from sysid.video.types import Complex, Image, Picture
 
 MIN_CHROMA = 28.0
-"""Distance from grey, in CIELAB units, from which a colour is taken as a sticker's."""
+"""Distance from grey, in a film's units, from which a colour is taken as a sticker's."""
 MIN_AREA, MAX_AREA_SHARE = 40, 0.02
 """Area of a dot: least [px], and largest as a share of the picture."""
 PLACE_FLOOR = 0.08
 """Least standard deviation of a dot's place [px]: films hold colour at half the resolution of brightness."""
 SAME_CHROMA = 18.0
-"""Distance below which two dots are of one colour [CIELAB]: such a pair is preferred to any other."""
+"""Distance below which two dots are of one colour [a film's units]: such a pair is preferred to any other."""
 MAX_AROUND = 0.05
 """Share of dot in the ring about a sticker, up to twice its radius: 0.03 at most in films of stickers, mostly more in prints."""
 MAX_ASIDE = np.radians(3.0)
 """How far from straight below, above or beside its pivot a single dot may rest and still show level by that [rad]."""
 CIRCLE_SCALE = 3.0
 """Distance from a circle that counts in full [px]."""
-RIM = 3
-"""Width of the rim about what is more than half a dot in which pixels may hold some of it [px]."""
-GREY = 128
-"""What has no colour, as OpenCV writes CIELAB in whole numbers."""
+RIM = 2
+"""Width of the rim about what is more than half a dot in which squares may hold some of it [squares]."""
 MIN_UNCOVERED = 0.85
 """A dot of which less than this share is left is covered in part."""
 
@@ -50,14 +51,14 @@ class Dot:
     radius: float
     """Radius of the circle of the same area [px]."""
     chroma: Array
-    """Colour, a and b of CIELAB, shape (2,)."""
+    """What blue and red have beyond grey, in a film's units, shape (2,)."""
     alone: bool = True
     """Whether nothing about it has its colour, as about a sticker; a blob of a print fades into others like it."""
 
 
 def find_dots(look: Survey) -> tuple[Dot, ...]:
     """Return the two dots, or the one, that move; nothing where no colour stands out."""
-    dots = _patches(*look.frames[0].coloured(look.box), look)
+    dots = _patches(look.frames[0].cut(look.box), look)
     pairs = [
         (
             (a.alone and b.alone, np.linalg.norm(a.chroma - b.chroma) < SAME_CHROMA, _worth(a) + _worth(b)),
@@ -145,15 +146,15 @@ class DotFollower:
     def _near(self, frame: Frame, place: Array, reach: float, dot: Dot) -> tuple[Array, float] | None:
         """Find a dot; return its centre [px] and how much of it there is [px]."""
         low, high = np.floor(place - reach), np.ceil(place + reach) + 1
-        part, corner = frame.coloured((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
-        if min(part.shape[:2]) < 4:
+        part = frame.cut((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
+        if min(part.picture.shape) < 4:
             return None
-        weight = _dot_share(part, dot)
+        weight = _dot_share(cv2.merge(part.chroma), dot)
         count, labels, stats, centres = cv2.connectedComponentsWithStats((weight > 0.5).astype(np.uint8))
         if count < 2:
             return None
-        area = stats[1:, cv2.CC_STAT_AREA] / (np.pi * dot.radius**2)
-        distance = np.linalg.norm(centres[1:] + corner - place, axis=1)
+        area = 4 * stats[1:, cv2.CC_STAT_AREA] / (np.pi * dot.radius**2)
+        distance = np.linalg.norm(_in_film(centres[1:], part) - place, axis=1)
         score = distance / reach + np.abs(np.log(np.maximum(area, 1e-3)))
         best = int(np.argmin(score))
         if not 0.4 < area[best] < 2.5:
@@ -164,13 +165,14 @@ class DotFollower:
         )
         core = (labels[rows, columns] == best + 1).astype(np.uint8)
         soft = weight[rows, columns] * cv2.dilate(core, np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8))
-        begin = np.array([columns.start, rows.start]) + corner
-        if np.any(begin == frame.box[:2]) or np.any(begin + soft.shape[::-1] == frame.box[2:]):
+        begin = np.array([columns.start, rows.start])
+        first, end = part.corner + 2 * begin, part.corner + 2 * (begin + soft.shape[::-1])
+        if np.any(first == frame.box[:2]) or np.any(end >= frame.box[2:]):
             return None  # it is cut by the picture's border
         across, down = soft.sum(axis=0, dtype=np.float64), soft.sum(axis=1, dtype=np.float64)
         total = float(across.sum())
         middle = np.array([across @ np.arange(len(across)), down @ np.arange(len(down))]) / total
-        return middle + begin, total
+        return _in_film(begin + middle, part), 4 * total
 
 
 def fit_pivot(
@@ -239,64 +241,71 @@ def _centre(z: Complex) -> tuple[complex, Array]:
     return complex(fit.x[0], fit.x[1]), covariance
 
 
-def _dot_share(part: Picture, dot: Dot) -> Image:
-    """How much of each pixel is dot, from 0 to 1: colours mix linearly where a dot's rim is blurred.
+def _in_film(places: Array, part: Frame) -> Array:
+    """Return where in the film squares of a part of a frame are [px], shape (..., 2)."""
+    return 2 * places + 0.5 + part.corner
+
+
+def _dot_share(colour: Picture, dot: Dot) -> Image:
+    """How much of each square is dot, from 0 to 1: colours, shape (h, w, 2), mix linearly where a dot's rim is blurred.
 
     The surroundings' colour is the part's median; what lies off the line between both colours is
     something else.
     """
-    colour = cv2.cvtColor(part, cv2.COLOR_BGR2LAB)
-    around = np.median(colour[::4, ::4, 1:], axis=(0, 1)) - GREY
-    line = dot.chroma - around
+    around = np.median(colour[::2, ::2], axis=(0, 1))
+    line = dot.chroma + GREY - around
     length = float(line @ line)
     if length < 100:
-        return np.zeros(part.shape[:2], np.float32)
+        return np.zeros(colour.shape[:2], np.float32)
     # Along the line, and off it, in units of its length.
-    turn = np.array([[0, line[0], line[1]], [0, -line[1], line[0]]]) / length
-    shift = turn @ [0, *(around + GREY)]
+    turn = np.array([[line[0], line[1]], [-line[1], line[0]]]) / length
+    shift = turn @ around
     along, off = cv2.split(cv2.transform(colour.astype(np.float32), np.column_stack([turn, -shift])))
     return np.where((np.abs(off) < 0.45) & (along > 0.15), np.minimum(along, 1.0), np.float32(0))
 
 
-def _patches(part: Picture, corner: tuple[int, int], look: Survey) -> list[Dot]:
+def _patches(part: Frame, look: Survey) -> list[Dot]:
+    colour = cv2.merge(part.chroma)
     # In whole units: a hundredth of a sticker's colour.
-    smooth = cv2.cvtColor(cv2.GaussianBlur(part, (0, 0), 1.0), cv2.COLOR_BGR2LAB)
-    chroma = smooth[..., 1:].astype(np.float32) - GREY
+    chroma = cv2.GaussianBlur(colour, (0, 0), 0.5).astype(np.float32) - GREY
     strength = np.linalg.norm(chroma - np.median(chroma.reshape(-1, 2), axis=0), axis=-1)
     strong = strength[strength > MIN_CHROMA]
-    if len(strong) < MIN_AREA:
+    least = MIN_AREA // 4
+    if len(strong) < least:
         return []
     # Relative to the strongest colour, so that a wooden deck is no dot where a sticker shines.
-    level = max(MIN_CHROMA, 0.6 * float(np.sort(strong)[-MIN_AREA]))
-    mask = cv2.morphologyEx((strength > level).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    level = max(MIN_CHROMA, 0.6 * float(np.sort(strong)[-least]))
+    cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    mask = cv2.morphologyEx((strength > level).astype(np.uint8), cv2.MORPH_OPEN, cross)
     count, labels, stats, centres = cv2.connectedComponentsWithStats(mask)
     dots: list[Dot] = []
     for label in range(1, count):
         _, _, width, height, area = stats[label]
-        if not MIN_AREA <= area <= MAX_AREA_SHARE * look.moving.size or not 0.5 < width / height < 2:
+        if not least <= area <= MAX_AREA_SHARE * look.moving.size / 4 or not 0.5 < width / height < 2:
             continue
         if area < 0.55 * width * height:  # a disc fills 0.79 of its box
             continue
-        place = centres[label] + corner
+        place = _in_film(centres[label], part)
         if not look.moving[round(place[1]), round(place[0])]:
             continue
-        colour = np.median(chroma[labels == label], axis=0).astype(np.float64)
-        dot = Dot(place, float(np.sqrt(area / np.pi)), colour)
-        dots.append(replace(dot, alone=_stands_alone(part, place - corner, dot)))
+        own = np.median(chroma[labels == label], axis=0).astype(np.float64)
+        dot = Dot(place, 2 * float(np.sqrt(area / np.pi)), own)
+        dots.append(replace(dot, alone=_stands_alone(colour, centres[label], dot)))
     return dots
 
 
-def _stands_alone(part: Picture, place: Array, dot: Dot) -> bool:
-    """Whether a dot is all of its colour that there is about its place in a picture [px], shape (2,)."""
-    reach = 2 * dot.radius + RIM
+def _stands_alone(colour: Picture, place: Array, dot: Dot) -> bool:
+    """Whether a dot is all of its colour, shape (h, w, 2), that there is about its place [squares], shape (2,)."""
+    radius = dot.radius / 2
+    reach = 2 * radius + RIM
     left, top = np.maximum(np.floor(place - reach), 0).astype(int)
     right, bottom = np.ceil(place + reach).astype(int) + 1
-    near = part[top:bottom, left:right]
+    near = colour[top:bottom, left:right]
     rows, columns = np.indices(near.shape[:2])
     away = np.hypot(columns + left - place[0], rows + top - place[1])
     share = _dot_share(near, dot)
-    ring = share[(away > dot.radius + RIM) & (away < reach)]
-    return bool(ring.mean() < MAX_AROUND and share[away < dot.radius].mean() > 0.5)
+    ring = share[(away > radius + RIM) & (away < reach)]
+    return bool(ring.mean() < MAX_AROUND and share[away < radius].mean() > 0.5)
 
 
 def _find(reel: Reel) -> Target | None:
