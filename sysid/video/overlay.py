@@ -68,19 +68,14 @@ def draw_overlay(
                 row = frames.get(frame.index)
                 if row is None:
                     continue
-                picture = np.asarray(
-                    cv2.resize(frame.coloured()[0], size, interpolation=cv2.INTER_AREA), np.uint8
-                )
+                picture = np.asarray(cv2.resize(frame.colour, size, interpolation=cv2.INTER_AREA), np.uint8)
                 _annotate(picture, track.points[row] * scale, joined, roll, sample.get(row))
                 writer.write(picture)
                 if on_frame is not None:
                     on_frame(float(track.time[row]) + shift, picture)
                 if row in chosen:
-                    sheet.append(
-                        np.asarray(
-                            cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8
-                        )
-                    )
+                    small = cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+                    sheet.append(np.asarray(small, np.uint8))
         finally:
             writer.release()
     _write_sheet(sheet, path.with_suffix(".png"))

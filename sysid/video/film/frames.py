@@ -102,14 +102,10 @@ class Frame:
             self, picture=picture, chroma=(blue[down, across], red[down, across]), corner=(left, top)
         )
 
-    def coloured(self, box: Box | None = None) -> tuple[Picture, tuple[int, int]]:
-        """Return a box [px] in colour, as far as it was kept, and its corner in the film's picture; shape (height, width, 3)."""
-        left, top, right, bottom = self.within(box or self.box)
-        if left == right or top == bottom:
-            return np.zeros((bottom - top, right - left, 3), np.uint8), (left, top)
-        some = self.cut((left, top, right, bottom))
-        seen = in_colour(some.picture, some.chroma)
-        return seen[top - some.corner[1] :, left - some.corner[0] :], (left, top)
+    @property
+    def colour(self) -> Picture:
+        """The picture in colour, shape (height, width, 3)."""
+        return in_colour(self.picture, self.chroma)
 
     def within(self, box: Box) -> Box:
         """Return what was kept of a box [px]."""

@@ -8,6 +8,7 @@ never changes, nothing drifts.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import islice
 from typing import Any
 
 import cv2
@@ -63,8 +64,8 @@ def find_features(look: Survey) -> Array:
     if corners is None:
         return np.zeros((0, 2))
     places = np.asarray(corners, np.float64).reshape(-1, 2) + corner
-    moved = np.array([_moves(frames, place) for place in places])
-    return places[moved][:MAX_FEATURES] if moved.any() else np.zeros((0, 2))
+    moving = (place for place in places if _moves(frames, place))
+    return np.array([*islice(moving, MAX_FEATURES)]).reshape(-1, 2)
 
 
 @dataclass(slots=True)
