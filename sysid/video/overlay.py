@@ -102,15 +102,10 @@ def _annotate(
     trace = np.round(16 * np.stack([across, down], axis=1)).astype(np.int32)
     cv2.polylines(picture, [trace], False, (200, 200, 200), 1, cv2.LINE_AA, shift=4)
     if number is None:
-        _text(
-            picture,
-            "left out: does not turn as one body" if seen.any() else "left out: not seen",
-            LOST_COLOUR,
-        )
+        why = "does not turn as one body" if seen.any() else "not seen"
+        _text(picture, f"left out: {why}", LOST_COLOUR)
         return
-    cv2.circle(
-        picture, (int(trace[number, 0]), int(trace[number, 1])), 72, SEEN_COLOUR, -1, cv2.LINE_AA, shift=4
-    )
+    cv2.circle(picture, trace[number].tolist(), 72, SEEN_COLOUR, -1, cv2.LINE_AA, shift=4)
     angle, deviation = np.degrees(roll.roll[number]), np.degrees(roll.std[number])
     _text(picture, f"{roll.time[number]:7.3f} s   roll {angle:+7.2f} +- {2 * deviation:.2f} deg", SEEN_COLOUR)
 

@@ -207,11 +207,9 @@ def lay_onto(body: BodyPicture, picture: Image, inward: Array, rough: Array) -> 
     start = here = project(rough, body.corners)
     rest, scale = np.zeros(1, np.float32), 1.0
     for _ in range(MAX_ROUNDS):
-        x, y, depth = (inward @ pose) @ body.places
-        seen = cv2.remap(
-            picture, *(np.stack([x, y]) / depth).astype(np.float32)[:, None], cv2.INTER_CUBIC,
-            borderMode=cv2.BORDER_REPLICATE,
-        )  # fmt: skip
+        there = (inward @ pose) @ body.places
+        x, y = (there[:2] / there[2]).astype(np.float32)[:, None]
+        seen = cv2.remap(picture, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         rest = seen.ravel() - body.bright
         rest -= _middle(rest[::4])
         scale = max(1.4826 * float(_middle(np.abs(rest[::4]))), 1.0)

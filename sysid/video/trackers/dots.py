@@ -149,12 +149,12 @@ class DotFollower:
         part = frame.cut((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
         if min(part.picture.shape) < 4:
             return None
-        weight = _dot_share(cv2.merge(part.chroma), dot)
+        weight = _dot_share(np.dstack(part.chroma), dot)
         count, labels, stats, centres = cv2.connectedComponentsWithStats((weight > 0.5).astype(np.uint8))
         if count < 2:
             return None
         area = 4 * stats[1:, cv2.CC_STAT_AREA] / (np.pi * dot.radius**2)
-        distance = np.linalg.norm(_in_film(centres[1:], part) - place, axis=1)
+        distance = np.linalg.norm(_in_film(np.asarray(centres[1:], np.float64), part) - place, axis=1)
         score = distance / reach + np.abs(np.log(np.maximum(area, 1e-3)))
         best = int(np.argmin(score))
         if not 0.4 < area[best] < 2.5:
@@ -265,7 +265,7 @@ def _dot_share(colour: Picture, dot: Dot) -> Image:
 
 
 def _patches(part: Frame, look: Survey) -> list[Dot]:
-    colour = cv2.merge(part.chroma)
+    colour = np.dstack(part.chroma)
     # In whole units: a hundredth of a sticker's colour.
     chroma = cv2.GaussianBlur(colour, (0, 0), 0.5).astype(np.float32) - GREY
     strength = np.linalg.norm(chroma - np.median(chroma.reshape(-1, 2), axis=0), axis=-1)
