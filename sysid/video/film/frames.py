@@ -82,7 +82,7 @@ class Frame:
         return self.picture[top - y : bottom - y, left - x : right - x], (left, top)
 
     def part(self, box: Box) -> tuple[Picture, tuple[int, int]]:
-        """Return the same in grey, black 0 and white 255."""
+        """Return the same in grey, black 0 and white 255, shape (height, width), and its corner [px]."""
         seen, corner = self.bright(box)
         gain = 255 / (WHITE - BLACK)
         grey = cv2.addWeighted(seen, gain, seen, 0, -BLACK * gain) if seen.size else seen
@@ -104,7 +104,7 @@ class Frame:
 
     @property
     def colour(self) -> Picture:
-        """The picture in colour, shape (height, width, 3)."""
+        """The picture in colour [grey levels], shape (height, width, 3)."""
         return in_colour(self.picture, self.chroma)
 
     def within(self, box: Box) -> Box:

@@ -84,7 +84,7 @@ class Unknowns:
         return float(self.matrix[0, 0])
 
     def body(self, x: Array) -> Body:
-        """Return camera and body of numbers, shape (p + 4N,), or of rows of them."""
+        """Return camera and body of numbers [rad, rad, 1, s; focal lengths], shape (p + 4N,), or of rows of them."""
         free = self.before.free
         camera = np.broadcast_to(self.before.value, (*x.shape[:-1], 4)).copy()
         camera[..., free] = x[..., : len(free)]

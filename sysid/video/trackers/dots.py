@@ -1,6 +1,7 @@
 """Coloured stickers: two on the deck's end, or one dot that swings about a pivot.
 
-Their colour is looked at as films hold it: two numbers for a square of 2x2 pixels, both 128 where it is grey.
+They are found by colour as people see it, which changes little with shade, and followed by colour as films hold it: two numbers for a
+square of 2x2 pixels, both 128 where it is grey.
 """
 
 from dataclasses import dataclass, field, replace
@@ -23,7 +24,7 @@ from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_angle, 
 from sysid.video.types import Complex, Image, Picture
 
 MIN_CHROMA = 28.0
-"""Distance from grey, in a film's units, from which a colour is taken as a sticker's."""
+"""Distance from grey, in CIELAB units, from which a colour is taken as a sticker's."""
 MIN_AREA, MAX_AREA_SHARE = 40, 0.02
 """Area of a dot: least [px], and largest as a share of the picture."""
 PLACE_FLOOR = 0.08
@@ -265,32 +266,31 @@ def _dot_share(colour: Picture, dot: Dot) -> Image:
 
 
 def _patches(part: Frame, look: Survey) -> list[Dot]:
-    colour = np.dstack(part.chroma)
     # In whole units: a hundredth of a sticker's colour.
-    chroma = cv2.GaussianBlur(colour, (0, 0), 0.5).astype(np.float32) - GREY
+    smooth = cv2.cvtColor(cv2.GaussianBlur(part.colour, (0, 0), 1.0), cv2.COLOR_BGR2LAB)
+    chroma = smooth[..., 1:].astype(np.float32)
     strength = np.linalg.norm(chroma - np.median(chroma.reshape(-1, 2), axis=0), axis=-1)
     strong = strength[strength > MIN_CHROMA]
-    least = MIN_AREA // 4
-    if len(strong) < least:
+    if len(strong) < MIN_AREA:
         return []
     # Relative to the strongest colour, so that a wooden deck is no dot where a sticker shines.
-    level = max(MIN_CHROMA, 0.6 * float(np.sort(strong)[-least]))
-    cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
-    mask = cv2.morphologyEx((strength > level).astype(np.uint8), cv2.MORPH_OPEN, cross)
+    level = max(MIN_CHROMA, 0.6 * float(np.sort(strong)[-MIN_AREA]))
+    mask = cv2.morphologyEx((strength > level).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     count, labels, stats, centres = cv2.connectedComponentsWithStats(mask)
+    colour = np.dstack(part.chroma)
     dots: list[Dot] = []
     for label in range(1, count):
         _, _, width, height, area = stats[label]
-        if not least <= area <= MAX_AREA_SHARE * look.moving.size / 4 or not 0.5 < width / height < 2:
+        if not MIN_AREA <= area <= MAX_AREA_SHARE * look.moving.size or not 0.5 < width / height < 2:
             continue
         if area < 0.55 * width * height:  # a disc fills 0.79 of its box
             continue
-        place = _in_film(centres[label], part)
+        place = centres[label] + part.corner
         if not look.moving[round(place[1]), round(place[0])]:
             continue
-        own = np.median(chroma[labels == label], axis=0).astype(np.float64)
-        dot = Dot(place, 2 * float(np.sqrt(area / np.pi)), own)
-        dots.append(replace(dot, alone=_stands_alone(colour, centres[label], dot)))
+        own = np.median(colour[labels[::2, ::2] == label], axis=0) - GREY
+        dot = Dot(place, float(np.sqrt(area / np.pi)), own)
+        dots.append(replace(dot, alone=_stands_alone(colour, (centres[label] - 0.5) / 2, dot)))
     return dots
 
 
