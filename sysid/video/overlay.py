@@ -68,19 +68,14 @@ def draw_overlay(
                 row = frames.get(frame.index)
                 if row is None:
                     continue
-                picture = np.asarray(
-                    cv2.resize(frame.coloured()[0], size, interpolation=cv2.INTER_AREA), np.uint8
-                )
+                picture = np.asarray(cv2.resize(frame.colour, size, interpolation=cv2.INTER_AREA), np.uint8)
                 _annotate(picture, track.points[row] * scale, joined, roll, sample.get(row))
                 writer.write(picture)
                 if on_frame is not None:
                     on_frame(float(track.time[row]) + shift, picture)
                 if row in chosen:
-                    sheet.append(
-                        np.asarray(
-                            cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8
-                        )
-                    )
+                    small = cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+                    sheet.append(np.asarray(small, np.uint8))
         finally:
             writer.release()
     _write_sheet(sheet, path.with_suffix(".png"))
@@ -107,15 +102,10 @@ def _annotate(
     trace = np.round(16 * np.stack([across, down], axis=1)).astype(np.int32)
     cv2.polylines(picture, [trace], False, (200, 200, 200), 1, cv2.LINE_AA, shift=4)
     if number is None:
-        _text(
-            picture,
-            "left out: does not turn as one body" if seen.any() else "left out: not seen",
-            LOST_COLOUR,
-        )
+        why = "does not turn as one body" if seen.any() else "not seen"
+        _text(picture, f"left out: {why}", LOST_COLOUR)
         return
-    cv2.circle(
-        picture, (int(trace[number, 0]), int(trace[number, 1])), 72, SEEN_COLOUR, -1, cv2.LINE_AA, shift=4
-    )
+    cv2.circle(picture, trace[number].tolist(), 72, SEEN_COLOUR, -1, cv2.LINE_AA, shift=4)
     angle, deviation = np.degrees(roll.roll[number]), np.degrees(roll.std[number])
     _text(picture, f"{roll.time[number]:7.3f} s   roll {angle:+7.2f} +- {2 * deviation:.2f} deg", SEEN_COLOUR)
 

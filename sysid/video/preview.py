@@ -59,7 +59,7 @@ def write_preview(reel: Reel, command: str, path: Path) -> str:
     Returns:
         What will be followed, for people; or why nothing would be.
     """
-    picture = next(reel.clip.frames()).coloured()[0]
+    picture = next(reel.clip.frames()).colour
     width = max(1, reel.clip.width // 500)
     try:
         box = reel.look.box

@@ -23,8 +23,8 @@ from sysid.video.types import Box, Image, Mask, Points
 
 MAX_SIDE = 720
 """Longer side of the board's picture; larger ones are halved [px]."""
-BLUR = 0.8
-"""Standard deviation of the smoothing before gradients are taken [px]."""
+KERNEL = cv2.getGaussianKernel(7, 0.8)
+"""Smoothing before gradients are taken: a standard deviation of 0.8 px."""
 ATTITUDE_STEP = np.radians(1.0)
 """Turns this far apart are different attitudes [rad]: the outermost pixels are a pixel or two apart."""
 AGREEMENT = 0.3
@@ -35,8 +35,10 @@ MIN_SPREAD = 4.0
 """Least standard deviation of the body's pixels about their middle, across its narrow side [px]."""
 MIN_PICTURES, MIN_TURN = 5, np.radians(1.0)
 """Pictures, and turn among them [rad], that tell the body from the rest."""
-ROUNDS, MAX_PICTURES = 2, 24
-"""Times that they are averaged, each time turned back better, and how many at most, evenly spread: most of them at rest, where compression leaves the least out."""
+ROUNDS = (cv2.INTER_LINEAR, cv2.INTER_CUBIC)
+"""How they are interpolated each time that they are averaged: by the points' poses, then by their own."""
+MAX_PICTURES = 24
+"""How many are averaged at most, evenly spread: most of them at rest, where compression leaves the least out."""
 MIDDLE_GREY = np.float32(128.0)
 """About which brightness is squared, so that single precision does [grey levels]."""
 MAX_ROUNDS, CONVERGED = 5, 0.02
@@ -61,7 +63,7 @@ class BodyPicture:
     home: Array
     """The points that were followed, at home, along the axis [px], shape (N, 2)."""
     places: Array
-    """The board's pixels that tell most, at home [px], shape (m, 2)."""
+    """The board's pixels that tell most, at home [px], homogeneous, shape (3, m)."""
     bright: Image
     """Their brightness, shape (m,)."""
     corners: Array
@@ -69,7 +71,7 @@ class BodyPicture:
     unit: float
     """Length by which places are divided, so that all six numbers are of one size [px]."""
     slopes: Image
-    """Change of brightness with each of the six numbers, and of gain and offset with their slopes, at these pixels, shape (m, 12)."""
+    """Change of brightness with each of the six numbers, and of gain and offset with their slopes, at these pixels, shape (12, m)."""
 
     def seen(self, frame: Frame, points: Points, before: Points | None = None) -> Points:
         """Return where a frame shows the board's `corners` [px], shape (4, 2); NaN where it is not made out.
@@ -92,12 +94,12 @@ class BodyPicture:
 
 def seen_upright(frame: Frame, box: Box, upright: Array) -> tuple[Image, Array]:
     """Return a part of a frame, small and smoothed [grey levels], and the map to it of places along the axis, shape (3, 3)."""
-    part, corner = frame.part(box)
+    part, corner = frame.bright(box)
     small, times = halved(part, MAX_SIDE)
     # Pixels are squares: one that is made of several has their middle for its own.
     left, top = 0.5 * (1 / times - 1) - np.array(corner) / times
     inward = np.array([[1 / times, 0, left], [0, 1 / times, top], [0, 0, 1.0]])
-    smooth = cv2.GaussianBlur(small.astype(np.float32), (0, 0), BLUR)
+    smooth = cv2.sepFilter2D(small, cv2.CV_32F, KERNEL, KERNEL)
     return np.asarray(smooth, np.float32), inward @ _inverse(upright)
 
 
@@ -130,10 +132,10 @@ def picture_of_body(frames: Sequence[Frame], box: Box, track: Track, upright: Ar
     shown = [(*seen_upright(frames[row], box, upright), pose_between(home, places[row])) for row in some]
     good = [(picture, inward, pose) for picture, inward, pose in shown if pose is not None]
     across, down = size.tolist()
-    _, usual = _mean_and_spread(good, (across, down), back=False)
+    _, usual = _mean_and_spread(good, (across, down), cv2.INTER_LINEAR, back=False)
     body = None
-    for _ in range(ROUNDS):  # by the points' poses, then by its own
-        mean, spread = _mean_and_spread(good, (across, down))
+    for way in ROUNDS:
+        mean, spread = _mean_and_spread(good, (across, down), way)
         if (found := _board_in(mean, spread < AGREEMENT * usual)) is None:
             return None
         body = BodyPicture(box, upright, home, *found)
@@ -163,30 +165,31 @@ def _board_in(mean: Image, agree: Mask) -> tuple[Array, Image, Array, float, Ima
     if lengths[0] < MIN_SPREAD:
         return None
     unit = float(lengths[1])
-    arm = np.column_stack([np.ones(len(places)), (places - corners.mean(axis=0)) / unit]).astype(np.float32)
-    both = [slope[:, [0]] * arm, slope[:, [1]] * arm]
+    arm = np.vstack([np.ones(len(places)), (places - corners.mean(axis=0)).T / unit]).astype(np.float32)
     # Light may fall on it unevenly, and change: gain and offset slope across the body.
-    slopes = np.hstack([*both, (bright - bright.mean())[:, None] * arm, arm])
-    return places, bright, corners, unit, slopes.astype(np.float32)
+    slopes = np.vstack([slope[:, 0] * arm, slope[:, 1] * arm, (bright - bright.mean()) * arm, arm])
+    homogeneous = np.vstack([places.T, np.ones(len(places))])
+    return homogeneous, bright, corners, unit, slopes.astype(np.float32)
 
 
 def _mean_and_spread(
-    seen: Sequence[tuple[Image, Array, Array]], size: tuple[int, int], *, back: bool = True
+    seen: Sequence[tuple[Image, Array, Array]], size: tuple[int, int], way: int, *, back: bool = True
 ) -> tuple[Image, Image]:
     """Return the mean of pictures, by what map they show an upright one and with what pose, and their smoothed spread.
 
-    They are turned back by their poses, or left as they were filmed.
+    They are turned back by their poses, or left as they were filmed, and interpolated in one of OpenCV's ways.
     """
     # A film keeps what stands still as it is, its noise as well: many pictures of one attitude count as one.
     turn = np.round(np.array([turn_of(pose) for _, _, pose in seen]) / ATTITUDE_STEP)
     _, same, count = np.unique(turn, return_inverse=True, return_counts=True)
-    flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
-    first = second = np.zeros((size[1], size[0]), np.float32)
+    first, second = np.zeros((2, size[1], size[0]), np.float32)
     for (picture, inward, pose), share in zip(seen, (1 / (count[same] * len(count))).tolist(), strict=True):
+        flags, border = way | cv2.WARP_INVERSE_MAP, cv2.BORDER_REPLICATE
         there = inward @ pose if back else inward
-        flat = cv2.warpPerspective(picture, there, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        flat = cv2.warpPerspective(picture, there, size, flags=flags, borderMode=border)
         some = np.asarray(flat, np.float32) - MIDDLE_GREY
-        first, second = first + np.float32(share) * some, second + np.float32(share) * some**2
+        cv2.scaleAdd(some, share, first, first)
+        cv2.scaleAdd(some * some, share, second, second)
     spread = cv2.GaussianBlur(np.sqrt(np.maximum(second - first**2, 0)), (0, 0), 2.0)
     return first + MIDDLE_GREY, np.asarray(spread, np.float32)
 
@@ -201,25 +204,32 @@ def lay_onto(body: BodyPicture, picture: Image, inward: Array, rough: Array) -> 
         rough: The pose roughly, of places along the axis [px], shape (3, 3).
     """
     pose, middle = rough, body.corners.mean(axis=0)
+    start = here = project(rough, body.corners)
     rest, scale = np.zeros(1, np.float32), 1.0
     for _ in range(MAX_ROUNDS):
-        x, y = project(inward @ pose, body.places).astype(np.float32).T[:, None]
+        there = (inward @ pose) @ body.places
+        x, y = (there[:2] / there[2]).astype(np.float32)[:, None]
         seen = cv2.remap(picture, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         rest = seen.ravel() - body.bright
-        rest -= np.median(rest[::4])
-        scale = max(1.4826 * float(np.median(np.abs(rest[::4]))), 1.0)
-        weighted = body.slopes * (1 / (1 + (rest / (2.5 * scale)) ** 2) ** 2)[:, None]
-        normal = (weighted.T @ body.slopes).astype(np.float64)
+        rest -= _middle(rest[::4])
+        scale = max(1.4826 * float(_middle(np.abs(rest[::4]))), 1.0)
+        weighted = body.slopes / (1 + (rest / np.float32(2.5 * scale)) ** 2) ** 2
+        normal = (weighted @ body.slopes.T).astype(np.float64)
         normal += np.diag(1e-6 * np.diag(normal) + 1e-9)
-        step = np.linalg.solve(normal, (weighted.T @ rest).astype(np.float64))
+        step = np.linalg.solve(normal, (weighted @ rest).astype(np.float64))
         change, shift = step[[[1, 2], [4, 5]]] / body.unit, step[[0, 3]]
         back = np.eye(3)
         back[:2, :2] -= change
         back[:2, 2] = change @ middle - shift
-        before, pose = pose, pose @ back
-        here = project(pose, body.corners)
-        if float(np.abs(here - project(rough, body.corners)).max()) > MAX_CORRECTION:
+        pose = pose @ back
+        before, here = here, project(pose, body.corners)
+        if float(np.abs(here - start).max()) > MAX_CORRECTION:
             return None
-        if float(np.abs(here - project(before, body.corners)).max()) < CONVERGED:
+        if float(np.abs(here - before).max()) < CONVERGED:
             break
     return pose if float(np.mean(np.abs(rest) < 5 * max(scale, 2.0))) > MIN_TRUST else None
+
+
+def _middle(values: Image) -> np.float32:
+    """Return the upper median, many times faster than numpy's."""
+    return np.partition(values, len(values) // 2)[len(values) // 2]

@@ -35,6 +35,6 @@ def test_a_small_picture_in_colour_is_that_of_the_whole_one(shape):
     frame = frame_of(0, 0.0, picture)
     bright, times = halved(frame.picture, 200)
     small = in_colour(bright, [halved(one, 200)[0] for one in frame.chroma])
-    whole, scale = halved(frame.coloured()[0], 200)
+    whole, scale = halved(frame.colour, 200)
     assert times == scale == 4
     assert np.abs(small.astype(int) - whole.astype(int)).max() <= 4

@@ -102,7 +102,7 @@ def test_an_old_way_of_compression_is_named(film, tmp_path):
     path = tmp_path / "old.mp4"
     writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"mp4v"), 60, SIZE)
     for frame in open_clip(film).frames():
-        writer.write(frame.coloured()[0])
+        writer.write(frame.colour)
     writer.release()
     options = VideoOptions(method="marker", readout=0.0)
     assert any(

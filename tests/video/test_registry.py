@@ -25,7 +25,7 @@ class LampFollower:
     points, box = 2, (20, 20, 300, 220)
 
     def update(self, frame):
-        blue, green, red = np.moveaxis(frame.coloured()[0].astype(float), 2, 0)
+        blue, green, red = np.moveaxis(frame.colour.astype(float), 2, 0)
         places = []
         for colour in (red - green, green - red):
             weight = np.clip(colour - 60, 0, None)

@@ -346,7 +346,7 @@ def test_a_cut_is_refused(marker_film, tmp_path):
     path = tmp_path / "cut.avi"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 60, (640, 360))
     for frame in open_clip(marker_film.path).frames():
-        picture = frame.coloured()[0]
+        picture = frame.colour
         writer.write(picture if frame.index < 25 else np.ascontiguousarray(picture[::-1]) // 2)
     writer.release()
     with pytest.raises(SysidError, match=r"changes at 0\.4\d s .* a cut"):

@@ -44,15 +44,10 @@ class Lens:
         """Return points [px], shape (N, 2) or (n, N, 2), as a lens without distortion shows them; NaN stays NaN."""
         if not np.any(self.distortion):
             return points
-        flat = points.reshape(-1, 1, 2)
-        seen = np.isfinite(flat).all(axis=(1, 2))
-        result = np.full_like(flat, np.nan)
-        if seen.any():
-            criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-7)
-            result[seen] = cv2.undistortPoints(
-                flat[seen], self.matrix, self.distortion, P=self.matrix, criteria=criteria
-            )
-        return result.reshape(points.shape)
+        flat = points.reshape(-1, 1, 2).copy()
+        criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-7)
+        flat[:] = cv2.undistortPoints(flat, self.matrix, self.distortion, P=self.matrix, criteria=criteria)
+        return flat.reshape(points.shape)
 
 
 def lens_of(clip: Clip, calibration: Path | None) -> Lens:

@@ -75,14 +75,18 @@ class Frame:
         """Memory that it takes [bytes]."""
         return sum(plane.nbytes for plane in (self.picture, *self.chroma))
 
-    def part(self, box: Box) -> tuple[Picture, tuple[int, int]]:
-        """Return a box [px] in grey, black 0 and white 255, as far as it was kept, and its corner in the film's picture; shape (height, width)."""
+    def bright(self, box: Box) -> tuple[Picture, tuple[int, int]]:
+        """Return the brightness in a box [px], as far as it was kept, and its corner in the film's picture; shape (height, width)."""
         left, top, right, bottom = self.within(box)
         x, y = self.corner
-        seen = self.picture[top - y : bottom - y, left - x : right - x]
+        return self.picture[top - y : bottom - y, left - x : right - x], (left, top)
+
+    def part(self, box: Box) -> tuple[Picture, tuple[int, int]]:
+        """Return the same in grey, black 0 and white 255, shape (height, width), and its corner [px]."""
+        seen, corner = self.bright(box)
         gain = 255 / (WHITE - BLACK)
         grey = cv2.addWeighted(seen, gain, seen, 0, -BLACK * gain) if seen.size else seen
-        return np.asarray(grey, np.uint8), (left, top)
+        return np.asarray(grey, np.uint8), corner
 
     def cut(self, box: Box) -> "Frame":
         """Return what was kept of a box [px], or up to a pixel more of it: whole squares."""
@@ -98,14 +102,10 @@ class Frame:
             self, picture=picture, chroma=(blue[down, across], red[down, across]), corner=(left, top)
         )
 
-    def coloured(self, box: Box | None = None) -> tuple[Picture, tuple[int, int]]:
-        """Return a box [px] in colour, as far as it was kept, and its corner in the film's picture; shape (height, width, 3)."""
-        left, top, right, bottom = self.within(box or self.box)
-        if left == right or top == bottom:
-            return np.zeros((bottom - top, right - left, 3), np.uint8), (left, top)
-        some = self.cut((left, top, right, bottom))
-        seen = in_colour(some.picture, some.chroma)
-        return seen[top - some.corner[1] :, left - some.corner[0] :], (left, top)
+    @property
+    def colour(self) -> Picture:
+        """The picture in colour [grey levels], shape (height, width, 3)."""
+        return in_colour(self.picture, self.chroma)
 
     def within(self, box: Box) -> Box:
         """Return what was kept of a box [px]."""

@@ -84,7 +84,7 @@ class Reel:
         region = self.region
         motion, part = self._fill(None, 1)
         moving = motion.mask(region)
-        if part is not None and _inside(part, moving) < MOST * moving.sum():
+        if part is not None and moving[part[1] : part[3], part[0] : part[2]].sum() < MOST * moving.sum():
             self._source.close()
             self._begin()
             motion, _ = self._fill(_with_margin(moving), round(BEGUN * moving.sum()))
@@ -166,11 +166,6 @@ class Reel:
 
 def _with_margin(moving: Mask) -> Box:
     return box_around(moving, round(MARGIN * np.ptp(np.flatnonzero(moving.any(axis=0)))))
-
-
-def _inside(box: Box, mask: Mask) -> int:
-    left, top, right, bottom = box
-    return int(mask[top:bottom, left:right].sum())
 
 
 def _cut(frame: Frame, box: Box | None) -> Frame:

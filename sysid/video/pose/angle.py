@@ -73,10 +73,10 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
         found, other = (other, found) if other.cost < found.cost else (found, other)
 
     def angle_of(one: Found, x: Array) -> Array:
-        return one.unknowns.placed(view.points, view.shear, x)[0]
+        return one.unknowns.body(x).placed(view.points, view.shear)[0]
 
     speed = point_speed(view)
-    angle, rest = found.unknowns.placed(view.points, view.shear, found.x)
+    angle, rest = found.body.placed(view.points, view.shear)
     misfit = np.sqrt((rest**2).sum(axis=2).mean(axis=1))
     wrong = misfit > 12 * (float(np.nanmedian(misfit)) + POINT_FLOOR) + BLUR_SHARE * speed
     angle[wrong] = np.nan

@@ -23,7 +23,7 @@ from sysid.video.pose.camera_state import DIFFERENCE_STEP, READOUT, CameraState
 from sysid.video.pose.keyframes import Keyframes
 from sysid.video.pose.point_noise import BLUR_SHARE, PointNoise, point_noise
 from sysid.video.pose.prior import BodyPrior
-from sysid.video.pose.rectify import project, rectify, upright
+from sysid.video.pose.rectify import project, upright
 from sysid.video.pose.view import View
 from sysid.video.types import Complex
 
@@ -37,21 +37,34 @@ LEAST_COST = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """Shape and circles of a body's points, in the rectified picture [px]; of several bodies along further first axes."""
+    """A camera, and shape and circles of a body's points as one along the axis sees them [px]; of several along further first axes."""
 
+    camera: Array
+    """Its values [rad, rad, 1, s], shape (..., 4)."""
+    flat: Array
+    """Takes what it sees to what one along the axis does [px], shape (..., 3, 3)."""
     shape: Complex
     """q, shape (..., N)."""
     centre: Complex
     """c, shape (..., N)."""
 
-    def laid(self, z: Complex) -> tuple[Array, Complex]:
-        """Return angle [rad], shape (n,), and places [px], shape (n, N), for one body or more, where the body fits z [px], as they, best."""
-        shape = self.shape - self.shape.mean(axis=-1, keepdims=True)
-        place = z - self.centre[..., None, :]
+    def placed(self, points: Array, shear: Array) -> tuple[Array, Array]:
+        """Return where the body fits best: its angle [rad], shape (..., n), and what does not fit [px], (..., n, N, 2).
+
+        Args:
+            points: Points as a straight lens shows them [px], shape (n, N, 2).
+            shear: What to add to them for each second of read-out [px/s], shape (n, N, 2).
+        """
+        seen = points + self.camera[..., READOUT, None, None, None] * shear
+        # All frames at once: products of many small matrices take long.
+        there = project(self.flat, seen.reshape(*seen.shape[:-3], -1, 2))
+        place = (there[..., 0] + 1j * there[..., 1]).reshape(seen.shape[:-1]) - self.centre[..., None, :]
         shift = place.mean(axis=-1, keepdims=True)
-        angle = np.angle(((place - shift) @ shape.conj()[..., None])[..., 0])
-        turned = np.exp(1j * angle)[..., None] * shape[..., None, :]
-        return angle, self.centre[..., None, :] + shift + turned
+        angle = np.angle(((place - shift) @ self.shape.conj()[..., None])[..., 0])
+        model = self.centre[..., None, :] + shift + np.exp(1j * angle)[..., None] * self.shape[..., None, :]
+        aside = np.asarray(np.linalg.inv(self.flat), np.float64)
+        again = project(aside, np.stack([model.real, model.imag], axis=-1).reshape(there.shape))
+        return angle, seen - again.reshape(seen.shape)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,31 +83,16 @@ class Unknowns:
         """Focal length, in which c and q are counted [px]."""
         return float(self.matrix[0, 0])
 
-    def split(self, x: Array) -> tuple[Array, Body]:
-        """Return camera values [rad, rad, 1, s], shape (4,), and the body of numbers, shape (p + 4N,), or of rows of them."""
+    def body(self, x: Array) -> Body:
+        """Return camera and body of numbers [rad, rad, 1, s; focal lengths], shape (p + 4N,), or of rows of them."""
         free = self.before.free
         camera = np.broadcast_to(self.before.value, (*x.shape[:-1], 4)).copy()
         camera[..., free] = x[..., : len(free)]
+        flat = upright(self.matrix, camera)
         parts = self.focal * x[..., len(free) :].reshape(*x.shape[:-1], 4, len(self.home))
-        shape = rectify(self.home, self.matrix, camera) + parts[..., 2, :] + 1j * parts[..., 3, :]
+        shape = project(flat, self.home) @ np.array([1, 1j]) + parts[..., 2, :] + 1j * parts[..., 3, :]
         shape = shape - shape.mean(axis=-1, keepdims=True)
-        return camera, Body(shape, parts[..., 0, :] + 1j * parts[..., 1, :])
-
-    def placed(self, points: Array, shear: Array, x: Array) -> tuple[Array, Array]:
-        """Return where the body of numbers (..., P) fits best: its angle [rad], shape (..., n), and what does not fit [px], (..., n, N, 2).
-
-        Args:
-            points: Points as a straight lens shows them [px], shape (n, N, 2).
-            shear: What to add to them for each second of read-out [px/s], shape (n, N, 2).
-            x: The numbers.
-        """
-        camera, body = self.split(x)
-        flat = upright(self.matrix, camera)[..., None, :, :]
-        seen = points + camera[..., READOUT, None, None, None] * shear
-        there = project(flat, seen)
-        angle, model = body.laid(there[..., 0] + 1j * there[..., 1])
-        aside = np.asarray(np.linalg.inv(flat), np.float64)
-        return angle, seen - project(aside, np.stack([model.real, model.imag], axis=-1))
+        return Body(camera, flat, shape, parts[..., 0, :] + 1j * parts[..., 1, :])
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,8 +137,9 @@ def fit_circles(
     beforehand = _priors(unknowns, prior)
 
     def residuals(x: Array, weight: Array) -> Array:
-        rest = np.sqrt(weight)[:, None, None] * unknowns.placed(points, shear, x)[1]
-        return np.concatenate([rest.reshape(*x.shape[:-1], -1), beforehand(x)], axis=-1)
+        body = unknowns.body(x)
+        rest = np.sqrt(weight)[:, None, None] * body.placed(points, shear)[1]
+        return np.concatenate([rest.reshape(*x.shape[:-1], -1), beforehand(x, body)], axis=-1)
 
     noise, doubt = PointNoise(0.05**2, 0.0), np.ones(len(points))
     low, high, width = np.full(len(x), -np.inf), np.full(len(x), np.inf), np.full(len(x), np.inf)
@@ -157,28 +156,27 @@ def fit_circles(
 
         found = minimise(normal, x, low, high, iterations=steps, tolerance=LEAST_COST)
         x, information = found.point, found.normal.hessian
-        noise, doubt = point_noise(unknowns.placed(points, shear, x)[1], some, len(before.free), prior)
+        noise, doubt = point_noise(unknowns.body(x).placed(points, shear)[1], some, len(before.free), prior)
     covariance = np.asarray(np.linalg.inv(information + np.diag(width**-2.0)), np.float64)
-    camera, body = unknowns.split(x)
+    body = unknowns.body(x)
     unknown = np.zeros((4, 4))
     p = len(before.free)
     unknown[np.ix_(before.free, before.free)] = covariance[:p, :p]
     # One noise for all solutions, so that they can be compared.
     usual = PointNoise(prior.floor**2, BLUR_SHARE**2).variance(some.speed)
     cost = float(np.sum(residuals(x, some.share / usual) ** 2))
-    state = replace(before, value=before.within(camera), covariance=unknown)
+    state = replace(before, value=before.within(body.camera), covariance=unknown)
     return Found(unknowns, x, covariance, state, body, noise, cost)
 
 
-def _priors(unknowns: Unknowns, prior: BodyPrior) -> Callable[[Array], Array]:
-    """Return what is known beforehand as a function of the numbers (..., P): distances in standard deviations."""
+def _priors(unknowns: Unknowns, prior: BodyPrior) -> Callable[[Array, Body], Array]:
+    """Return what is known beforehand as a function of the numbers (..., P) and their body: distances in standard deviations."""
     before, home = unknowns.before, unknowns.home
     size = float(np.sqrt(np.mean(np.sum((home - home.mean(axis=0)) ** 2, axis=1))))
     told = [number for number in before.free if number != READOUT]
     ideal = np.exp(1j * np.pi / 2 * np.arange(len(home))) / np.sqrt(len(home))
 
-    def at(x: Array) -> Array:
-        camera, body = unknowns.split(x)
+    def at(x: Array, body: Body) -> Array:
         own = x[..., -2 * len(home) :] * unknowns.focal / size
         # The body's own size says nothing of its shape, but that shift and turn are not to be told from it.
         both = [body.centre / (prior.centre_std * unknowns.focal)]
@@ -187,7 +185,7 @@ def _priors(unknowns: Unknowns, prior: BodyPrior) -> Callable[[Array], Array]:
             both.append(off / (SQUARE_SQUEEZE * size))
         parts = [part for one in both for part in (one.real, one.imag)]
         return np.concatenate(
-            [(camera[..., told] - before.value[told]) / before.std[told], own, *parts], axis=-1
+            [(body.camera[..., told] - before.value[told]) / before.std[told], own, *parts], axis=-1
         )
 
     return at

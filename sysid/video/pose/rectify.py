@@ -18,13 +18,11 @@ def upright(matrix: Array, camera: Array) -> Array:
     scaled = matrix * np.where(np.diag([1.0, 1.0, 0.0]) > 0, np.exp(longer)[..., None, None], 1.0)
     turn = np.hypot(yaw, pitch)
     away = np.sinc(turn / np.pi)
-    axis = np.stack([away * yaw, away * pitch, np.cos(turn)], axis=-1)
+    x, y, z = away * yaw, away * pitch, np.cos(turn)
+    level = np.hypot(y, z)
     # The axis is level, and so are both cameras: no turn about it, nor about the line of sight, is left open.
-    down = np.stack([np.zeros_like(yaw), axis[..., 2], -axis[..., 1]], axis=-1)
-    down = down / np.linalg.norm(down, axis=-1, keepdims=True)
-    across = np.asarray(np.cross(down, axis), np.float64)
-    look = np.stack([across, down, axis], axis=-1)
-    return scaled @ np.swapaxes(look, -1, -2) @ np.linalg.inv(scaled)
+    look = np.array([[level, -x * y / level, -x * z / level], [0 * x, z / level, -y / level], [x, y, z]])
+    return scaled @ np.moveaxis(look, (0, 1), (-2, -1)) @ np.linalg.inv(scaled)
 
 
 def rectify(points: Array, matrix: Array, camera: Array) -> Complex:

@@ -70,10 +70,12 @@ def find_pieces(
     if bends is not None:
         feet = feet - beside_line(bends, share[:, 0])[..., None] * normal
     offset = np.arange(-np.ceil(reach) - 1, np.ceil(reach) + 2)
-    samples = feet[:, :, None] - frame.corner + offset[:, None] * normal[:, :, None]
-    x, y = np.moveaxis(samples.astype(np.float32).reshape(-1, len(offset), 2), 2, 0)
+    # One coordinate after the other: that takes a quarter of the time.
+    start, away = (feet - frame.corner)[..., None], normal[..., None] * offset
+    x, y = (np.float32(start[:, :, at] + away[:, :, at]).reshape(-1, len(offset)) for at in (0, 1))
     seen = cv2.remap(frame.picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    profile = seen.astype(np.float64).reshape(len(ends), PIECES, profiles, -1).mean(axis=2)
+    each = np.asarray(seen, np.float32).reshape(len(ends), PIECES, profiles, -1)
+    profile = (np.ones(profiles, np.float32) @ each).astype(np.float64) / profiles
     step, offset = np.array(ways)[:, None, None, None] * np.diff(profile, axis=2), offset[:-1] + 0.5
     place, rise = _steepest(step, offset, window)
     faint = (rise < faintest) | (np.abs(place) > reach)
@@ -96,11 +98,12 @@ def _steepest(step: Array, offset: Array, window: float) -> tuple[Array, Array]:
     near = np.abs(offset - place[..., None]) <= 4
     rise = (np.maximum(step - 0.1 * top[..., None], 0) * near).sum(axis=-1)
     # One width for all of an edge: that of a normal distribution as high.
-    width = window * np.median(rise / np.maximum(top, 1e-9), axis=-1, keepdims=True) / np.sqrt(2 * np.pi)
+    usual = np.sort(rise / np.maximum(top, 1e-9), axis=-1)[..., PIECES // 2 - 1 : PIECES // 2 + 1]
+    width = window * usual.mean(axis=-1, keepdims=True) / np.sqrt(2 * np.pi)
+    rising, sharp = np.maximum(step, 0), -0.5 / np.maximum(width, MIN_WIDTH)[..., None] ** 2
     for _ in range(ROUNDS):
-        away = (offset - place[..., None]) / np.maximum(width, MIN_WIDTH)[..., None]
-        weight = np.maximum(step, 0) * np.exp(-(away**2) / 2)
-        place = (weight * offset).sum(axis=-1) / np.maximum(weight.sum(axis=-1), 1e-9)
+        weight = rising * np.exp(sharp * (offset - place[..., None]) ** 2)
+        place = weight @ offset / np.maximum(weight.sum(axis=-1), 1e-9)
     return place, rise
 
 

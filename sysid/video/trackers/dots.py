@@ -1,4 +1,8 @@
-"""Coloured stickers: two on the deck's end, or one dot that swings about a pivot."""
+"""Coloured stickers: two on the deck's end, or one dot that swings about a pivot.
+
+They are found by colour as people see it, which changes little with shade, and followed by colour as films hold it: two numbers for a
+square of 2x2 pixels, both 128 where it is grey.
+"""
 
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -8,7 +12,7 @@ import numpy as np
 
 from sysid.errors import SysidError
 from sysid.roll import Array
-from sysid.video.film.frames import Frame
+from sysid.video.film.frames import GREY, Frame
 from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import AngleTrack, fit_angle
@@ -26,17 +30,15 @@ MIN_AREA, MAX_AREA_SHARE = 40, 0.02
 PLACE_FLOOR = 0.08
 """Least standard deviation of a dot's place [px]: films hold colour at half the resolution of brightness."""
 SAME_CHROMA = 18.0
-"""Distance below which two dots are of one colour [CIELAB]: such a pair is preferred to any other."""
+"""Distance below which two dots are of one colour [a film's units]: such a pair is preferred to any other."""
 MAX_AROUND = 0.05
 """Share of dot in the ring about a sticker, up to twice its radius: 0.03 at most in films of stickers, mostly more in prints."""
 MAX_ASIDE = np.radians(3.0)
 """How far from straight below, above or beside its pivot a single dot may rest and still show level by that [rad]."""
 CIRCLE_SCALE = 3.0
 """Distance from a circle that counts in full [px]."""
-RIM = 3
-"""Width of the rim about what is more than half a dot in which pixels may hold some of it [px]."""
-GREY = 128
-"""What has no colour, as OpenCV writes CIELAB in whole numbers."""
+RIM = 2
+"""Width of the rim about what is more than half a dot in which squares may hold some of it [squares]."""
 MIN_UNCOVERED = 0.85
 """A dot of which less than this share is left is covered in part."""
 
@@ -50,14 +52,14 @@ class Dot:
     radius: float
     """Radius of the circle of the same area [px]."""
     chroma: Array
-    """Colour, a and b of CIELAB, shape (2,)."""
+    """What blue and red have beyond grey, in a film's units, shape (2,)."""
     alone: bool = True
     """Whether nothing about it has its colour, as about a sticker; a blob of a print fades into others like it."""
 
 
 def find_dots(look: Survey) -> tuple[Dot, ...]:
     """Return the two dots, or the one, that move; nothing where no colour stands out."""
-    dots = _patches(*look.frames[0].coloured(look.box), look)
+    dots = _patches(look.frames[0].cut(look.box), look)
     pairs = [
         (
             (a.alone and b.alone, np.linalg.norm(a.chroma - b.chroma) < SAME_CHROMA, _worth(a) + _worth(b)),
@@ -145,15 +147,15 @@ class DotFollower:
     def _near(self, frame: Frame, place: Array, reach: float, dot: Dot) -> tuple[Array, float] | None:
         """Find a dot; return its centre [px] and how much of it there is [px]."""
         low, high = np.floor(place - reach), np.ceil(place + reach) + 1
-        part, corner = frame.coloured((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
-        if min(part.shape[:2]) < 4:
+        part = frame.cut((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
+        if min(part.picture.shape) < 4:
             return None
-        weight = _dot_share(part, dot)
+        weight = _dot_share(np.dstack(part.chroma), dot)
         count, labels, stats, centres = cv2.connectedComponentsWithStats((weight > 0.5).astype(np.uint8))
         if count < 2:
             return None
-        area = stats[1:, cv2.CC_STAT_AREA] / (np.pi * dot.radius**2)
-        distance = np.linalg.norm(centres[1:] + corner - place, axis=1)
+        area = 4 * stats[1:, cv2.CC_STAT_AREA] / (np.pi * dot.radius**2)
+        distance = np.linalg.norm(_in_film(np.asarray(centres[1:], np.float64), part) - place, axis=1)
         score = distance / reach + np.abs(np.log(np.maximum(area, 1e-3)))
         best = int(np.argmin(score))
         if not 0.4 < area[best] < 2.5:
@@ -164,13 +166,14 @@ class DotFollower:
         )
         core = (labels[rows, columns] == best + 1).astype(np.uint8)
         soft = weight[rows, columns] * cv2.dilate(core, np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8))
-        begin = np.array([columns.start, rows.start]) + corner
-        if np.any(begin == frame.box[:2]) or np.any(begin + soft.shape[::-1] == frame.box[2:]):
+        begin = np.array([columns.start, rows.start])
+        first, end = part.corner + 2 * begin, part.corner + 2 * (begin + soft.shape[::-1])
+        if np.any(first == frame.box[:2]) or np.any(end >= frame.box[2:]):
             return None  # it is cut by the picture's border
         across, down = soft.sum(axis=0, dtype=np.float64), soft.sum(axis=1, dtype=np.float64)
         total = float(across.sum())
         middle = np.array([across @ np.arange(len(across)), down @ np.arange(len(down))]) / total
-        return middle + begin, total
+        return _in_film(begin + middle, part), 4 * total
 
 
 def fit_pivot(
@@ -239,29 +242,33 @@ def _centre(z: Complex) -> tuple[complex, Array]:
     return complex(fit.x[0], fit.x[1]), covariance
 
 
-def _dot_share(part: Picture, dot: Dot) -> Image:
-    """How much of each pixel is dot, from 0 to 1: colours mix linearly where a dot's rim is blurred.
+def _in_film(places: Array, part: Frame) -> Array:
+    """Return where in the film squares of a part of a frame are [px], shape (..., 2)."""
+    return 2 * places + 0.5 + part.corner
+
+
+def _dot_share(colour: Picture, dot: Dot) -> Image:
+    """How much of each square is dot, from 0 to 1: colours, shape (h, w, 2), mix linearly where a dot's rim is blurred.
 
     The surroundings' colour is the part's median; what lies off the line between both colours is
     something else.
     """
-    colour = cv2.cvtColor(part, cv2.COLOR_BGR2LAB)
-    around = np.median(colour[::4, ::4, 1:], axis=(0, 1)) - GREY
-    line = dot.chroma - around
+    around = np.median(colour[::2, ::2], axis=(0, 1))
+    line = dot.chroma + GREY - around
     length = float(line @ line)
     if length < 100:
-        return np.zeros(part.shape[:2], np.float32)
+        return np.zeros(colour.shape[:2], np.float32)
     # Along the line, and off it, in units of its length.
-    turn = np.array([[0, line[0], line[1]], [0, -line[1], line[0]]]) / length
-    shift = turn @ [0, *(around + GREY)]
+    turn = np.array([[line[0], line[1]], [-line[1], line[0]]]) / length
+    shift = turn @ around
     along, off = cv2.split(cv2.transform(colour.astype(np.float32), np.column_stack([turn, -shift])))
     return np.where((np.abs(off) < 0.45) & (along > 0.15), np.minimum(along, 1.0), np.float32(0))
 
 
-def _patches(part: Picture, corner: tuple[int, int], look: Survey) -> list[Dot]:
+def _patches(part: Frame, look: Survey) -> list[Dot]:
     # In whole units: a hundredth of a sticker's colour.
-    smooth = cv2.cvtColor(cv2.GaussianBlur(part, (0, 0), 1.0), cv2.COLOR_BGR2LAB)
-    chroma = smooth[..., 1:].astype(np.float32) - GREY
+    smooth = cv2.cvtColor(cv2.GaussianBlur(part.colour, (0, 0), 1.0), cv2.COLOR_BGR2LAB)
+    chroma = smooth[..., 1:].astype(np.float32)
     strength = np.linalg.norm(chroma - np.median(chroma.reshape(-1, 2), axis=0), axis=-1)
     strong = strength[strength > MIN_CHROMA]
     if len(strong) < MIN_AREA:
@@ -270,6 +277,7 @@ def _patches(part: Picture, corner: tuple[int, int], look: Survey) -> list[Dot]:
     level = max(MIN_CHROMA, 0.6 * float(np.sort(strong)[-MIN_AREA]))
     mask = cv2.morphologyEx((strength > level).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     count, labels, stats, centres = cv2.connectedComponentsWithStats(mask)
+    colour = np.dstack(part.chroma)
     dots: list[Dot] = []
     for label in range(1, count):
         _, _, width, height, area = stats[label]
@@ -277,26 +285,27 @@ def _patches(part: Picture, corner: tuple[int, int], look: Survey) -> list[Dot]:
             continue
         if area < 0.55 * width * height:  # a disc fills 0.79 of its box
             continue
-        place = centres[label] + corner
+        place = centres[label] + part.corner
         if not look.moving[round(place[1]), round(place[0])]:
             continue
-        colour = np.median(chroma[labels == label], axis=0).astype(np.float64)
-        dot = Dot(place, float(np.sqrt(area / np.pi)), colour)
-        dots.append(replace(dot, alone=_stands_alone(part, place - corner, dot)))
+        own = np.median(colour[labels[::2, ::2] == label], axis=0) - GREY
+        dot = Dot(place, float(np.sqrt(area / np.pi)), own)
+        dots.append(replace(dot, alone=_stands_alone(colour, (centres[label] - 0.5) / 2, dot)))
     return dots
 
 
-def _stands_alone(part: Picture, place: Array, dot: Dot) -> bool:
-    """Whether a dot is all of its colour that there is about its place in a picture [px], shape (2,)."""
-    reach = 2 * dot.radius + RIM
+def _stands_alone(colour: Picture, place: Array, dot: Dot) -> bool:
+    """Whether a dot is all of its colour, shape (h, w, 2), that there is about its place [squares], shape (2,)."""
+    radius = dot.radius / 2
+    reach = 2 * radius + RIM
     left, top = np.maximum(np.floor(place - reach), 0).astype(int)
     right, bottom = np.ceil(place + reach).astype(int) + 1
-    near = part[top:bottom, left:right]
+    near = colour[top:bottom, left:right]
     rows, columns = np.indices(near.shape[:2])
     away = np.hypot(columns + left - place[0], rows + top - place[1])
     share = _dot_share(near, dot)
-    ring = share[(away > dot.radius + RIM) & (away < reach)]
-    return bool(ring.mean() < MAX_AROUND and share[away < dot.radius].mean() > 0.5)
+    ring = share[(away > radius + RIM) & (away < reach)]
+    return bool(ring.mean() < MAX_AROUND and share[away < radius].mean() > 0.5)
 
 
 def _find(reel: Reel) -> Target | None:

@@ -8,6 +8,7 @@ never changes, nothing drifts.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import islice
 from typing import Any
 
 import cv2
@@ -63,8 +64,8 @@ def find_features(look: Survey) -> Array:
     if corners is None:
         return np.zeros((0, 2))
     places = np.asarray(corners, np.float64).reshape(-1, 2) + corner
-    moved = np.array([_moves(frames, place) for place in places])
-    return places[moved][:MAX_FEATURES] if moved.any() else np.zeros((0, 2))
+    moving = (place for place in places if _moves(frames, place))
+    return np.array([*islice(moving, MAX_FEATURES)]).reshape(-1, 2)
 
 
 @dataclass(slots=True)
@@ -153,11 +154,11 @@ def _moves(frames: Sequence[Frame], place: Array) -> bool:
     """Whether a patch of the first of some frames is not where it was in a tenth of the others, or more."""
     half = WINDOW // 2
     x, y = np.round(place).astype(int)
-    patch = frames[0].part((x - half, y - half, x + half + 1, y + half + 1))[0]
+    patch = frames[0].bright((x - half, y - half, x + half + 1, y + half + 1))[0]
     likeness: list[float] = []
     for other in frames[1:]:
         u, v = np.round(place + other.shift - frames[0].shift).astype(int)
-        around = other.part((u - half - 3, v - half - 3, u + half + 4, v + half + 4))[0]
+        around = other.bright((u - half - 3, v - half - 3, u + half + 4, v + half + 4))[0]
         if min(around.shape) >= WINDOW:
             likeness.append(float(cv2.matchTemplate(around, patch, cv2.TM_CCOEFF_NORMED).max()))
     if not likeness:

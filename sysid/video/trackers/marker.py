@@ -14,7 +14,7 @@ from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.trackers._base import Target, Tracker, level_angle
 from sysid.video.trackers._edge_profile import Aliasing, corners, find_pieces
-from sysid.video.types import Box, Picture, Points
+from sysid.video.types import Box, Picture
 
 DICTIONARIES = {
     "ArUco 4x4": cv2.aruco.DICT_4X4_50,
@@ -65,10 +65,13 @@ def find_marker(frame: Frame, region: Box) -> Marker | None:
         frame: The frame.
         region: Left, top, right and bottom [px] of where to look.
     """
-    every = (_detect(frame, region, kind) for kind in DICTIONARIES)
+    order = {kind: rank for rank, kind in enumerate(DICTIONARIES)}
     # A marker of one dictionary may look like a poor one of another: the first that has any.
-    found = next((some for some in every if some), [])
-    return max(found, key=lambda marker: float(np.ptp(marker.corners, axis=0).max()), default=None)
+    return min(
+        _detect(frame, region, *DICTIONARIES),
+        key=lambda marker: (order[marker.kind], -float(np.ptp(marker.corners, axis=0).max())),
+        default=None,
+    )
 
 
 @dataclass(slots=True)
@@ -84,8 +87,6 @@ class MarkerFollower:
     """Its corners."""
     cells: Array = field(init=False)
     """Brightness of the marker's cells, border included, less its mean, in standard deviations."""
-    _middles: Points = field(init=False)
-    """Where the cells' middles are, in cells."""
     _corners: Array = field(init=False)
     _step: Array = field(default_factory=lambda: np.zeros((4, 2)))
     """How far the corners went from the last but one frame to the last one [px]."""
@@ -95,12 +96,8 @@ class MarkerFollower:
 
     def __post_init__(self) -> None:
         """Look up what the marker's cells should look like."""
-        dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[self.marker.kind])
-        size = dictionary.markerSize + 2
-        cells = dictionary.generateImageMarker(self.marker.number, size).astype(np.float64)
+        cells = marker_cells(self.marker.number, self.marker.kind).astype(np.float64)
         self.cells = (cells - cells.mean()) / cells.std()
-        rows, columns = np.mgrid[0:size, 0:size] + 0.5
-        self._middles = np.stack([columns, rows], axis=-1).astype(np.float32).reshape(-1, 1, 2)
         self._corners = self.marker.corners
 
     def update(self, frame: Frame) -> Array | None:
@@ -157,18 +154,14 @@ class MarkerFollower:
     def _likeness(self, frame: Frame, place: Array) -> float:
         """Correlation of the cells seen with the cells that the marker should have."""
         count = len(self.cells)
-        unit = np.array([[0, 0], [count, 0], [count, count], [0, count]], np.float32)
-        homography = cv2.getPerspectiveTransform(unit, (place - frame.corner).astype(np.float32))
-        pixels = cv2.perspectiveTransform(self._middles, homography)
-        seen = (
-            cv2.remap(frame.picture, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR)
-            .ravel()
-            .astype(np.float64)
-        )
-        return float(seen @ self.cells.ravel() / (len(seen) * max(float(seen.std()), 1e-9)))
+        unit = np.array([[0, 0], [count, 0], [count, count], [0, count]], np.float32) - np.float32(0.5)
+        there = cv2.getPerspectiveTransform(unit, (place - frame.corner).astype(np.float32))
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        seen = cv2.warpPerspective(frame.picture, there, (count, count), flags=flags)  # the cells' middles
+        return float(np.mean(seen * self.cells) / max(float(seen.std()), 1e-9))
 
 
-def _detect(frame: Frame, box: Box, kind: str) -> list[Marker]:
+def _detect(frame: Frame, box: Box, *kinds: str) -> list[Marker]:
     part, corner = frame.part(box)
     if min(part.shape[:2]) < MIN_SIDE:
         return []
@@ -178,26 +171,21 @@ def _detect(frame: Frame, box: Box, kind: str) -> list[Marker]:
     # Thresholding windows up to a marker's cell: blurred and small markers both.
     parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = 5, 37
     parameters.adaptiveThreshWinSizeStep = 16
-    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[kind])
-    found: Any = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(dark)
-    places, numbers, _ = found  # the stubs say that there always are numbers
-    if numbers is None:
+    dictionaries = [cv2.aruco.getPredefinedDictionary(DICTIONARIES[kind]) for kind in kinds]
+    found: Any = cv2.aruco.ArucoDetector(dictionaries, parameters).detectMarkersMultiDict(dark)
+    places, numbers, _, whose = found
+    if numbers is None:  # the stubs say that there always are some
         return []
+    every = np.reshape(places, (-1, 4, 2)).astype(np.float64) * times + (times - 1) / 2 + corner
     return [
-        Marker(
-            kind, int(number), np.reshape(place, (4, 2)).astype(np.float64) * times + (times - 1) / 2 + corner
-        )
-        for place, number in zip(places, np.ravel(numbers), strict=True)
+        Marker(kinds[kind], number, place)
+        for kind, number, place in zip(np.ravel(whose), np.ravel(numbers).tolist(), every, strict=True)
     ]
 
 
-def marker_cells(number: int) -> Picture:
-    """Return the cells of an ArUco 4x4 marker, its black border included [grey levels, 0 or 255], shape (6, 6).
-
-    Args:
-        number: 0 to 49.
-    """
-    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES["ArUco 4x4"])
+def marker_cells(number: int, kind: str = "ArUco 4x4") -> Picture:
+    """Return the cells of a marker, its black border included [grey levels, 0 or 255], shape (6, 6) or larger."""
+    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[kind])
     return np.asarray(dictionary.generateImageMarker(number, dictionary.markerSize + 2), np.uint8)
 
 
