@@ -19,6 +19,14 @@ MIN_APART, HALO = 2.0, 0.3
 must be: where it is less it is the halo by which cameras sharpen an edge."""
 ROUNDS = 4
 """Times that a step is looked for about where it was found."""
+ALL_OF_A_STEP = 2.0
+"""Window that takes in next to all of a step, in widths of it: straight lines between pixels keep that step's sum, and so its place.
+They skew a step by a wave of its place in the grid, which a narrower window shows: it takes cubics."""
+DISTURBED, DISTURBED_SHARE = 2.0, 0.3
+"""Error of the brightness at a step [grey levels]: what compression and the pixels' grid leave, and this share of how much brightness changes
+beside the step. Over its height, in grey levels a pixel, it is an error of place."""
+STEP_SIDE, BESIDE = 2.0, 1.6
+"""How far a step reaches to either side, and from where on other changes of brightness are counted [px]."""
 HARMONICS = np.array([1, 2])
 """Waves a pixel by which its grid moves a step."""
 USUAL_ALIASING, USUAL_BEND = 0.05, 0.02
@@ -45,6 +53,19 @@ def find_pieces(
     ways: tuple[int, ...] = (1,),
     bends: Array | None = None,
 ) -> Array:
+    """Return points along edges, shape (ways, m, PIECES, 2) [px]; as `find_steps` does."""
+    return find_steps(frame, ends, reach, faintest, window, ways, bends)[0]
+
+
+def find_steps(
+    frame: Frame,
+    ends: Array,
+    reach: float,
+    faintest: float,
+    window: float,
+    ways: tuple[int, ...] = (1,),
+    bends: Array | None = None,
+) -> tuple[Array, Array]:
     """Move points evenly along edges onto the brightness steps nearby that rise across them.
 
     Args:
@@ -59,7 +80,8 @@ def find_pieces(
         bends: How far beside the line between the ends each piece is, against the normal [px], shape (m, PIECES).
 
     Returns:
-        Shape (ways, m, PIECES, 2) [px]; NaN where there is no such step.
+        Points, shape (ways, m, PIECES, 2) [px], NaN where there is no such step; and how far each may be off since brightness changes beside
+        the step, too, shape (ways, m, PIECES) [px].
     """
     along = ends[:, None, 1] - ends[:, None, 0]
     length = np.maximum(np.linalg.norm(along, axis=2, keepdims=True), 1e-9)
@@ -72,7 +94,8 @@ def find_pieces(
     offset = np.arange(-np.ceil(reach) - 1, np.ceil(reach) + 2)
     samples = feet[:, :, None] - frame.corner + offset[:, None] * normal[:, :, None]
     x, y = np.moveaxis(samples.astype(np.float32).reshape(-1, len(offset), 2), 2, 0)
-    seen = cv2.remap(frame.picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    between = cv2.INTER_LINEAR if window >= ALL_OF_A_STEP else cv2.INTER_CUBIC
+    seen = cv2.remap(frame.picture, x, y, between, borderMode=cv2.BORDER_REPLICATE)
     profile = seen.astype(np.float64).reshape(len(ends), PIECES, profiles, -1).mean(axis=2)
     step, offset = np.array(ways)[:, None, None, None] * np.diff(profile, axis=2), offset[:-1] + 0.5
     place, rise = _steepest(step, offset, window)
@@ -80,15 +103,29 @@ def find_pieces(
     if len(ways) > 1:
         blended = np.ptp(np.where(faint, np.nan, place), axis=0) < MIN_APART
         faint |= blended & (HALO * rise < rise.min(axis=0))
+    doubt = _disturbance(step, np.abs(offset - place[..., None]))
     place = np.where(faint, np.nan, place)
-    return feet.reshape(len(ends), PIECES, profiles, 2).mean(axis=2) + place[..., None] * normal
+    return feet.reshape(len(ends), PIECES, profiles, 2).mean(axis=2) + place[..., None] * normal, doubt
+
+
+def _disturbance(step: Array, away: Array) -> Array:
+    """How far steps may be found beside where they are, by what else changes near them [px], shape (..., m, count).
+
+    Args:
+        step: Changes of brightness from sample to sample [grey levels], shape (..., m, count, S).
+        away: How far these are from where the step is found [px], of the same shape.
+    """
+    height = (step * (away <= STEP_SIDE)).sum(axis=-1)
+    beside = (np.abs(step) * (away > BESIDE)).sum(axis=-1)
+    return np.hypot(DISTURBED, DISTURBED_SHARE * beside) / np.maximum(height, 1.0)
 
 
 def _steepest(step: Array, offset: Array, window: float) -> tuple[Array, Array]:
     """Where brightness rises most [px], and by how much, each of the shape of steps (..., m, count, S) without its last axis.
 
     That is the centroid of the steps under a window about it: for any symmetric blur the true edge, and, if it is as wide as they
-    are, what a step of that width fits best in white noise. One that takes in all of the step takes in much more of it.
+    are, what a step of that width fits best in white noise. One that takes in all of the step takes in much more of it. A window beside
+    the step draws the centroid there by its share, which is known: each round goes as much farther.
     """
     smooth = step.copy()
     smooth[..., 1:-1] = (step[..., :-2] + 2 * step[..., 1:-1] + step[..., 2:]) / 4
@@ -100,7 +137,8 @@ def _steepest(step: Array, offset: Array, window: float) -> tuple[Array, Array]:
     for _ in range(ROUNDS):
         away = (offset - place[..., None]) / np.maximum(width, MIN_WIDTH)[..., None]
         weight = np.maximum(step, 0) * np.exp(-(away**2) / 2)
-        place = (weight * offset).sum(axis=-1) / np.maximum(weight.sum(axis=-1), 1e-9)
+        drawn = (weight * offset).sum(axis=-1) / np.maximum(weight.sum(axis=-1), 1e-9)
+        place = place + (1 + window**-2) * (drawn - place)
     return place, rise
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
 from sysid.video.film.survey import Survey
-from sysid.video.trackers._edge_profile import PIECES, find_pieces
+from sysid.video.trackers._edge_profile import PIECES, find_steps
 from sysid.video.trackers.edge.body import fit_edges
 from sysid.video.trackers.edge.brightness_steps import (
     ATTITUDE_STEP,
@@ -139,16 +139,17 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
 
 def measured(
     end: DeckEnd, frame: Frame, shift: Array, turn: float, height: float, reach: float
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, Array]:
     """Points of the edges in a frame where they are near a turn [rad] and height [px], both of shape (E, PIECES, 2) [px].
 
-    In the picture, and from their pivots where the edges are level; NaN where there is none.
+    In the picture, and from their pivots where the edges are level; NaN where there is none. And how far each may be off
+    for what is beside it in this frame [px], shape (E, PIECES).
     """
     centre = (end.pivot + shift)[:, None]
     place = centre + turned(end.ends + np.array([0.0, height]), turn)
-    steps = find_pieces(frame, place, reach, MIN_CONTRAST, 1.0, (1, -1), end.bends)
-    points = np.where(end.ways[:, None, None] > 0, *steps)
-    return points, turned(points - centre, -turn)
+    steps, doubts = find_steps(frame, place, reach, MIN_CONTRAST, 1.0, (1, -1), end.bends)
+    points, doubt = (np.where(end.ways[:, None, None] > 0, *one) for one in (steps, doubts[..., None]))
+    return points, turned(points - centre, -turn), doubt[..., 0]
 
 
 def _learned(end: DeckEnd, every: list[Steps], frames: Sequence[Frame], shifts: Array) -> DeckEnd | None:
@@ -169,12 +170,13 @@ def _learn(end: DeckEnd, frames: Sequence[Frame], shifts: Array, some: Rows) -> 
     """Return the edges as they are in some frames, and which pieces keep their place there, shape (E, PIECES)."""
     edge, turns = np.repeat(np.arange(len(end.ends)), PIECES), end.turns.copy()
     seen = [
-        measured(end, frames[row], shifts[row], float(turns[row]), 0.0, LEARNING_REACH)[0] - shifts[row]
-        for row in some
+        measured(end, frames[row], shifts[row], float(turns[row]), 0.0, LEARNING_REACH) for row in some
     ]
-    x, y = np.moveaxis(np.array(seen).reshape(len(some), -1, 2), -1, 0)
+    points = np.array([points for points, _, _ in seen]) - shifts[some, None, None]
+    x, y = np.moveaxis(points.reshape(len(some), -1, 2), -1, 0)
     z = x + 1j * y
-    body = fit_edges(z, edge, np.repeat(end.pivot[:, 0] + 1j * end.pivot[:, 1], PIECES))
+    doubt = np.array([doubt for _, _, doubt in seen]).reshape(len(some), -1)
+    body = fit_edges(z, edge, np.repeat(end.pivot[:, 0] + 1j * end.pivot[:, 1], PIECES), doubt)
     turns[some] = body.angle
     there = np.isfinite(z).mean(axis=0).reshape(-1, PIECES)
     good = (body.spread.reshape(-1, PIECES) < MAX_SPREAD) & (there > MIN_SEEN)
