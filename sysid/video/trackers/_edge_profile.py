@@ -17,10 +17,10 @@ MIN_WIDTH = 0.5
 MIN_APART, HALO = 2.0, 0.3
 """Distance of a step that rises and one that falls below which neither shows where it is [px], and how much of the stronger one the other
 must be: where it is less it is the halo by which cameras sharpen an edge."""
-ROUNDS = 4
+ROUNDS = 3
 """Times that a step is looked for about where it was found."""
 ALL_OF_A_STEP = 2.0
-"""Window that takes in next to all of a step, in widths of it: straight lines between pixels keep that step's sum, and so its place.
+"""Window that takes in next to all of a step, in widths of it [1]: straight lines between pixels keep that step's sum, and so its place.
 They skew a step by a wave of its place in the grid, which a narrower window shows: it takes cubics."""
 DISTURBED, DISTURBED_SHARE = 2.0, 0.3
 """Error of the brightness at a step [grey levels]: what compression and the pixels' grid leave, and this share of how much brightness changes

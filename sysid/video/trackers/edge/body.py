@@ -78,7 +78,7 @@ def fit_edges(z: Complex, edge: Edge, pivot: Complex, doubt: Array | float = 0.0
     shift = np.zeros(len(z))
     turned = np.exp(-1j * angle)[:, None] * place
     centre, height = np.zeros(len(edge), np.complex128), np.nan_to_num(_medians(turned.imag, seen))
-    doubt = np.full(edge.max() + 1, PIVOT_STD)
+    pivot_std = np.full(edge.max() + 1, PIVOT_STD)
     along, rest, weight = turned.real, turned.imag - height, seen.astype(np.float64)
     spread = np.ones(len(edge))
     for least in (*LEAST_SPREADS, LEAST_SPREADS[-1]):
@@ -86,7 +86,7 @@ def fit_edges(z: Complex, edge: Edge, pivot: Complex, doubt: Array | float = 0.0
         trust, usual = seen * (least / spread / vague) ** 2, spread * vague
         for _ in range(3):
             weight = trust / (1 + (rest / (OUTLYING * usual)) ** 2) ** 2
-            centre, height, doubt = _body(np.exp(-1j * angle)[:, None] * place, angle, weight, edge)
+            centre, height, pivot_std = _body(np.exp(-1j * angle)[:, None] * place, angle, weight, edge)
             for _ in range(2):
                 turned = np.exp(-1j * angle)[:, None] * (place - centre)
                 along = turned.real
@@ -99,7 +99,7 @@ def fit_edges(z: Complex, edge: Edge, pivot: Complex, doubt: Array | float = 0.0
     return EdgeBody(
         angle + slope,
         pivot + centre,
-        doubt,
+        pivot_std,
         weight,
         np.where(seen, rest, 0.0),
         spread,
