@@ -169,12 +169,13 @@ def _learned(end: DeckEnd, every: list[Steps], frames: Sequence[Frame], shifts: 
 def _learn(end: DeckEnd, frames: Sequence[Frame], shifts: Array, some: Rows) -> tuple[DeckEnd, Mask]:
     """Return the edges as they are in some frames, and which pieces keep their place there, shape (E, PIECES)."""
     edge, turns = np.repeat(np.arange(len(end.ends)), PIECES), end.turns.copy()
-    seen = [measured(end, frames[row], shifts[row], float(turns[row]), 0.0, LEARNING_REACH) for row in some]
-    points = np.array([points for points, _, _ in seen]) - shifts[some, None, None]
-    x, y = np.moveaxis(points.reshape(len(some), -1, 2), -1, 0)
+    seen = [
+        measured(end, frames[row], shifts[row], float(turns[row]), 0.0, LEARNING_REACH)[0] - shifts[row]
+        for row in some
+    ]
+    x, y = np.moveaxis(np.array(seen).reshape(len(some), -1, 2), -1, 0)
     z = x + 1j * y
-    doubt = np.array([doubt for _, _, doubt in seen]).reshape(len(some), -1)
-    body = fit_edges(z, edge, np.repeat(end.pivot[:, 0] + 1j * end.pivot[:, 1], PIECES), doubt)
+    body = fit_edges(z, edge, np.repeat(end.pivot[:, 0] + 1j * end.pivot[:, 1], PIECES))
     turns[some] = body.angle
     there = np.isfinite(z).mean(axis=0).reshape(-1, PIECES)
     good = (body.spread.reshape(-1, PIECES) < MAX_SPREAD) & (there > MIN_SEEN)
