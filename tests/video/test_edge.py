@@ -64,6 +64,19 @@ def test_points_that_do_not_turn_with_the_deck_are_not_believed():
     assert np.degrees(np.abs(straight)) > 0.5  # what a line through all of them would make of it
 
 
+def test_points_count_as_what_is_beside_them_lets_them():
+    """Half of each edge is off by a few tenths of a pixel while the deck is held, too little to stand out, and known to be doubtful there."""
+    rng = np.random.default_rng(4)
+    held = (TIME < 0.3)[:, None] & (np.arange(2 * PIECES) % PIECES < PIECES // 2)
+    off = held * 0.4 * rng.choice([0.5, 1.0], 2 * PIECES)
+    z = turned_edges(ROLL) + 1j * np.exp(1j * ROLL)[:, None] * off
+    alike, weighed = (
+        error_of(fit_edges(z, EDGE, np.full(len(EDGE), PIVOT), doubt).angle)[TIME < 0.3]
+        for doubt in (0.0, np.where(held, 0.3, 0.0))
+    )
+    assert np.abs(weighed).mean() < 0.5 * np.abs(alike).mean()
+
+
 def test_a_concave_edge_turns_as_its_deck_does():
     """Its points are evenly spaced about a pivot 60 px beside the true one: they move along the edge as it turns, and it is steeper there."""
     beside = -60j

@@ -8,24 +8,51 @@ from scipy.special import ndtr
 
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
-from sysid.video.trackers._edge_profile import PIECES, Aliasing, find_pieces
+from sysid.video.trackers._edge_profile import PIECES, Aliasing, find_pieces, find_steps
 
 
-def test_an_edge_is_found_about_as_well_as_white_noise_allows():
-    """Where a step of contrast c, smoothed by s, lies, n rows of noise σ tell to σ √(2 √π s / n) / c at best."""
+@pytest.mark.parametrize("taken", [59.5, 59.8, 60.3])
+def test_an_edge_is_found_about_as_well_as_white_noise_allows(taken: float):
+    """Where a step of contrast c, smoothed by s, lies, n rows of noise σ tell to σ √(2 √π s / n) / c at best; wherever it was taken to be."""
     rng = np.random.default_rng(2)
     contrast, noise, rows, blur = 60.0, 6.0, 320, 0.8
     step = np.where(np.arange(120) < 60, 150.0, 150.0 - contrast)
     clean = cv2.GaussianBlur(np.tile(step, (rows + 40, 1)), (0, 0), blur)
-    ends = np.array([[[60.3, 20.0], [60.3, 20.0 + rows]]])
+    ends = np.array([[[taken, 20.0], [taken, 20.0 + rows]]])
     found = []
     for _ in range(20):
         grey = np.clip(clean + rng.normal(0, noise, clean.shape), 0, 255).astype(np.uint8)
         frame = frame_of(0, 0.0, np.repeat(grey[..., None], 3, axis=2))
         found.append(find_pieces(frame, ends[:, ::-1], 4.0, 8.0, 1.0)[0, 0, :, 0])
     bound = noise * np.sqrt(2 * np.sqrt(np.pi) * blur / (rows / PIECES)) / contrast
-    assert np.std(found) < 1.3 * bound
-    assert np.mean(found) == pytest.approx(59.5, abs=0.05)
+    assert np.std(found) < 1.4 * bound
+    assert np.mean(found) == pytest.approx(59.5, abs=0.015)
+
+
+def test_an_edge_that_is_nearly_level_is_not_turned_by_the_grid_of_pixels():
+    off = []
+    for place in 19.5 + np.linspace(0, 1, 10, endpoint=False):
+        for slope in (0.002, 0.004, 0.006):
+            ends = np.array([[[5.0, place - 55 * slope], [115.0, place + 55 * slope]]])
+            (found,) = find_pieces(_black_below(place, slope, 0.8, 1.0, 0.0), ends, 2.5, 8.0, 1.0)[0]
+            off.append(np.polyfit(found[:, 0], found[:, 1], 1)[0] - slope)
+    assert np.degrees(np.sqrt(np.mean(np.square(off)))) < 0.02
+
+
+def test_a_step_is_doubted_for_what_changes_beside_it_and_for_how_little_it_steps():
+    down = np.arange(40)[:, None]
+    clear = np.where(down < 20, 160.0, 60.0)
+    faint = np.where(down < 20, 80.0, 60.0)
+    beside = clear + 40.0 * (down >= 23)  # a wheel behind a deck's lower edge
+    picture = np.repeat(np.hstack([clear, faint, beside]), 100, axis=1)
+    frame = frame_of(0, 0.0, cv2.GaussianBlur(picture, (0, 0), 0.8).astype(np.uint8))
+    ends = np.array([[[100.0 * part + 10, 19.5], [100.0 * part + 90, 19.5]] for part in range(3)])
+    points, doubt = find_steps(frame, ends, 2.5, 8.0, 1.0)
+    sure, little, disturbed = np.median(doubt[0], axis=1)
+    assert sure == pytest.approx(0.035, abs=0.005)
+    assert little == pytest.approx(5 * sure, rel=0.3)
+    assert disturbed > 2.5 * sure
+    assert np.isfinite(points).all()
 
 
 def test_both_sides_of_a_stripe_are_found_by_how_brightness_steps():

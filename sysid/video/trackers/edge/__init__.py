@@ -25,11 +25,12 @@ def _find(reel: Reel) -> Target | None:
             "an edge does not show from where the camera looks: it is taken to look along the board's axis "
             "to within 5 degrees (say otherwise with --camera-angle)",
         )
+    follower = EdgeFollower(end, look.frames[0].box)
     return Target(
-        follower=EdgeFollower(end, look.frames[0].box),
+        follower=follower,
         what="the deck's edge",
         why=f"{count} straight edge{'s' if count > 1 else ''} ({lengths} px long)",
-        solve=partial(fit_direction, pivot=end.pivot, vanishing=vanishing),
+        solve=partial(fit_direction, pivot=end.pivot, doubts=follower.doubt, vanishing=vanishing),
         zero=partial(level_angle, direction=1 + 0j, symmetry=2),
         zero_note="where the edge is level in the picture",
         joined=tuple((point, point + 1) for point in range(PIECES * count) if (point + 1) % PIECES),

@@ -18,6 +18,8 @@ from sysid.roll import Array
 from sysid.video.types import Complex
 
 Edge = npt.NDArray[np.intp]
+POINT_FLOOR = 0.05
+"""Least standard deviation of a point [px]."""
 POINT_STD = 0.2
 """Usual error of a point [px]."""
 SHIFT_STD = 0.7
@@ -59,34 +61,37 @@ class EdgeBody:
     """Place of each point along the edges, from the pivot [px], shape (n, M)."""
 
 
-def fit_edges(z: Complex, edge: Edge, pivot: Complex) -> EdgeBody:
+def fit_edges(z: Complex, edge: Edge, pivot: Complex, doubt: Array | float = 0.0) -> EdgeBody:
     """Find the turn of edges.
 
     Args:
         z: Points of the edges in every frame [px], shape (n, M); NaN where not seen.
         edge: Number of the edge of each point, shape (M,).
         pivot: What each point turns about, roughly [px], shape (M,).
+        doubt: How far each point may be off for what is beside it in that frame [px], shape (n, M).
     """
     seen = np.isfinite(z)
+    vague = np.hypot(POINT_FLOOR, np.broadcast_to(doubt, z.shape))
+    vague = vague / np.median(vague[seen])  # in usual ones
     place = np.where(seen, z, pivot) - pivot  # from where the pivot was taken to be
     angle = rough_turn(z, edge)
     shift = np.zeros(len(z))
     turned = np.exp(-1j * angle)[:, None] * place
     centre, height = np.zeros(len(edge), np.complex128), np.nan_to_num(_medians(turned.imag, seen))
-    doubt = np.full(edge.max() + 1, PIVOT_STD)
+    pivot_std = np.full(edge.max() + 1, PIVOT_STD)
     along, rest, weight = turned.real, turned.imag - height, seen.astype(np.float64)
     spread = np.ones(len(edge))
     for least in (*LEAST_SPREADS, LEAST_SPREADS[-1]):
-        spread = np.maximum(_spread(rest, seen, attitudes(angle)), least)
-        trust = seen * (least / spread) ** 2
+        spread = np.maximum(_spread(rest / vague, seen, attitudes(angle)), least)
+        trust, usual = seen * (least / spread / vague) ** 2, spread * vague
         for _ in range(3):
-            weight = trust / (1 + (rest / (OUTLYING * spread)) ** 2) ** 2
-            centre, height, doubt = _body(np.exp(-1j * angle)[:, None] * place, angle, weight, edge)
+            weight = trust / (1 + (rest / (OUTLYING * usual)) ** 2) ** 2
+            centre, height, pivot_std = _body(np.exp(-1j * angle)[:, None] * place, angle, weight, edge)
             for _ in range(2):
                 turned = np.exp(-1j * angle)[:, None] * (place - centre)
                 along = turned.real
                 rest = turned.imag - shift[:, None] - height - _further_along(along, height, weight, edge)
-                weight = trust / (1 + (rest / (OUTLYING * spread)) ** 2) ** 2
+                weight = trust / (1 + (rest / (OUTLYING * usual)) ** 2) ** 2
                 more, further = _turn_step(rest, along, shift, weight, edge)
                 angle, shift = angle + more, shift + further
                 rest = rest - more[:, None] * along - further[:, None]
@@ -94,7 +99,7 @@ def fit_edges(z: Complex, edge: Edge, pivot: Complex) -> EdgeBody:
     return EdgeBody(
         angle + slope,
         pivot + centre,
-        doubt,
+        pivot_std,
         weight,
         np.where(seen, rest, 0.0),
         spread,

@@ -14,7 +14,7 @@ import numpy as np
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
 from sysid.video.film.survey import Survey
-from sysid.video.trackers._edge_profile import PIECES, find_pieces
+from sysid.video.trackers._edge_profile import PIECES, find_steps
 from sysid.video.trackers.edge.body import fit_edges
 from sysid.video.trackers.edge.brightness_steps import (
     ATTITUDE_STEP,
@@ -139,16 +139,17 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
 
 def measured(
     end: DeckEnd, frame: Frame, shift: Array, turn: float, height: float, reach: float
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array, Array]:
     """Points of the edges in a frame where they are near a turn [rad] and height [px], both of shape (E, PIECES, 2) [px].
 
-    In the picture, and from their pivots where the edges are level; NaN where there is none.
+    In the picture, and from their pivots where the edges are level; NaN where there is none. And how far each may be off
+    for what is beside it in this frame [px], shape (E, PIECES).
     """
     centre = (end.pivot + shift)[:, None]
     place = centre + turned(end.ends + np.array([0.0, height]), turn)
-    steps = find_pieces(frame, place, reach, MIN_CONTRAST, 1.0, (1, -1), end.bends)
-    points = np.where(end.ways[:, None, None] > 0, *steps)
-    return points, turned(points - centre, -turn)
+    steps, doubts = find_steps(frame, place, reach, MIN_CONTRAST, 1.0, (1, -1), end.bends)
+    points, doubt = (np.where(end.ways[:, None, None] > 0, *one) for one in (steps, doubts[..., None]))
+    return points, turned(points - centre, -turn), doubt[..., 0]
 
 
 def _learned(end: DeckEnd, every: list[Steps], frames: Sequence[Frame], shifts: Array) -> DeckEnd | None:

@@ -44,6 +44,8 @@ class EdgeFollower:
     end: DeckEnd
     view: Box
     """Part of the pictures that is looked at [px]."""
+    doubt: dict[int, Array] = field(init=False, default_factory=dict)
+    """How far each point of a frame may be off for what is beside it there [px], shape (N,), by the frame's number."""
     _turn: float = field(init=False, default=0.0)
     _lost: bool = field(init=False, default=True)
 
@@ -57,10 +59,10 @@ class EdgeFollower:
         frame = frame.cut(self.view)
         centre = (self.end.pivot + frame.shift)[:, None]
         turn, shift = self._search(frame, centre)
-        points, fits = np.zeros(0), np.zeros(self.points, bool)
+        points, doubt, fits = np.zeros(0), np.zeros(0), np.zeros(self.points, bool)
         radius = float(np.abs(self.end.ends).max())
         for reach in (2 * EDGE_REACH, EDGE_REACH, EDGE_REACH):
-            points, level = measured(self.end, frame, frame.shift, turn, shift, reach)
+            points, level, doubt = measured(self.end, frame, frame.shift, turn, shift, reach)
             off = level[..., 1] - self.end.ends[:, :1, 1] - self.end.bends - shift
             more, further, fits = _line(level[..., 0].ravel(), off.ravel())
             turn, shift = turn + more, shift + further
@@ -69,7 +71,7 @@ class EdgeFollower:
         self._lost = fits.mean() < MIN_FITTING_SHARE
         if self._lost:
             return None
-        self._turn = turn
+        self._turn, self.doubt[frame.index] = turn, doubt.ravel()
         return points.reshape(-1, 2)
 
     def _search(self, frame: Frame, centre: Array) -> tuple[float, float]:

@@ -1,6 +1,6 @@
 """The angle of the deck from points on the edges of its end, and how well it is known."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -10,14 +10,12 @@ from sysid.video.pose.camera_state import READOUT, CameraState, rate_of, spread_
 from sysid.video.pose.rectify import rectify, smear, unwrap
 from sysid.video.pose.view import View
 from sysid.video.trackers._edge_profile import PIECES
-from sysid.video.trackers.edge.body import Edge, EdgeBody, fit_edges, moments
+from sysid.video.trackers.edge.body import POINT_FLOOR, Edge, EdgeBody, fit_edges, moments
 from sysid.video.types import Complex
 
 MIN_POINTS, MIN_USUAL_SHARE = 6, 0.45
 """Points that must lie where the body has them in a frame that is believed: so many, and this share of what is
 usual in the film."""
-POINT_FLOOR = 0.05
-"""Least standard deviation of a point [px]."""
 EDGE_BIAS = 0.05
 """What shade, background and compression may shift an edge's points by, growing along it [px]: it is the same as
 long as the deck stands still, so that no scatter shows it."""
@@ -35,6 +33,7 @@ def fit_direction(
     before: CameraState,
     *,
     pivot: Array,
+    doubts: Mapping[int, Array] | None = None,
     vanishing: tuple[Array, float] | None = None,
 ) -> AngleTrack:
     """Turn of the edges of the deck's end, as seen along its axis.
@@ -47,6 +46,7 @@ def fit_direction(
         matrix: Camera matrix [px], shape (3, 3).
         before: What is known of camera and lens.
         pivot: What each edge turns about in the picture, roughly [px], shape (E, 2).
+        doubts: How far each point of a frame may be off for what is beside it there [px], shape (N,), by the frame's number.
         vanishing: Where the axis vanishes in the picture, shape (2,), and its standard deviation [px], if that is seen.
     """
     if vanishing is not None and {0, 1} <= set(before.free):
@@ -57,18 +57,20 @@ def fit_direction(
     z = rectify(view.points, matrix, before.value)
     about = np.repeat(rectify(pivot, matrix, before.value), PIECES)
     edge = np.arange(z.shape[1]) // PIECES
-    body = fit_edges(z, edge, about)
+    known = doubts or {}
+    doubt = np.array([known.get(number, np.zeros(len(edge))) for number in view.track.index.tolist()])
+    body = fit_edges(z, edge, about, doubt)
     for _ in range(SHUTTER_ROUNDS if before.readout else 0):
-        body = fit_edges(z - _moved(body, z, time, view.late * before.readout), edge, about)
+        body = fit_edges(z - _moved(body, z, time, view.late * before.readout), edge, about, doubt)
 
     def angle_at(value: Array) -> Array:
         place = rectify(view.points, matrix, value)
         return body.angle + _turned(place - _moved(body, place, time, view.late * value[READOUT]), edge, body)
 
     seen = angle_at(before.value)
-    doubt, slant = before.apart
+    covariance, slant = before.apart
     readout = READOUT if READOUT in before.free else None
-    unknown = spread_by(before.value, doubt, seen, angle_at, time, view.share, readout)
+    unknown = spread_by(before.value, covariance, seen, angle_at, time, view.share, readout)
     unknown += _slant_spread(before, slant, seen, angle_at)
     noise = _variance(body, edge)
     trusted = body.weight.sum(axis=1)
