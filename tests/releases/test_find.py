@@ -397,3 +397,26 @@ def test_a_pendulum_whose_log_begins_held():
     )
     np.testing.assert_allclose([release.start for release in found], [2.0, 34.0], atol=0.02)
     np.testing.assert_allclose([release.hold for release in found], 2.0, atol=0.05)
+
+
+@pytest.mark.parametrize("zeta", [0.95, 1.0, 1.16, 1.4])
+@pytest.mark.parametrize("angles", [(1.2, 0.8, 1.4), (1.2, 1.2, 1.2)])
+def test_a_joint_slower_than_the_hand_that_opens_it_rests_where_it_comes_to_most_often(zeta, angles):
+    """A door with a closer: opened in a second and a half, held, and closed by itself in three times as long."""
+    omega, step = 1.25, 0.02
+    time = np.arange(0, 20, step)
+    opened = 0.5 * (1 - np.cos(np.pi * np.clip((time - 2) / 1.5, 0, 1)))
+    slow, fast = omega * (
+        -zeta + np.emath.sqrt(zeta**2 - 1) * np.array([1.0, -1.0]) + np.array([1e-6, -1e-6])
+    )
+    after = np.maximum(time - 5, 0)
+    closing = np.real((slow * np.exp(fast * after) - fast * np.exp(slow * after)) / (slow - fast))
+    roll = np.concatenate([angle * opened * closing for angle in (*angles, 0.0)])
+    noisy = roll + np.random.default_rng(2).normal(0, 0.2 * DEGREE, len(roll))
+    std = np.full(len(roll), 0.2 * DEGREE)
+    found = find_releases(
+        Roll(log="door", time=step * np.arange(len(roll)), roll=noisy, std=std, origin="angle")
+    )
+    assert [r.start for r in found] == pytest.approx([5, 25, 45], abs=0.15)
+    assert [r.rest for r in found] == pytest.approx([0, 0, 0], abs=0.1)
+    assert fit_traces(found).damping_ratio == pytest.approx(zeta, rel=0.06)
