@@ -328,6 +328,10 @@ def test_overdamped_has_k_and_d_but_no_decrement():
     assert "overdamped" in decay.warnings[0]
     assert decay.peaks == ((),)
     assert decay.line is None
+    said = decay.report()
+    assert "nan" not in said
+    assert said.count("none: overdamped") == 3
+    assert "second one" not in said
 
 
 def test_free_swings_against_a_stop_are_sent_to_the_diagnosis():
