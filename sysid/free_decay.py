@@ -220,8 +220,9 @@ def _refuse_nonsense(releases: Sequence[Release], trace: TraceFit) -> None:
     log = releases[0].log
     if trace.explained < 0.5:
         raise SysidError(
-            f"{log}: a decaying oscillation explains only {100 * max(0.0, trace.explained):.0f} % of the motion after "
-            "the release, so this is no free decay. Mark the free part of the log (--from, --to, --release)."
+            f"{log}: a linear decay explains only {100 * max(0.0, trace.explained):.0f} % of the motion after the "
+            "release. Where something else moves the joint, mark the free part of the log (--from, --to, --release). "
+            "Where it swings freely, it is far from linear, as against a stop: `husky-sysid diagnose` names the cause."
         )
     spread = math.sqrt(trace.covariance[0, 0]) / trace.omega_n
     if not spread < 0.25:

@@ -133,7 +133,7 @@ def patch(setup: Setup, board: Board) -> Patch:
     texts[main] = _with_sections(texts[main], spec, known)
     old = {file: file.read_bytes().decode() for file in chain}
     diff = "".join(
-        line
+        line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n"
         for file in chain
         if texts[file] != old[file]
         for line in difflib.unified_diff(

@@ -1,10 +1,13 @@
 """`husky-sysid mjcf`: a board as an MJCF file."""
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from sysid.cli.console import BoardName, Common, Flag, Output, Printer
 from sysid.errors import SysidError
 from sysid.files import refuse_other_kind, write_atomically
+
+if TYPE_CHECKING:
+    from sim.mjcf import Mjcf
 
 WARNING_NRMSE, MAX_NRMSE = 0.02, 0.1
 """NRMSE of the unloaded decay beyond which a file is warned of, as the gate would fail it, and beyond which none is
@@ -57,7 +60,7 @@ def mjcf(
         )
     done = made.compensation
     error = f"the unloaded decay of this {kind} is {100 * done.decay_error:.1f} % off the board's"
-    why = _why(kind, coupling, made.export)
+    why = _why(made, kind, coupling)
     if done.decay_error > MAX_NRMSE and made.export != "physical":
         raise SysidError(f"{output}: not written: {error}. {why} --export physical writes it all the same.")
     write_atomically(output, made.xml)
@@ -90,14 +93,21 @@ def mjcf(
     return 0
 
 
-def _why(kind: str, coupling: str, export: str) -> str:
+def _why(made: "Mjcf", kind: str, coupling: str) -> str:
     """Return what takes a decay away from the board's, and what helps."""
-    if export == "physical":
+    done = made.compensation
+    said = [f"{line[0].upper()}{line[1:]}." for line in made.substitutes]
+    # What is left out is told from what the step costs; of another law in an effect's place that is not known.
+    if said and (len(said) > len(done.left_out) or done.step_error < WARNING_NRMSE):
+        return " ".join(said)
+    if made.export == "physical":
         other = "in-scene" if kind == "scene" else "step-compensated"
-        return f"It holds the record's numbers as they are; --export {other} compensates them."
-    if kind == "scene" and coupling == "equality":
-        return (
+        said.append(f"It holds the record's numbers as they are; --export {other} compensates them.")
+    elif kind == "scene" and coupling == "equality":
+        said.append(
             "The wheels, which the joint equality drags over the ground, damp by more than can be taken off so light a "
             "damping: choose --coupling direct, which sets the trucks after each step."
         )
-    return "Choose a smaller --timestep."
+    else:
+        said.append(f"Choose a smaller --timestep{' for the rest' if said else ''}.")
+    return " ".join(said)

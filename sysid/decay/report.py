@@ -1,5 +1,6 @@
 """A free decay in words, tables and JSON."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -64,12 +65,16 @@ def _rows(decay: "FreeDecay") -> list[tuple[str, str, str, str]]:
     rows = [_row(LABELS[name], quantity) for name, quantity in shown]
     others = [] if decay.line is None else [_row(LABELS["log_decrement"], decay.line.log_decrement)]
     others += [] if decay.two_peaks is None else [_row(LABELS["log_decrement"], decay.two_peaks)]
-    if decay.line is None:
+    if decay.numbers.damping_ratio.value >= 1:
+        others = []  # there is no peak to look for
+    elif decay.line is None:
         others = [(LABELS["log_decrement"], "-", "1", "peaks: noise leaves no second one")]
     return [rows[0], *others, *rows[1:]]
 
 
 def _row(name: str, quantity: Quantity) -> tuple[str, str, str, str]:
+    if math.isnan(quantity.value):
+        return name, "none: overdamped", "", quantity.method
     return name, quantity.number, quantity.printed_unit, quantity.method
 
 

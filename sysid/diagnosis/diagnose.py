@@ -42,6 +42,7 @@ from sysid.diagnosis.stretches import judged_stretches
 from sysid.diagnosis.surrogates import LAWS, in_words, nearest_outside, surrogates
 from sysid.diagnosis.touched import seen_by_hands, untouched
 from sysid.diagnosis.wording import (
+    experiment_for_a_change,
     experiment_for_the_unknown,
     experiment_in_words,
     is_or_are,
@@ -333,6 +334,7 @@ def diagnose(
         verdict = replace(verdict, error_before=base.rmse, error_after=best.rmse)
         left_over = verdict.remainder > MATERIAL * everything.motion and everything.surely_missing
         left_over |= verdict.status == "unexplained"
+        left_over &= not decided.changes  # a torque of tilt and rate stands for none that changes
         # What is named may only mimic a law that nobody has met, alone or beside another. Noise that lasts is no law's.
         mimics = verdict.status == "missing" and best.rmse > SUSPECT * max(noise.std, everything.noise)
         learned = None
@@ -480,6 +482,8 @@ class _Decided:
     """What is said to be missing, then what has less; empty where nothing is missing."""
     laws: float
     """How many are missing; inf where none of the catalogue explains it."""
+    changes: bool
+    """Whether what is said is another law later, or in another release, which no torque of tilt and rate is."""
 
 
 def _decided(search: Search, tried: Field, final: list[Model], board: Board) -> _Decided:
@@ -496,7 +500,7 @@ def _decided(search: Search, tried: Field, final: list[Model], board: Board) -> 
     named = 0 if verdict.status == "none-missing" else len(search.added(winner))
     return _Decided(
         winner=winner, final=final, everything=everything, verdict=verdict, best=best, quantities=quantities, asked=asked,
-        laws=np.inf if verdict.status == "unexplained" else named,
+        laws=np.inf if verdict.status == "unexplained" else named, changes=_changes(beyond),
     )  # fmt: skip
 
 
@@ -771,8 +775,14 @@ def _unexplained(
     else:
         confidence = tried.confidence(frozenset())
     text += "The map of the missing torque (compare) shows at which angle and rate it acts."
-    experiment = _for_the_unknown(chosen.model, board)  # two laws that are both wrong predict none
+    # Two laws that are both wrong predict none.
+    experiment = experiment_for_a_change() if _changes(outside) else _for_the_unknown(chosen.model, board)
     return _verdict(tried, "unexplained", (), confidence, (), chosen, None, hints, experiment, text), final
+
+
+def _changes(outside: Scored | None) -> bool:
+    """Return whether a law outside the catalogue, if one is said, is another one later or in another release."""
+    return outside is not None and LAWS[outside.model.shape].changes
 
 
 def _for_the_unknown(model: Model, board: Board) -> str:

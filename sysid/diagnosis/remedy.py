@@ -36,6 +36,8 @@ class Learned:
     """Whether it is a torque of tilt and rate alone: with nothing that sticks or remembers beside it."""
     spread: float
     """Noise that its residuals speak of, for the directions that it took out of them [rad or rad/s]."""
+    compared: str
+    """Whether the nearest formula is as good as the tables, in words."""
     refused: str = ""
     """Why `fit` would not record it; '' where it would."""
 
@@ -119,5 +121,5 @@ def described(found: Fit, effects: Sequence[str]) -> Learned | None:
         error_after=found.rmse, heldout_rmse=found.heldout_rmse, text=text,
         formula=tuple(shape.name for shape in found.formula.shapes) if says_it else (),
         known=found.formula.is_known, smooth=not effects and not remembers, spread=residual_noise(found),
-        refused=refused,
+        compared=found.formula.compared(is_rate=found.is_rate), refused=refused,
     )  # fmt: skip

@@ -58,6 +58,7 @@ def report(result: "Diagnosis", width: int, space: Workspace, logs: Sequence[Pat
     if result.learned is not None:
         errors = (show(error) for error in (result.learned.error_after, result.learned.heldout_rmse))
         lines.append("{} (error {}, held out {})".format(result.learned.text, *errors))
+        lines.append(result.learned.compared)
         command = _fit(result, space, logs, (*result.effects, "learned"))
         refused = result.learned.refused
         lines.append(f"not to be learned yet: {refused}" if refused else f"to learn it: {command}")

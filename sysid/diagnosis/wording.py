@@ -89,6 +89,15 @@ def experiment_for_the_unknown(seen: float, limit: float, board: Board) -> str:
     )
 
 
+def experiment_for_a_change() -> str:
+    """Return what to record where the joint seems to change with time or between releases, as sentences."""
+    return (
+        "Repeat the first release later, from the same angle to the same side. If it decays otherwise, the joint changes with time, "
+        "as by warming or loosening: fit early and late releases apart. If it decays as before, what changed comes back, or goes with "
+        "the release angle."
+    )
+
+
 def rounded(number: float) -> str:
     """Return a number with two digits at least, never with an exponent."""
     return f"{number:.0f}" if number >= 10 else f"{number:.2g}"

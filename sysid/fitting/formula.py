@@ -190,6 +190,11 @@ class Formula:
         """The terms in a sum."""
         return " + ".join(self.terms)
 
+    def compared(self, *, is_rate: bool) -> str:
+        """Say whether it is as good as the tables, and its error."""
+        how = "is as good" if self.good else "alone is not as good"
+        return f"that formula {how}: error {display(is_rate=is_rate, slides=self.slides)(self.error)}"
+
     def torque(self, tilt: Array, rate: Array) -> Array:
         """Return the torque [N*m] at tilts [rad] and rates [rad/s], shape (n,) each."""
         m = NUMPY

@@ -93,7 +93,7 @@ def learned_lines(fit: "Fit") -> list[str]:
     if formula is not None:
         lines.append(f"it {formula.text}")
         lines.append(
-            f"that formula {'is as good' if formula.good else 'alone is not as good'}: error {display(is_rate=fit.is_rate)(formula.error)}"
+            formula.compared(is_rate=fit.is_rate)
             + (
                 f". Fit it: --effect {' --effect '.join(formula.effects)}"
                 if formula.good and formula.effects

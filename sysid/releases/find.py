@@ -21,6 +21,9 @@ STILL = 0.03
 """A deck within this share of the first amplitude counts as held still."""
 FEWEST_SAMPLES = 8
 """Samples of a decay."""
+COARSE = 0.5
+"""Share of all the motion from which a step between neighbours tells of noise alone or of too few samples: a sine goes that far in one
+where it has fewer than six a swing."""
 FELT = 0.15
 """Periods for which a hand that catches a deck is felt before it is seen: up to 20 ms of a swing of 0.2 s in random logs."""
 STUCK = 0.03
@@ -56,7 +59,7 @@ def find_releases(
     if not swings:
         raise SysidError(
             f"{roll.log}: nothing moves by more than {math.degrees(signal.min_movement):.2g}° "
-            f"(noise {math.degrees(signal.noise):.2g}°), so there is no decay. "
+            f"(noise {math.degrees(signal.noise):.2g}°), so there is no decay. {_coarse(part)}"
             "Is it the right column (--column) and the right stretch of the log (--from, --to)?"
         )
     if releases:
@@ -89,6 +92,17 @@ def find_releases(
             "was let go (--release), or the stretch to look at (--from, --to)."
         )
     return found
+
+
+def _coarse(roll: Roll) -> str:
+    """Return the doubt that a roll is sampled too slowly, as a sentence; '' where it is not."""
+    step = float(np.abs(np.diff(roll.roll)).max())
+    if not step > COARSE * float(np.ptp(roll.roll)):
+        return ""
+    return (
+        f"Neighbouring samples differ by up to {math.degrees(step):.2g}°, nearly as much as all of it: if it swings, "
+        f"{roll.sampling_rate:.3g} Hz may be too low. "
+    )
 
 
 def _spans(signal: SmoothedSignal, segments: Sequence[Segment]) -> tuple[list[_Seen], list[Span]]:

@@ -328,6 +328,28 @@ def test_overdamped_has_k_and_d_but_no_decrement():
     assert "overdamped" in decay.warnings[0]
     assert decay.peaks == ((),)
     assert decay.line is None
+    said = decay.report()
+    assert "nan" not in said
+    assert said.count("none: overdamped") == 3
+    assert "second one" not in said
+
+
+def test_free_swings_against_a_stop_are_sent_to_the_diagnosis():
+    """They are free, only far from linear: a bounce follows the next at the pace of the amplitude."""
+    omega, stiff, step = 2.0, 60.0, 1e-4
+    roll, rate, rolls = 0.3, 0.0, []
+    for index in range(int(20 / step)):
+        if index % 200 == 0:
+            rolls.append(roll)
+        bounce = (stiff**2 - omega**2) * max(abs(roll) - 0.02, 0.0) * np.sign(roll)
+        rate += step * (-0.1 * omega * rate - omega**2 * roll - bounce)
+        roll += step * rate
+    release = clean_release(omega, 0.1)
+    time = np.arange(len(rolls)) * 200 * step
+    noise = np.random.default_rng(0).normal(0, 1e-4, len(rolls))
+    stopped = replace(release, time=time, roll=np.array(rolls) + noise, std=np.full(len(rolls), 1e-4))
+    with pytest.raises(SysidError, match=r"explains only .* % .* a stop: `husky-sysid diagnose`"):
+        fit_decay([stopped], INERTIA)
 
 
 def test_noise_alone_is_refused():

@@ -306,7 +306,12 @@ def test_degrees_taken_for_radians_are_said(pink):
 def test_a_board_that_changed_between_releases_is_unexplained(pink):
     soft, hard = LAW, JointLaw(inertia=8.7e-3, stiffness=16.5, damping=0.05)
     releases = [made(law, 1.0, seed=i) for i, law in enumerate((soft, hard, soft))]
-    assert diagnose(releases, pink).verdict.status == "unexplained"
+    found = diagnose(releases, pink)
+    assert found.verdict.status == "unexplained"
+    assert "changed between the releases" in found.verdict.explanation
+    assert found.verdict.next_experiment.startswith("Repeat the first release later")
+    assert found.learned is None  # no torque of tilt and rate stands for it
+    assert "learned" not in found.report()
 
 
 @pytest.mark.slow

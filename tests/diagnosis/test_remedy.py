@@ -9,11 +9,13 @@ from sysid.board import load_board
 from sysid.diagnosis import diagnose, remedy
 from sysid.diagnosis.diagnose import UNNOTICED
 from sysid.diagnosis.remedy import Learned, described, tables
+from sysid.fitting.formula import SHAPES, Formula
 from sysid.joint import JointLaw
 from sysid.workspace import shipped_data
 
 MAGNET = Learned(
     error_after=1.0, heldout_rmse=1.05, formula=("magnet",), known=False, text="a magnet", smooth=True, spread=1.02,
+    compared="",
 )  # fmt: skip
 """In units of the noise."""
 
@@ -60,10 +62,18 @@ def test_a_simple_law_may_leave_what_nobody_misses(monkeypatch, choices, unmet):
 
 
 def test_what_fit_would_not_record_is_known_before_it_is_told_to(monkeypatch):
-    formula = SimpleNamespace(text="softens", good=True, shapes=(), is_known=True, error=1.0)
+    formula = Formula(
+        shapes=SHAPES[:1],
+        coefficients=(1.0,),
+        widths=(0.0,),
+        share=0.5,
+        error=1.0,
+        good=False,
+        text="softens",
+    )
     monkeypatch.setattr(remedy, "spread", lambda *_: 1.0)
     found = SimpleNamespace(
-        formula=formula, noise=SimpleNamespace(std=1.0), rmse=1.0, heldout_rmse=1.0,
+        formula=formula, is_rate=True, noise=SimpleNamespace(std=1.0), rmse=1.0, heldout_rmse=1.0,
         law=JointLaw(inertia=1.0, stiffness=1.0, damping=0.0).with_effect("coulomb", 0.1),
         joint=SimpleNamespace(minimum=SimpleNamespace(status="out of iterations"), status="out of iterations", problem=None),
     )  # fmt: skip
@@ -75,6 +85,7 @@ def test_what_fit_would_not_record_is_known_before_it_is_told_to(monkeypatch):
     assert learned is not None
     assert beside is not None
     assert "did not converge" in learned.refused
+    assert learned.compared == "that formula alone is not as good: error 1 rad/s"
     assert learned.smooth
     assert not beside.smooth
 

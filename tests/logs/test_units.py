@@ -119,3 +119,14 @@ def test_counts_of_an_encoder_are_asked_for_under_its_short_name_too(tmp_path, n
     )
     with pytest.raises(SysidError, match=r"look like counts of an encoder.*--unit 0\.0015"):
         read_roll(log)
+
+
+@pytest.mark.parametrize("name", ["encoder_ticks", "position [counts]", "enc_pulses"])
+def test_what_its_name_calls_counts_is_not_taken_for_degrees_however_small(tmp_path, name):
+    time = np.arange(0, 4, 0.01)
+    counts = np.round(17 + 60 * np.exp(-0.5 * time) * np.cos(7 * time))
+    log = tmp_path / "counts.csv"
+    np.savetxt(log, np.column_stack([time, counts]), "%g", ",", header=f"time_s,{name}", comments="")
+    with pytest.raises(SysidError, match=r"look like counts of an encoder.*--unit 0\.0015"):
+        read_roll(log)
+    assert np.ptp(read_roll(log, LogOptions(unit="0.01")).roll) == pytest.approx(0.01 * np.ptp(counts))

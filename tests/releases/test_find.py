@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from sysid.decay.linear_fit import fit_traces
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
+from sysid.noise.sensor import estimate_noise
 from sysid.recording import Recording
 from sysid.releases import Phase, find_releases, log_phases, settling_time
 from sysid.releases.extrema import crossing_time, half_cycles_of, noise_level, smooth_signal
@@ -161,6 +162,23 @@ def test_nothing_to_find_is_said():
         find_releases(flat)
     with pytest.raises(SysidError, match="no stretch swings freely"):
         find_releases(replace(flat, roll=0.1 * time))
+
+
+def test_a_swing_of_too_few_samples_is_told_from_one_that_is_too_small():
+    """5.4 Hz at 14 Hz: the noise that is seen is the swing itself."""
+    time = np.arange(0, 4, 0.07)
+    swing = 0.2 * np.exp(-0.1 * time) * np.cos(34 * time)
+    std = np.full(time.size, estimate_noise(swing).std)
+    slow = Roll(log="slow.csv", time=time, roll=swing, std=std, origin="angle")
+    with pytest.raises(
+        SysidError,
+        match=r"nothing moves by more than .* Neighbouring samples differ .* 14\.3 Hz may be too low",
+    ):
+        find_releases(slow)
+    flat = replace(slow, roll=np.zeros_like(slow.roll))
+    with pytest.raises(SysidError, match="nothing moves") as refused:
+        find_releases(flat)
+    assert "too low" not in str(refused.value)
 
 
 def test_phases_cover_the_log_without_gaps_and_name_what_happens():

@@ -193,6 +193,32 @@ def test_a_scene_that_is_known_to_be_wrong_is_not_written_without_a_word(
     assert "2.2 % off the board's" in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.parametrize(("timestep", "helps"), [(0.002, False), (0.02, True)])
+def test_a_refusal_names_what_mujoco_lacks_and_a_smaller_step_only_where_one_helps(
+    tmp_path: Path, timestep: float, helps: bool
+):
+    """A rig whose stop takes most of what a swing loses."""
+    stop = {"angle": 0.02, "stiffness": 60.0, "damping": 0.1}
+    pink = load_board(shipped_data() / "boards" / "pink.toml").with_tilt(
+        damping=Quantity(0.02, 0.0, "N*m*s/rad")
+    )
+    units = {p.name: p.unit for p in catalogue()["one-sided-stop"].parameters}
+    part = BoardEffect(
+        "one-sided-stop", {name: Quantity(value, 0.0, units[name]) for name, value in stop.items()}
+    )
+    save_board(replace(pink, effects=(part,)), tmp_path / "data" / "boards" / "pink.toml")
+    with pytest.raises(SysidError, match=r"cannot represent its damping of 0\.1") as refused:
+        mjcf(
+            board="pink",
+            output=tmp_path / "b.xml",
+            bench=True,
+            timestep=timestep,
+            common=Common(workspace=tmp_path),
+        )
+    assert ("smaller --timestep for the rest" in str(refused.value)) == helps
+    assert ("timestep" in str(refused.value)) == helps
+
+
 def test_a_stiff_bench_that_is_physical_by_itself_is_told_what_compensates(tmp_path: Path, capsys):
     """At 1 ms it was told to leave out an option that was not given."""
     board = load_board(shipped_data() / "boards" / "black.toml").with_tilt(

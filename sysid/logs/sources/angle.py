@@ -10,7 +10,7 @@ from sysid.errors import SysidError
 from sysid.logs.sources.registry import LENGTHS, Reading, Source
 from sysid.logs.sources.wraps import TURNS, unit_by_wraps, without_wraps
 from sysid.logs.table.choose import Choice, chosen, std_of
-from sysid.logs.table.names import ANGLE_UNITS, Column, unit_kind
+from sysid.logs.table.names import ANGLE_UNITS, Column, says_counts, unit_kind
 from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.noise.sensor import estimate_noise, saturated
 from sysid.roll import Array, Roll
@@ -86,7 +86,7 @@ def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
     """Return radians per unit of an angle, shape (n,), and how that is known.
 
     Raises:
-        SysidError: No unit is named, and it counts beyond a turn in whole numbers.
+        SysidError: No unit is named, and it is in whole numbers that go beyond a turn or whose name says that they are counts.
     """
     (name,) = choice.columns
     if choice.unit in LENGTHS["angle"]:
@@ -99,7 +99,8 @@ def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
         return ANGLE_UNITS[choice.unit], Remarks()
     reach = _reach(angle)
     whole = bool(np.all(angle == np.rint(angle)))
-    if whole and (np.abs(angle).max() > TURN or np.ptp(np.unwrap(angle, period=TURN)) > TURN):
+    beyond = np.abs(angle).max() > TURN or np.ptp(np.unwrap(angle, period=TURN)) > TURN
+    if whole and (beyond or says_counts(name)):
         raise SysidError(
             f"'{name}' names no unit, and its whole numbers from {angle.min():.0f} to {angle.max():.0f} look like counts of "
             f"an encoder. Give the size of one in rad: --unit {2 * np.pi / 4096:.6g} where 4096 are a turn (2π/4096). "

@@ -79,6 +79,7 @@ _OTHER_WORDS = {"mag", "magnetometer", "magnetic", "magn", "temp", "temperature"
 _KNOWN_WORDS = (
     _TIME_WORDS | _RATE_WORDS | _ACCEL_WORDS | _QUATERNION_WORDS | _ANGLE_WORDS | {"angular", *"wxyz"}
 )
+_COUNT_WORDS = {"tick", "ticks", "count", "counts", "pulse", "pulses", "step", "steps"}
 _STD_WORDS = {"std", "sigma", "stdev", "stddev", "sd"}
 _DOUBTFUL = {"ref", "reference", "truth", "mocap", "optical", "goal", "target", "cmd", "command", "commanded",
              "setpoint", "desired", "des", "raw", "logged", "err", "error", "model", "sim", "simulated", "predicted",
@@ -125,6 +126,11 @@ class Column:
     """The words that are neither quantity nor axis: columns of one sensor share them."""
     is_roll: bool = False
     """Whether the name says roll (or tilt, lean, heel, bank), not merely some angle."""
+
+
+def says_counts(name: str) -> bool:
+    """Return whether a column's name, with what stands in its brackets, says that it counts: 'encoder_ticks', 'position [counts]'."""
+    return bool(_COUNT_WORDS & set(_words(name)))
 
 
 def parse_unit(text: str) -> str | None:

@@ -113,6 +113,16 @@ def test_what_an_effect_adds_becomes_a_section_of_its_own(tmp_path):
     assert model.tendon_lengthspring[0] == pytest.approx(np.array([-0.6, 0.6]) + board.rest_angle, abs=1e-5)
 
 
+def test_a_file_without_a_last_newline_runs_no_lines_of_the_diff_into_one(tmp_path):
+    setup, board = knee(tmp_path)
+    setup.file.write_text(robots.ARM.rstrip())
+    stop = {"angle": (0.6, "rad"), "stiffness": (8.0, "N*m/rad"), "damping": (0.0, "N*m*s/rad")}
+    lines = patch(setup, with_effects(board, end_stop=stop)).diff.splitlines()
+    end = lines.index(" </mujoco>")
+    assert lines[end + 1] == "\\ No newline at end of file"
+    assert lines[end + 2] == f"--- {tmp_path / 'parts' / 'link.xml'}"
+
+
 def test_a_copy_that_cannot_load_is_not_left_there(tmp_path):
     setup, board = knee(tmp_path / "model")
     (tmp_path / "elsewhere").mkdir()
