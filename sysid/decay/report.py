@@ -1,5 +1,6 @@
 """A free decay in words, tables and JSON."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -141,7 +142,12 @@ def to_json(decay: "FreeDecay") -> dict[str, Any]:
                 "end": release.end,
                 "rest_angle": rest.to_json(),
                 "peaks": [
-                    {"t_s": p.time, "angle_rad": p.roll, "half_cycle": p.number, "std_rad": p.std}
+                    {
+                        "t_s": p.time,
+                        "angle_rad": p.roll,
+                        "half_cycle": p.number,
+                        "std_rad": math.hypot(p.std, release.scale_std * p.amplitude),
+                    }
                     for p in peaks
                 ],
             }
