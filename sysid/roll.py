@@ -42,6 +42,8 @@ class Signal:
     own_std: Array | None = None
     """Share of `std` that is not common to all samples [rad], shape (n,), where that is known: a lens or a slant
     stretches or skews a whole swing, which hardly touches its frequency and its damping."""
+    scale_std: float = 0.0
+    """Standard deviation of the scale of roll and rate [1]: one unknown factor for all samples, that of a gyro whose gain was estimated."""
     origin: str
     """What the roll was made from, for people; what follows from it stands in the three facts below."""
     zero: Literal["known", "constant", "drifting"] = "known"

@@ -146,7 +146,12 @@ def to_json(decay: "FreeDecay") -> dict[str, Any]:
                 "end": release.end,
                 "rest_angle": rest.to_json(),
                 "peaks": [
-                    {"t_s": p.time, "angle_rad": p.roll, "half_cycle": p.number, "std_rad": p.std}
+                    {
+                        "t_s": p.time,
+                        "angle_rad": p.roll,
+                        "half_cycle": p.number,
+                        "std_rad": math.hypot(p.std, release.scale_std * p.amplitude),
+                    }
                     for p in peaks
                 ],
             }

@@ -12,7 +12,7 @@ from sysid.board import Board
 from sysid.diagnosis.search import Candidate
 from sysid.effects import catalogue, drifting, effect
 from sysid.effects._base import TorqueEffect
-from sysid.fitting.covariance import parameter_covariance
+from sysid.fitting.covariance import parameter_covariance, scale_shift
 from sysid.fitting.search import catalogue_starts
 from sysid.joint.sampled import sampled_k_d
 from sysid.joint.structure import structure_of
@@ -47,7 +47,8 @@ def record_deviation(model: Candidate, board: Board, *, look_at_linear: bool) ->
         look_at_linear: Compare stiffness and damping too; with another effect in the model they
             legitimately differ.
     """
-    covariance = parameter_covariance(model.problem, model.minimum, model.residuals)
+    scale = scale_shift(model.problem, model.minimum)
+    covariance = parameter_covariance(model.problem, model.minimum, model.residuals) + np.outer(scale, scale)
     names = list(model.problem.names)
     linear = _linear(model, board, covariance, names) if look_at_linear else Deviation()
     named = tuple(name for name in linear.effects if effect(name).role in ("torque", "measurement"))

@@ -16,7 +16,7 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.errors import SysidError
-from sysid.fitting.covariance import noise_behind, torque_like
+from sysid.fitting.covariance import noise_behind, scale_shift, torque_like
 from sysid.fitting.problem import Problem
 from sysid.fitting.result import JointFit
 from sysid.noise.autoregression import ResidualNoise
@@ -41,7 +41,7 @@ class Bootstrap:
     """Fitted parameters in their units, shape (n, q)."""
     names: tuple[str, ...]
     intervals: dict[str, tuple[float, float]]
-    """95 %, bias-corrected percentiles, with the inertia's uncertainty."""
+    """95 %, bias-corrected percentiles, with the uncertainty of the inertia and of the sensor's scale."""
     failed: int
     """Draws whose fit found no bounded motion; they are left out."""
 
@@ -82,7 +82,7 @@ def require_enough(draws: int) -> None:
 
 
 def bootstrap(fit: JointFit, board: Board, draws: int, *, seed: int = 0) -> Bootstrap:
-    """Fit `draws` logs that could as well have been measured, each with an inertia of its own, drawn from the board's.
+    """Fit `draws` logs that could as well have been measured, each with an inertia and a scale of the sensor of its own.
 
     Raises:
         SysidError: Fewer draws than an interval needs, or most of them cannot be fitted.
@@ -109,7 +109,8 @@ def bootstrap(fit: JointFit, board: Board, draws: int, *, seed: int = 0) -> Boot
             "logs fix. Fit fewer effects."
         )
     names = fit.problem.names
-    table = np.array(found)
+    scale = scale_shift(fit.problem, fit.minimum)
+    table = np.array(found) + (rng.standard_normal((len(found), 1)) * scale if scale.any() else 0.0)
     best = np.array([fit.quantities[name].value for name in names])
     inertia = 1 + board.inertia.std / board.inertia.value * rng.standard_normal(len(table))
     scaled = np.where([torque_like(fit.problem, name) for name in names], table * inertia[:, None], table)

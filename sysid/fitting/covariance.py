@@ -20,9 +20,34 @@ UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad"}
 
 
 def total_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
-    """Return the covariance of the free parameters in their units, the inertia's uncertainty in it, shape (free, free)."""
+    """Return the covariance of the free parameters in their units, what no release parts in it, shape (free, free)."""
     own = parameter_covariance(problem, minimum, problem.residuals(minimum.point))
-    return own + inertia_covariance(problem, minimum, board)
+    return own + common_covariance(problem, minimum, board)
+
+
+def common_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
+    """Return the covariance of the free parameters from what all releases share, shape (free, free), in their units.
+
+    That is the inertia and the scale of the sensor: more releases make neither better known.
+    """
+    scale = scale_shift(problem, minimum)
+    return inertia_covariance(problem, minimum, board) + np.outer(scale, scale)
+
+
+def scale_shift(problem: Problem, minimum: Minimum) -> Array:
+    """Return how far one deviation of the sensor's scale moves the free parameters, shape (free,), in their units.
+
+    A signal y that is larger by a share ε moves the minimum by H⁻¹ Jᵀ y ε. A linear joint's spring and damper stay, whatever the scale.
+    """
+    shared, stds = len(problem.names), [record.release.scale_std for record in problem.records]
+    if not any(stds):
+        return np.zeros(shared)
+    sensitivity = sensitivity_of(problem, minimum)
+    counted = problem.weights or [np.ones(len(row)) for row in sensitivity.rows]
+    pull = np.zeros(len(sensitivity.root))
+    for row, std, signal, weight in zip(sensitivity.rows, stds, problem.observed, counted, strict=True):
+        pull += row.T @ (std * signal * (weight >= 1))
+    return (sensitivity.root @ (sensitivity.root.T @ pull))[:shared] * problem.sizes()[:shared]
 
 
 def inertia_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:

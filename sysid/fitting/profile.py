@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.board import Board
-from sysid.fitting.covariance import parameter_covariance, torque_like
+from sysid.fitting.covariance import common_covariance, parameter_covariance
 from sysid.fitting.result import JointFit
 from sysid.least_squares import Minimum, Normal, minimise
 from sysid.progress import steps
@@ -66,10 +66,11 @@ class Profile(Shape):
 
 
 def profiles(fit: JointFit, board: Board) -> Iterator[Profile]:
-    """Profile each free parameter of a fit, one after another, the board's uncertainty of inertia added in quadrature."""
+    """Profile each free parameter of a fit, one after another, what all releases share (inertia, scale of the sensor) added in quadrature."""
     problem, minimum = fit.problem, fit.minimum
     low, high = problem.bounds()
     own = parameter_covariance(problem, minimum, fit.residuals)
+    common = common_covariance(problem, minimum, board)
     sizes = problem.sizes()
     for index, name in steps(list(enumerate(problem.names))):
         if minimum.at_bound[index]:
@@ -78,9 +79,8 @@ def profiles(fit: JointFit, board: Board) -> Iterator[Profile]:
         deviation = float(np.sqrt(own[index, index])) / size
         shape = profile(problem.normal, minimum, low, high, index, deviation)
         best = float(minimum.point[index])
-        share = board.inertia.std / board.inertia.value if torque_like(problem, name) else 0.0
-        inertia = Z95 * abs(best) * share
-        below, above = (float(np.hypot(end - best, inertia)) for end in shape.interval)
+        beyond = Z95 * float(np.sqrt(common[index, index])) / size
+        below, above = (float(np.hypot(end - best, beyond)) for end in shape.interval)
         yield Profile(
             size * shape.best, size * shape.values, shape.rise, (size * (best - below), size * (best + above)),
             shape.at_bound, shape.deeper, name=name,

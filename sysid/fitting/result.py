@@ -8,9 +8,9 @@ import numpy as np
 from sysid.board import Board
 from sysid.fitting.changing import changes_with_time
 from sysid.fitting.covariance import (
+    common_covariance,
     correlation_of,
     identifiability_warnings,
-    inertia_covariance,
     parameter_covariance,
     parameter_quantities,
 )
@@ -35,11 +35,11 @@ class JointFit:
 
     law: JointLaw
     quantities: Mapping[str, Quantity]
-    """'stiffness', 'damping', 'rest_angle' and 'effect.parameter', with the inertia's uncertainty in them."""
+    """'stiffness', 'damping', 'rest_angle' and 'effect.parameter', with the uncertainty of the inertia and of the sensor's scale in them."""
     covariance: Array
     """Of `quantities`, in their order, shape (q, q)."""
     own_covariance: Array
-    """The same for a roll inertia that is known: what these logs leave open."""
+    """The same for an inertia and a scale of the sensor that are known: what these logs leave open."""
     rmse: float
     """Root mean square residual over all samples [rad; rad/s if the rate was fitted]."""
     noise: NoiseFloor
@@ -104,7 +104,7 @@ def summarise(
     residuals = problem.residuals(minimum.point)
     parameters = problem.parameters(minimum.point)
     own = parameter_covariance(problem, minimum, residuals)
-    covariance = own + inertia_covariance(problem, minimum, board)
+    covariance = own + common_covariance(problem, minimum, board)
     quantities = parameter_quantities(problem, minimum, board, covariance)
     vector = problem.vector_of(parameters)
     squares = sum(float(r @ r) for r in residuals)

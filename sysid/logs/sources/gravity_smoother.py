@@ -57,6 +57,13 @@ class Gravity:
     """Rotation rate in sensor axes without the gyro's offset, gain errors and misalignment [rad/s], shape (n, 3)."""
     lever_arm: Array | None
     """From the axis of rotation to the accelerometer, in sensor axes [m], shape (3,); None where there is none."""
+    gain_covariance: Array
+    """Of the gyro's gain errors and misalignment, row by row [1], shape (9, 9)."""
+
+    def scale_std(self, axis: Array) -> float:
+        """Return the standard deviation of the scale of angles and rates about an axis [1], a unit vector of shape (3,)."""
+        along = np.outer(axis, axis).ravel()
+        return float(np.sqrt(along @ self.gain_covariance @ along))
 
 
 def smooth_gravity(
@@ -116,6 +123,7 @@ def smooth_gravity(
         offset_std=np.sqrt(np.diagonal(covariance[-1, 3:6, 3:6])),
         rate=(rate - errors[:3]) @ (np.eye(3) - errors[3:12].reshape(3, 3)).T,
         lever_arm=arm,
+        gain_covariance=covariance[-1, 6:15, 6:15],
     )
 
 

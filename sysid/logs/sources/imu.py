@@ -13,6 +13,7 @@ from sysid.logs.table.names import ACCEL_UNITS, Column
 from sysid.logs.table.options import LogOptions
 from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.noise.sensor import estimate_noise, saturated
+from sysid.quantity import Z95
 from sysid.roll import Array, Roll
 
 if TYPE_CHECKING:
@@ -64,8 +65,15 @@ def roll_from_imu(reading: Reading) -> Roll:
         np.maximum(gravity.std, noise * float(np.median(np.diff(time)))),
         np.full(roll.size, noise),
     )
+    scale_std = gravity.scale_std(axis.vector)
+    remarks += note(
+        "scale",
+        f"of roll and rate, good to {100 * Z95 * scale_std:.1f} % (95 %): as well as gravity tells the gyro's gain",
+    )
     rate = gravity.rate @ axis.vector
-    return reading.as_roll(roll, std, "imu", remarks, zero="drifting", rate=rate, rate_std=rate_std)
+    return reading.as_roll(
+        roll, std, "imu", remarks, zero="drifting", rate=rate, rate_std=rate_std, scale_std=scale_std
+    )
 
 
 def _gravity(time: Array, rates: Array, accel: Array, axis: RollAxis, options: LogOptions) -> "Gravity":
