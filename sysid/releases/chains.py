@@ -275,7 +275,11 @@ def _with_tails(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[HalfCyc
         creeps = one.way * swing.way > 0 and swing.size < AGAIN * one.size and pause < one.duration
         if joined and one.from_plateau and creeps:
             joined[-1] = replace(
-                one, finish=swing.finish, reached=swing.reached, target=swing.target, to_plateau=swing.to_plateau
+                one,
+                finish=swing.finish,
+                reached=swing.reached,
+                target=swing.target,
+                to_plateau=swing.to_plateau,
             )
         else:
             joined.append(swing)
