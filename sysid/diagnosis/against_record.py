@@ -12,7 +12,7 @@ from sysid.board import Board
 from sysid.diagnosis.search import Candidate
 from sysid.effects import catalogue, drifting, effect
 from sysid.effects._base import TorqueEffect
-from sysid.fitting.covariance import parameter_covariance, scale_shift
+from sysid.fitting.covariance import parameter_covariance, scale_covariance
 from sysid.fitting.search import catalogue_starts
 from sysid.joint.sampled import sampled_k_d
 from sysid.joint.structure import structure_of
@@ -47,8 +47,8 @@ def record_deviation(model: Candidate, board: Board, *, look_at_linear: bool) ->
         look_at_linear: Compare stiffness and damping too; with another effect in the model they
             legitimately differ.
     """
-    scale = scale_shift(model.problem, model.minimum)
-    covariance = parameter_covariance(model.problem, model.minimum, model.residuals) + np.outer(scale, scale)
+    covariance = parameter_covariance(model.problem, model.minimum, model.residuals)
+    covariance = covariance + scale_covariance(model.problem, model.minimum)
     names = list(model.problem.names)
     linear = _linear(model, board, covariance, names) if look_at_linear else Deviation()
     named = tuple(name for name in linear.effects if effect(name).role in ("torque", "measurement"))
@@ -180,13 +180,13 @@ def _faithful(model: Candidate, board: Board) -> list[tuple[str, float]]:
     problem, found = model.problem, list[tuple[str, float]]()
     priors = {key: (board.tilt[key].value, board.tilt[key].std) for key in ("stiffness", "damping")}
     record = {key: value for key, (value, _) in priors.items()}
+    softer = max(1 / model.parameters["stiffness"] - 1 / record["stiffness"], 1e-300)
     for name, part in catalogue().items():
         acts = part.role in ("torque", "measurement", "support") and name not in model.effects
         if not acts or part.record_direction is not None or _shifts(name):
             continue
         richer = problem.with_(structure=structure_of((*model.effects, name)), priors=priors)
         alone = structure_of((name,))
-        softer = max(1 / model.parameters["stiffness"] - 1 / record["stiffness"], 1e-300)
         given = {f"{name}.{support.series_stiffness}": 1 / softer for support in alone.supports}
         own = catalogue_starts(alone, problem.scales)
         starts = [richer.start({**model.parameters, **record, **start, **given}) for start in own]

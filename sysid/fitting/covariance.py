@@ -30,8 +30,13 @@ def common_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array
 
     That is the inertia and the scale of the sensor: more releases make neither better known.
     """
-    scale = scale_shift(problem, minimum)
-    return inertia_covariance(problem, minimum, board) + np.outer(scale, scale)
+    return inertia_covariance(problem, minimum, board) + scale_covariance(problem, minimum)
+
+
+def scale_covariance(problem: Problem, minimum: Minimum) -> Array:
+    """Return the covariance of the free parameters from the sensor's scale alone, shape (free, free), in their units."""
+    shift = scale_shift(problem, minimum)
+    return np.outer(shift, shift)
 
 
 def scale_shift(problem: Problem, minimum: Minimum) -> Array:

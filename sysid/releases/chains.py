@@ -86,8 +86,8 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
         return []
     segments = [segment for segment in segments if segment.swings[0].size > SMALLEST_RELEASE * largest]
     groups = [[other for other in segments if _same_board(segment, other, signal)] for segment in segments]
-    swing = any(len(segment.wide) > 1 for segment in segments)
-    group = max(groups, key=lambda group: _segment_score(group, signal, swing=swing))
+    swinging = any(len(segment.wide) > 1 for segment in segments)
+    group = max(groups, key=lambda group: _segment_score(group, signal, swinging=swinging))
     led = [_led_home(signal, one, other) for one, other in pairwise(group)]
     return _swelling(
         signal, swings, [one for one, home in zip(group, [False, *led], strict=True) if not home]
@@ -162,7 +162,7 @@ def segments_after_hands(
     return segments
 
 
-def _segment_score(group: list[Segment], signal: SmoothedSignal, *, swing: bool) -> tuple[float, float]:
+def _segment_score(group: list[Segment], signal: SmoothedSignal, *, swinging: bool) -> tuple[float, float]:
     """How much segments look like free decays: quick swings, many that are not small, an angle often come to.
 
     Where nothing swings, a hand may be quicker than the joint: the angle that it comes to most often counts first, for a hand may hold it anywhere.
@@ -177,7 +177,7 @@ def _segment_score(group: list[Segment], signal: SmoothedSignal, *, swing: bool)
         there = [any(abs(level - one.rest) < room for one in segments) for level in signal.levels]
         return max(1, sum(now and not before for before, now in pairwise([False, *there])))
 
-    return (0.0 if swing else float(visits(group)), speed * visits(group[:1]))
+    return (0.0 if swinging else float(visits(group)), speed * visits(group[:1]))
 
 
 def _same_board(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:

@@ -8,7 +8,7 @@ from scipy.special import ndtr
 
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
-from sysid.video.trackers._edge_profile import PIECES, Aliasing, find_pieces, find_steps
+from sysid.video.trackers._edge_profile import PIECES, Aliasing, find_steps
 
 
 @pytest.mark.parametrize("taken", [59.5, 59.8, 60.3])
@@ -23,7 +23,7 @@ def test_an_edge_is_found_about_as_well_as_white_noise_allows(taken: float):
     for _ in range(20):
         grey = np.clip(clean + rng.normal(0, noise, clean.shape), 0, 255).astype(np.uint8)
         frame = frame_of(0, 0.0, np.repeat(grey[..., None], 3, axis=2))
-        found.append(find_pieces(frame, ends[:, ::-1], 4.0, 8.0, 1.0)[0, 0, :, 0])
+        found.append(find_steps(frame, ends[:, ::-1], 4.0, 8.0, 1.0)[0][0, 0, :, 0])
     bound = noise * np.sqrt(2 * np.sqrt(np.pi) * blur / (rows / PIECES)) / contrast
     assert np.std(found) < 1.4 * bound
     assert np.mean(found) == pytest.approx(59.5, abs=0.015)
@@ -34,7 +34,7 @@ def test_an_edge_that_is_nearly_level_is_not_turned_by_the_grid_of_pixels():
     for place in 19.5 + np.linspace(0, 1, 10, endpoint=False):
         for slope in (0.002, 0.004, 0.006):
             ends = np.array([[[5.0, place - 55 * slope], [115.0, place + 55 * slope]]])
-            (found,) = find_pieces(_black_below(place, slope, 0.8, 1.0, 0.0), ends, 2.5, 8.0, 1.0)[0]
+            (found,) = find_steps(_black_below(place, slope, 0.8, 1.0, 0.0), ends, 2.5, 8.0, 1.0)[0][0]
             off.append(np.polyfit(found[:, 0], found[:, 1], 1)[0] - slope)
     assert np.degrees(np.sqrt(np.mean(np.square(off)))) < 0.02
 
@@ -59,7 +59,7 @@ def test_both_sides_of_a_stripe_are_found_by_how_brightness_steps():
     shade = np.where(np.abs(np.arange(60) - 29.5) < 5, 60.0, 160.0)  # from 24.5 to 34.5
     picture = cv2.GaussianBlur(np.tile(shade[:, None], (1, 200)), (0, 0), 0.8).astype(np.uint8)
     along = np.array([[[20.0, 29.5], [180.0, 29.5]]])
-    rises, falls = find_pieces(frame_of(0, 0.0, picture), along, 8.0, 8.0, 1.0, (1, -1))[:, 0, :, 1]
+    rises, falls = find_steps(frame_of(0, 0.0, picture), along, 8.0, 8.0, 1.0, (1, -1))[0][:, 0, :, 1]
     assert rises == pytest.approx(24.5, abs=0.05)  # the normal of the way to the right is up
     assert falls == pytest.approx(34.5, abs=0.05)
 
@@ -71,7 +71,7 @@ def test_an_edge_that_the_camera_sharpened_is_found_beside_its_halo():
     )  # it lies in the middle of row 30
     sharp = np.clip(soft + 0.5 * (soft - cv2.GaussianBlur(soft, (0, 0), 1.2)), 0, 255).astype(np.uint8)
     along = np.array([[[20.0, 30.0], [180.0, 30.0]]])
-    rises, falls = find_pieces(frame_of(0, 0.0, sharp), along, 2.5, 8.0, 1.0, (1, -1))[:, 0, :, 1]
+    rises, falls = find_steps(frame_of(0, 0.0, sharp), along, 2.5, 8.0, 1.0, (1, -1))[0][:, 0, :, 1]
     assert falls == pytest.approx(30.0, abs=0.1)
     assert np.isnan(rises).all()
 
@@ -93,7 +93,7 @@ def test_edges_at_a_slant_tell_what_the_grid_does_to_level_ones(camera):
 
     def found(place: float, slope: float) -> tuple[Array, Array]:
         ends = np.array([[[30.0, place - 30 * slope], [90.0, place + 30 * slope]]])
-        (pieces,) = find_pieces(_black_below(place, slope, *camera), ends, 4.0, 8.0, 2.8)
+        (pieces,), _ = find_steps(_black_below(place, slope, *camera), ends, 4.0, 8.0, 2.8)
         return pieces, ends
 
     for number, slope in enumerate(np.linspace(-0.06, 0.06, 16)):
@@ -110,7 +110,7 @@ def test_a_picture_that_stays_tells_of_aliasing_once():
     """A crease in the paper would be taken for it if a board at rest showed it a thousand times."""
     once, often = Aliasing(), Aliasing()
     ends = np.array([[[30.0, 19.0], [90.0, 20.0]]])
-    (pieces,) = find_pieces(_black_below(19.5, 1 / 60, 0.35, 2.2, 0.6), ends, 4.0, 8.0, 2.8)
+    (pieces,), _ = find_steps(_black_below(19.5, 1 / 60, 0.35, 2.2, 0.6), ends, 4.0, 8.0, 2.8)
     once.learn(pieces, ends)
     for _ in range(1000):
         often.learn(pieces, ends)

@@ -44,19 +44,6 @@ def beside_line(bends: Array, share: Array) -> Array:
     return np.array([np.interp(share, middles, one) for one in bends])
 
 
-def find_pieces(
-    frame: Frame,
-    ends: Array,
-    reach: float,
-    faintest: float,
-    window: float,
-    ways: tuple[int, ...] = (1,),
-    bends: Array | None = None,
-) -> Array:
-    """Return points along edges, shape (ways, m, PIECES, 2) [px]; as `find_steps` does."""
-    return find_steps(frame, ends, reach, faintest, window, ways, bends)[0]
-
-
 def find_steps(
     frame: Frame,
     ends: Array,

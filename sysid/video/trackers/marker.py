@@ -13,7 +13,7 @@ from sysid.video.film.reel import Reel
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.trackers._base import Target, Tracker, level_angle
-from sysid.video.trackers._edge_profile import Aliasing, corners, find_pieces
+from sysid.video.trackers._edge_profile import Aliasing, corners, find_steps
 from sysid.video.types import Box, Picture
 
 DICTIONARIES = {
@@ -136,7 +136,7 @@ class MarkerFollower:
         for _ in range(3):
             before = place
             ends = np.stack([place, np.roll(place, -1, axis=0)], axis=1)
-            (edges,) = find_pieces(frame, ends, reach, MIN_CONTRAST, STEP_WINDOW)
+            (edges,), _ = find_steps(frame, ends, reach, MIN_CONTRAST, STEP_WINDOW)
             if np.isnan(edges).any(axis=2).mean(axis=1).max() > 0.5:
                 return None
             straight = self.aliasing.taken_from(edges, ends)
