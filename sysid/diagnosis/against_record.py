@@ -81,7 +81,9 @@ def _shift(
     rounding = pooled_step([r.release for r in model.problem.records], rate=False) / np.sqrt(12)
     known = board.tilt["rest_angle"].std
     deviation = float(np.sqrt(max(covariance[index, index], 0.0) + known**2 + rounding**2))
-    if abs(moved) < SURE * deviation or abs(moved) < SMALLEST_SHIFT * model.problem.scales.amplitude:
+    rest = model.parameters["rest_angle"]
+    amplitude = max(float(np.abs(record.signal - rest).max()) for record in model.problem.records)
+    if abs(moved) < max(SURE * deviation, SMALLEST_SHIFT * amplitude):
         return Deviation()
     show = display(is_rate=False, slides=board.slides)
     far = f"{show.scale * moved:+.3g}{show.unit}"

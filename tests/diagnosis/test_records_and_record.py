@@ -7,6 +7,7 @@ import hidden_truths as truths
 import numpy as np
 import pytest
 
+from sysid.diagnosis.against_record import record_deviation
 from sysid.diagnosis.diagnose import diagnose
 from sysid.diagnosis.search import Search
 from sysid.effects import effect
@@ -75,8 +76,6 @@ def test_a_filter_is_found_though_the_release_is_noticed_late(tmp_path):
 
 def test_where_a_deck_sticks_is_no_shift_of_its_rest_angle(tmp_path):
     """From one short release friction, stiffness and rest angle trade places, which a linearised deviation does not see."""
-    from sysid.diagnosis.against_record import record_deviation
-
     truth = BY_NAME["coulomb 0.15, heavy"]
     (release, *_), board = truths.make(truth, 3007, tmp_path), truths.board_of(truth)
     records = make_records([release], noise_floor([release]).std, rate=False)
@@ -96,7 +95,6 @@ def test_where_a_deck_sticks_is_no_shift_of_its_rest_angle(tmp_path):
 )
 def test_what_is_too_weak_to_bend_a_decay_is_among_what_may_have_moved_k_and_d(tmp_path, effect_name, values):
     """Rubber adds stiffness and damping at the one frequency of a decay, a support takes from them; what is simpler comes first."""
-    from sysid.diagnosis.against_record import record_deviation
 
     truth = truths.Truth("weak", {effect_name: values}, rates=(500.0,), noises=(0.04,))
     releases, board = truths.make(truth, SEED, tmp_path), truths.board_of(truth)
@@ -112,7 +110,6 @@ def test_what_is_too_weak_to_bend_a_decay_is_among_what_may_have_moved_k_and_d(t
 
 def test_a_support_that_moves_k_and_d_as_nothing_simpler_does_is_told_and_not_named(tmp_path):
     """It has three numbers, and two changed: that they did says as much."""
-    from sysid.diagnosis.against_record import record_deviation
 
     truth = truths.Truth("soft", {"second-mode": (0.01, 500.0, 0.3)}, rates=(500.0,), noises=(0.04,))
     releases, board = truths.make(truth, SEED, tmp_path), truths.board_of(truth)
@@ -122,6 +119,16 @@ def test_a_support_that_moves_k_and_d_as_nothing_simpler_does_is_told_and_not_na
     assert (deviation.effects, deviation.alike) == ((), ())
     assert "'second-mode' (compliant support)" in deviation.text
     assert "brings the record up to date" in deviation.text
+
+
+@pytest.mark.parametrize(("share", "effects"), [(0.009, ()), (0.011, ("offset",))])
+def test_a_hundredth_of_the_amplitude_is_a_shift_that_matters(share, effects, tmp_path):
+    """Of the amplitude that was released, not of the size that the problem is scaled by."""
+    model, board = fitted("none, heavy", (), tmp_path), truths.board_of(BY_NAME["none, heavy"])
+    rest = model.parameters["rest_angle"]
+    widest = max(abs(angle - rest) for angle, _ in model.problem.starts(model.minimum.point))
+    known = replace(board.tilt["rest_angle"], value=rest + share * widest, std=0.0)
+    assert record_deviation(model, board.with_tilt(rest_angle=known), look_at_linear=False).effects == effects
 
 
 @pytest.mark.parametrize(
@@ -135,7 +142,6 @@ def test_what_holds_the_deck_aside_by_its_past_is_no_shift_of_the_middle(name, s
 
 
 def test_one_release_cannot_tell_a_drift_from_a_shift(tmp_path):
-    from sysid.diagnosis.against_record import record_deviation
 
     truth = replace(BY_NAME["offset -0.01, heavy"], rates=(500.0,), noises=(0.2,))
     releases = truths.make(truth, SEED, tmp_path)
