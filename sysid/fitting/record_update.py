@@ -130,6 +130,9 @@ def _parameters(
     quantities: dict[str, Quantity] = {}
     for parameter, value in zip(effect(name).parameters, values, strict=True):
         known = fit.quantities.get(f"{name}.{parameter.name}")
+        if known is not None and parameter.held and f"{name}.{parameter.name}" in fit.problem.priors:
+            # A decay knows its ratio to the inertia, with which it was recorded; of itself no more than was known.
+            known = replace(known, std=fit.problem.priors[f"{name}.{parameter.name}"][1])
         quantities[parameter.name] = (
             Quantity(value, 0.0, unit(parameter.unit)) if known is None else replace(known, method="")
         )
