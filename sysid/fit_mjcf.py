@@ -4,8 +4,9 @@ A free decay fixes only k/I, d/I and τ/I. The roll inertia is taken from the bo
 goes into every torque. Residuals of a real log are correlated; the intervals account for that.
 """
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,11 +19,12 @@ from sysid.fitting import report as fit_report
 from sysid.fitting.formula import Formula, formula_of
 from sysid.fitting.joint import FitOptions, check_effects, fit_joint
 from sysid.fitting.ladder import Rung, ladder, rung_name
-from sysid.fitting.record_update import error_of, require_usable, updated_board
+from sysid.fitting.record_update import error_of, left_open, require_usable, updated_board
 from sysid.fitting.records import Signal, signal_of
 from sysid.fitting.result import TOLERANCE, JointFit
 from sysid.joint.law import JointLaw
 from sysid.noise.floor import NoiseFloor
+from sysid.noise.whiteness import correlation_length
 from sysid.progress import stage
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
@@ -31,6 +33,9 @@ from sysid.text import WIDTH, quantity_frame
 
 if TYPE_CHECKING:
     import pandas as pd
+
+CONTRADICTED = 16.0
+"""Rise of χ² from which logs contradict what a record says of an effect: four standard deviations."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,6 +150,33 @@ class Fit:
         return quantity_frame(self.quantities)
 
 
+def _leaning_on_record(
+    releases: Sequence[Release], board: Board, effects: Sequence[str], options: FitOptions, joint: JointFit
+) -> tuple[FitOptions, JointFit, list[str]]:
+    """Return a fit that takes from the record what its logs leave open of the record's effects, and says so.
+
+    A log of small swings meets no stop. What the record knows of it counts as a measurement then, unless the logs contradict it.
+    """
+    wanting = {name.split(".")[0] for name in left_open(joint) if "." in name}
+    known = [
+        f"{part.name}.{name}"
+        for part in board.effects if part.name in wanting
+        for name, q in part.parameters.items() if 0 < q.std < math.inf and f"{part.name}.{name}" in joint.quantities
+    ]  # fmt: skip
+    if not known or joint.problem.smoothing:
+        return options, joint, []
+    richer = replace(options, priors=tuple(dict.fromkeys((*options.priors, *known))))
+    told = fit_joint(releases, board, effects, richer)
+    noise = max(2 * joint.minimum.normal.cost / max(1, joint.problem.samples), 1.0)
+    worse = 2 * (told.minimum.normal.cost - joint.minimum.normal.cost) / noise
+    if left_open(told) or worse > CONTRADICTED * max(correlation_length(joint.residuals), 1.0):
+        return options, joint, []
+    return richer, told, [
+        f"these logs leave {', '.join(known)} open: what the record says of them counts as a measurement. More of it would show "
+        f"in a log like those that it was fitted to; --plain fits without what the record has"
+    ]  # fmt: skip
+
+
 def _misfit(joint: JointFit) -> list[str]:
     """Say so where the fitted law is not that of the logs: its intervals are only right for a law that is."""
     if joint.excess <= TOLERANCE:
@@ -199,7 +231,9 @@ def fit(
         **signal_of(releases, signal),
     )
     odd = amplitude_warnings(releases, board)
-    joint = fit_joint(releases, board, tuple(dict.fromkeys((*kept, *effects))), options)
+    every = tuple(dict.fromkeys((*kept, *effects)))
+    joint = fit_joint(releases, board, every, options)
+    options, joint, leant = _leaning_on_record(releases, board, every, options, joint)
     named, frequency = ", ".join(dict.fromkeys(release.log for release in releases)), joint.law.frequency
     if not any_period:
         refuse_period(frequency, board, log=named)
@@ -215,6 +249,7 @@ def fit(
             *odd,
             *period_warnings(frequency, board, log=named),
             *joint.warnings,
+            *leant,
             *_misfit(joint),
         ),
     )

@@ -14,7 +14,7 @@ import numpy as np
 from sysid.board import Board
 from sysid.decay import report as decay_report
 from sysid.decay.linear_fit import BEST_SENSOR, TraceFit, decay_basis, fit_traces
-from sysid.decay.misfit import inflate_covariance
+from sysid.decay.misfit import inflate_covariance, over_noise
 from sysid.decay.nonlinearity import Nonlinearity, find_nonlinearities
 from sysid.decay.numbers import DecayNumbers as DecayNumbers
 from sysid.decay.numbers import decay_from_peaks as decay_from_peaks
@@ -67,6 +67,8 @@ class FreeDecay:
     """Deviations from a linear decay that peaks and rest levels show."""
     wider: float
     """Factor by which intervals are widened for a residual beyond the noise; 1 where it may be noise."""
+    over_noise: float
+    """Residual over the sensor's noise [1]; of the rate, where the roll was made from one."""
     linear: bool
     """Whether a linear decay explains the traces to the noise or a negligible residual, with one rest level."""
     warnings: tuple[str, ...]
@@ -138,7 +140,8 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
     """
     recordings, releases, weak = unpack(data)
     if board is None:
-        decay = _fit(releases, inertia or NO_INERTIA)
+        slides = all(release.slides for release in releases)
+        decay = _fit(releases, inertia or (replace(NO_INERTIA, unit="kg") if slides else NO_INERTIA))
         doubts = (*amplitude_warnings(releases, None), *decay.warnings)
     else:
         odd = amplitude_warnings(releases, board)
@@ -196,7 +199,10 @@ def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
             method=line.log_decrement.method,
         )  # fmt: skip
     pairs = (log_decrement_two_peaks(group, rest.std) for group, rest in zip(peaks, rests, strict=True))
-    linear = _is_linear(trace, floor) and not any(found.hidden_by_linear_fit for found in nonlinearities)
+    ratio = over_noise(releases, trace, floor)
+    linear = _is_linear(trace, floor, ratio) and not any(
+        found.hidden_by_linear_fit for found in nonlinearities
+    )
     decay = FreeDecay(
         releases=tuple(steady),
         numbers=numbers,
@@ -209,6 +215,7 @@ def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
         floor=floor,
         nonlinearities=nonlinearities,
         wider=wider,
+        over_noise=ratio,
         linear=linear,
         warnings=(),
     )
@@ -266,13 +273,13 @@ def _level(time: Array, roll: Array, trace: TraceFit) -> tuple[float, float, Arr
     return float(coefficients[2]), float(np.std(residual)) * float(np.linalg.norm(inverse[2])), residual
 
 
-def _is_linear(trace: TraceFit, floor: NoiseFloor) -> bool:
+def _is_linear(trace: TraceFit, floor: NoiseFloor, ratio: float) -> bool:
     """Whether what the fit leaves is noise, or too small to matter."""
     size = max(float(np.abs(fitted.modelled - fitted.level).max()) for fitted in trace.releases)
     misfit = math.sqrt(max(0.0, trace.noise**2 - floor.std**2))
     statistic, degrees = ljung_box([fitted.residual for fitted in trace.releases])
     white = statistic < degrees + 6.0 * math.sqrt(2.0 * degrees)
-    return white or trace.noise < ABOVE_NOISE * floor.std or misfit < WORTH_NAMING * size
+    return white or ratio < ABOVE_NOISE or misfit < WORTH_NAMING * size
 
 
 def _warnings(decay: FreeDecay) -> list[str]:

@@ -123,7 +123,7 @@ class Recording:
         widest = max(release.amplitude for release in self.releases)
         if self.roll.zero != "known" or abs(rest) <= FOREIGN_ZERO_RATIO * widest:
             return self
-        show = display(is_rate=False, slides=self.roll.origin == "position")
+        show = display(is_rate=False, slides=self.roll.slides)
         said = (
             f"the joint rests at {show.scale * rest:+.4g}{show.unit}, and its widest swing is {show(widest, 2)}: that zero is the "
             "sensor's. Roll is counted from the rest; --keep-zero leaves it as it is"

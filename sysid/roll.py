@@ -53,6 +53,11 @@ class Signal:
     errors_last: bool = False
     """Whether `std` states errors that last until the deck has moved on (see `sysid.noise.lasting`)."""
 
+    @property
+    def slides(self) -> bool:
+        """Whether it is the position of a slide [m], as the unit of the log says."""
+        return self.origin in ("position", "speed")
+
     def __getitem__(self, rows: Rows) -> Self:
         """Return these samples of every array."""
         names = ("time", "roll", "std", "rate", "rate_std", "own_std")

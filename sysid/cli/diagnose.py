@@ -37,6 +37,7 @@ def diagnose(
     from sysid.cli.bars import told_bar
     from sysid.diagnosis.diagnose import diagnose as search
     from sysid.diagnosis.report import headline
+    from sysid.fitting.joint import prior_in_words
 
     printer = Printer(common)
     record = subject.load(common, printer)
@@ -46,6 +47,8 @@ def diagnose(
     record, recordings = subject.posed(record, load_recordings(each, arguments, printer), setups)
     with told_bar(printer) as progress:
         result = search(recordings, record, fixed=parse_fixed(fix), workers=workers, progress=progress)
+    for name, prior in result.base.problem.priors.items():
+        printer.note(prior_in_words(record, name, prior))
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width, space_of(common, arguments), logs))
     content = result.to_json()

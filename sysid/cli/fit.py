@@ -20,7 +20,6 @@ from sysid.files import (
     write_atomically,
     write_figure,
 )
-from sysid.quantity import Z95
 
 if TYPE_CHECKING:
     from sim.compensation.step import Compensation
@@ -69,7 +68,7 @@ def fit(
     """
     from sysid.cli.bars import working
     from sysid.fit_mjcf import fit as fit_recordings
-    from sysid.fitting.joint import check_effects
+    from sysid.fitting.joint import check_effects, prior_in_words
     from sysid.fitting.learned_torque import tables_of
     from sysid.fitting.result import TOLERANCE
     from sysid.progress import stage
@@ -100,13 +99,8 @@ def fit(
             priors=[SHORT.get(name, name) for name in prior],
             any_period=any_period,
         )
-    for name, (value, std) in result.joint.problem.priors.items():
-        quantity = (
-            replace(result.quantities[name], value=value, std=std)
-            if name in result.quantities
-            else f"{value:g} ± {Z95 * std:.2g}"
-        )
-        printer.note(f"prior of {name}, from the record: {quantity}")
+    for name, known in result.joint.problem.priors.items():
+        printer.note(prior_in_words(record, name, known))
     printer.warnings(result.warnings, recordings)
     if result.joint.nonsmooth and not profile:
         printer.note("With friction or stops the intervals may be lopsided; --profile computes them exactly.")

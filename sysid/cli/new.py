@@ -11,6 +11,7 @@ from sysid.cli.console import Common, Printer
 from sysid.cli.subject import Subject
 from sysid.effects import weight
 from sysid.errors import SysidError, UsageError
+from sysid.fitting.joint import known_priors, prior_in_words
 from sysid.inertia import GRAVITY
 from sysid.quantity import Quantity, parse_quantity, propagate
 
@@ -75,6 +76,8 @@ def new(
     path = common.space.save_board(record)
     printer.say(f"written: {path}")
     printer.say(f"  inertia {record.inertia} ({record.inertia.method})")
+    for known, prior in known_priors(record).items():
+        printer.say(f"  {prior_in_words(record, known, prior)}")
     beside = shlex.split("--effect coulomb --effect armature") if chosen in ("pendulum", "joint") else []
     command = common.space.command("fit", "--board", name, *beside, logs=())
     if chosen == "board":
@@ -98,6 +101,12 @@ def _pendulum(name: str, mass: Quantity, arm: Quantity, own: str | None) -> Boar
     part = weight.EFFECT
     values = {"scale": 1.0, "sine": -mass.value * GRAVITY.value * arm.value}
     pull = {p.name: Quantity(values.get(p.name, 0.0), 0.0, p.unit) for p in part.parameters}
+    if (
+        mass.std or arm.std or about_centre.std
+    ):  # of weight over inertia, which the mass of a point does not change
+        inputs = (mass, arm, about_centre, GRAVITY)
+        ratio = propagate(lambda m, r, own, g: m * g * r / (m * r**2 + own), inputs, "1/s^2", "")
+        pull["scale"] = replace(pull["scale"], std=ratio.std / ratio.value)
     return replace(board, effects=(BoardEffect(part.name, pull),))
 
 

@@ -14,7 +14,8 @@ from sysid.roll import Array
 SHARE_OF_PERIOD = 1 / 6
 """Length of the filter that differentiates, over the period: a local quartic follows a swing over it to 0.1 %."""
 FEW_A_BIN, MOST_BINS = 1.5, 15
-"""Independent samples [1] that a bin of a profile holds at least, and bins beyond which a curve shows no more."""
+"""Independent samples [1] that a bin of a profile holds at least, and bins, of as many samples each or as wide as each other, beyond which a
+curve shows no more."""
 BINS = 15
 """Cells of a surface, in tilt and in rate: an odd number, so that one is about rest; each is then some 7 % of the swing."""
 SIGN_TILT_SHARE = 0.1
@@ -99,9 +100,8 @@ def missing_torque(compared: Sequence[ComparedRelease], law: JointLaw) -> Missin
 
 
 def _profile(at: Array, torque: Array, together: float) -> TorqueProfile:
-    """Average a torque over bins of as many samples each; `together` neighbouring samples say the same."""
-    bins = int(np.clip(len(at) / (FEW_A_BIN * together), 3, MOST_BINS))
-    parts = [np.sort(part) for part in np.array_split(np.argsort(at), bins)]
+    """Average a torque over bins; `together` neighbouring samples say the same."""
+    parts = [np.sort(part) for part in np.split(np.argsort(at), _ends(np.sort(at), together))]
     means = np.array([float(np.mean(torque[part])) for part in parts])
     squares = np.array(
         [float(np.sum((torque[part] - mean) ** 2)) for part, mean in zip(parts, means, strict=True)]
@@ -118,6 +118,21 @@ def _profile(at: Array, torque: Array, together: float) -> TorqueProfile:
     return TorqueProfile(
         np.array([float(np.mean(at[part])) for part in parts]), means, np.sqrt(shared * squares) / counts
     )
+
+
+def _ends(at: Array, together: float) -> list[int]:
+    """Return where bins of sorted values, shape (n,), end and the next begin: of as many samples each, or as wide as each other where that is less.
+
+    Most of a decay is near its rest: of as many samples each, one bin would hold all that is beyond.
+    """
+    few = FEW_A_BIN * together
+    ends, begin, width, many = list[int](), 0, float(at[-1] - at[0]) / MOST_BINS, len(at) / MOST_BINS
+    while True:
+        end = int(np.ceil(max(few, min(many, np.searchsorted(at, at[begin] + width) - begin)))) + begin
+        if len(at) - end < few:
+            return ends
+        ends.append(end)
+        begin = end
 
 
 def filter_length(time: Array, roll: Array, law: JointLaw) -> int | None:

@@ -63,6 +63,14 @@ def to_json(result: "Comparison") -> dict[str, Any]:
             "rate_edges_rad_s": missing.rate.tolist(),
             "torque_nm": [[v if np.isfinite(v) else None for v in row] for row in missing.torque.tolist()],
             "samples": missing.count.tolist(),
+            **{
+                axis: {
+                    "at": profile.at.tolist(),
+                    "torque_nm": profile.torque.tolist(),
+                    "std_nm": profile.std.tolist(),
+                }
+                for axis, profile in (("over_angle", missing.over_angle), ("over_rate", missing.over_rate))
+            },
         },
         "backbone": {
             "measured": _backbone(result.measured_backbone),

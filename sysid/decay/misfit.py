@@ -6,13 +6,15 @@ many samples draw it, and the fit takes part of it up itself: what is seen is on
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from sysid.decay.linear_fit import TraceFit
-from sysid.noise.floor import NoiseFloor
+from sysid.decay.linear_fit import TraceFit, decay_basis
+from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.quantity import Z95
+from sysid.roll import Release
 
 PER_PERIOD = 4.0
 """Independent values in a period: what follows a motion holds its frequency and twice that."""
@@ -56,3 +58,28 @@ def inflate_covariance(trace: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, fl
     covariance = trace.white_covariance * (1.0 + (power - noise) / (left * size))
     growth = math.sqrt(float(np.mean(np.diag(covariance) / np.diag(trace.covariance))))
     return (replace(trace, covariance=covariance), growth) if growth > 1.0 else (trace, 1.0)
+
+
+def over_noise(releases: Sequence[Release], trace: TraceFit, floor: NoiseFloor) -> float:
+    """Return the residual of a linear decay over the noise of its sensor [1].
+
+    A roll that was made from a gyro is off as the integral of the gyro's noise: smooth from sample to sample, and another each second. Its rate
+    has that noise in each sample, so there the law is asked.
+
+    Args:
+        releases: That were fitted.
+        trace: Their fit.
+        floor: Noise of what was fitted.
+    """
+    if trace.signal == "rate" or any(r.rate is None or r.zero != "drifting" for r in releases):
+        return trace.noise / floor.std if floor.std > 0 else math.inf
+    decay, left, free = trace.omega_n * trace.damping_ratio, 0.0, -2
+    square = trace.omega_n**2 - decay**2
+    for release, fitted in zip(releases, trace.releases, strict=True):
+        assert release.rate is not None
+        rate = release.rate[np.searchsorted(release.time, fitted.trace.time[0]) :]
+        u, v = decay_basis(fitted.trace.time - fitted.trace.time[0], decay, square)
+        slopes = np.column_stack([-decay * u - square * v, u - decay * v, np.ones_like(u)])
+        residual = rate - slopes @ np.linalg.lstsq(slopes, rate, rcond=None)[0]
+        left, free = left + float(residual @ residual), free + len(rate) - 3
+    return math.sqrt(left / max(free, 1)) / max(noise_floor(releases, rate=True).std, 1e-300)

@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sysid.quantity import Quantity
+from sysid.quantity import Quantity, slide_unit
 from sysid.releases.phases import Phase, log_phases
 from sysid.text import WIDTH, linear_law, table
 
@@ -53,7 +53,9 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
     lines += [releases, standing, quantities, equation(decay), verdict(decay)]
     if not decay.has_inertia:
         lines.append(
-            "k and d need the roll inertia I about the tilt axis: k = I ω_n², d = 2 ζ ω_n I (husky-sysid inertia)"
+            "k and d need the mass m that slides: k = m ω_n², d = 2 ζ ω_n m"
+            if decay.slides
+            else "k and d need the roll inertia I about the tilt axis: k = I ω_n², d = 2 ζ ω_n I (husky-sysid inertia)"
         )
     return "\n".join(lines)
 
@@ -92,7 +94,7 @@ def equation(decay: "FreeDecay") -> str:
 
 def verdict(decay: "FreeDecay") -> str:
     """Say whether the decay is a linear one, and what the intervals are made of."""
-    ratio = decay.trace.noise / decay.floor.std if decay.floor.std > 0 else float("inf")
+    ratio = decay.over_noise
     if not decay.known:
         return "✗ this log does not tell k and d: their intervals are wider than themselves; see the warnings"
     if any(found.hidden_by_linear_fit for found in decay.nonlinearities):
@@ -114,7 +116,10 @@ def verdict(decay: "FreeDecay") -> str:
             f"✓ linear to {left:.2g} % of the amplitude; what remains is {ratio:.3g} × the scatter from sample to "
             f"sample: the law is not quite linear, or a filter or a fusion makes that scatter small{wider}{closing}"
         )
-    return f"✓ linear decay: the residual is {ratio:.2f} × the estimated sensor noise{closing}"
+    lasting = (
+        f"; the intervals are {decay.wider:.2g} × wider, for the error lasts" if decay.wider > 1.05 else ""
+    )
+    return f"✓ linear decay: the residual is {ratio:.2f} × the estimated sensor noise{lasting}{closing}"
 
 
 def inertia_share(inertia: Quantity, stiffness: Quantity) -> float:
@@ -169,7 +174,7 @@ def to_json(decay: "FreeDecay") -> dict[str, Any]:
             "noise_floor": decay.floor.std,
             "correlation": decay.trace.correlation,
             "intervals_widened": decay.wider,
-            "unit": "rad" if decay.trace.signal == "roll" else "rad/s",
+            "unit": (slide_unit if decay.slides else str)("rad" if decay.trace.signal == "roll" else "rad/s"),
             "linear": decay.linear,
         },
         "patterns": [{"effects": list(p.effects), "text": p.text} for p in decay.nonlinearities],

@@ -51,6 +51,7 @@ def record_deviation(model: Candidate, board: Board, *, look_at_linear: bool) ->
     covariance = covariance + scale_covariance(model.problem, model.minimum)
     names = list(model.problem.names)
     linear = _linear(model, board, covariance, names) if look_at_linear else Deviation()
+    linear = linear if linear.text else _pulls_back(model, board, covariance, names)
     named = tuple(name for name in linear.effects if effect(name).role in ("torque", "measurement"))
     shift = _shift(model, board, covariance, names, named)
     effects = (*linear.effects, *shift.effects)
@@ -59,6 +60,29 @@ def record_deviation(model: Candidate, board: Board, *, look_at_linear: bool) ->
     return Deviation(
         effects, tuple(alike), f"{linear.text} {shift.text}".strip(), linear.experiment or shift.experiment
     )
+
+
+def _pulls_back(model: Candidate, board: Board, covariance: np.ndarray, names: list[str]) -> Deviation:
+    """Compare what alone pulls the joint back, over its inertia, with the record, and name what would change it."""
+    priors = model.problem.priors
+    ratio = next((name for name in names if name in priors), None)
+    if ratio is None:
+        return Deviation()
+    index, (known, std) = names.index(ratio), priors[ratio]
+    change = model.parameters[ratio] / known
+    if abs(change - 1) < SURE * float(np.hypot(std, np.sqrt(max(covariance[index, index], 0.0)))) / known:
+        return Deviation()
+    causes = [name for name, part in catalogue().items() if ratio.split(".")[0] in part.identifiable_with]
+    causes += [
+        name
+        for name, part in catalogue().items()
+        if part.record_direction is not None and part.record_direction[0]
+    ]
+    text = (
+        f"What pulls it back over its inertia is {100 * (change - 1):+.1f} % against the record, which knows it to "
+        f"± {196 * std / known:.2g} %; a free decay cannot tell whether the inertia is another, the weight, or the log's clock."
+    )
+    return Deviation((causes[0],), tuple((name,) for name in causes[1:]), text, board.experiment(causes[0]))
 
 
 def _shifts(name: str) -> bool:

@@ -57,7 +57,7 @@ from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.fit_mjcf import Fit
 from sysid.fitting.covariance import parameter_quantities
-from sysid.fitting.joint import FitOptions, check_parameters, held_parameters
+from sysid.fitting.joint import FitOptions, check_parameters, held_parameters, record_priors
 from sysid.fitting.records import Signal, make_records, signal_of
 from sysid.fitting.search import scales_of
 from sysid.joint.structure import structure_of
@@ -282,8 +282,10 @@ def diagnose(
         options = FitOptions(bias=bias, use_rate=use_rate, fixed=dict(fixed or {}))
         own = [part.name for part in board.effects]
         check_parameters(own, options, board)
+        priors = dict[str, tuple[float, float]]()
         if any(effect(name).is_known for name in own):
             held, bias = held_parameters(structure_of(own), board, options)
+            priors = record_priors(structure_of(own), board, options, held)
         else:
             held = dict(options.fixed)
             if bias == "per-release" or use_rate:
@@ -295,7 +297,7 @@ def diagnose(
         }
         search = Search(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
-            fixed=held, pool=pool, progress=progress,
+            fixed=held, priors=priors, pool=pool, progress=progress,
         )  # fmt: skip
         started, (search, models) = search, _searched(search)
         learning = partial(tables, judged, board, signal=signal, fixed=fixed)

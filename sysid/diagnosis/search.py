@@ -171,6 +171,8 @@ class Search:
     """Effects that the board's record has already: every model has them."""
     fixed: Mapping[str, float] = field(default_factory=dict[str, float])
     """Parameters held in every model."""
+    priors: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
+    """What the record knows of parameters that are not: value and standard deviation, in their units."""
     hangs: bool = False
     """Whether gravity takes the spring's place wherever it is."""
     pool: WorkerPool = field(default_factory=lambda: WorkerPool(1), repr=False)
@@ -204,7 +206,12 @@ class Search:
             and e.minimum_amplitude <= self.scales.amplitude and e.identifiable_from_decay
             and "rest_angle" not in e.same_as and n not in hidden
         }  # fmt: skip
-        beside = {n for n, e in known.items() if set(e.identifiable_with) & set(self.base)}
+        # What sets the period is free already where it has a prior: by how far it is off, the record says (`against_record`).
+        beside = (
+            set()
+            if self.priors
+            else {n for n, e in known.items() if set(e.identifiable_with) & set(self.base)}
+        )
         return sorted((chosen | beside) - set(self.base))
 
     def problem(self, effects: Sequence[str], *, free_states: bool = False) -> Problem:
@@ -212,7 +219,7 @@ class Search:
         names, fixed = self._names_and_fixed(effects)
         return Problem(
             structure_of(names), self.records, self.scales, bias=self.bias, steps_per_period=COARSE, fixed=fixed,
-            average=self.average, free_states=free_states,
+            priors=self.priors, average=self.average, free_states=free_states,
         )  # fmt: skip
 
     def _names_and_fixed(self, effects: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
@@ -225,7 +232,7 @@ class Search:
         names, fixed = self._names_and_fixed(effects)
         problem, minimum, _ = search(
             structure_of(names), self.records, self.scales, bias=self.bias, steps_per_period=COARSE, fixed=fixed,
-            average=self.average, exact=False,
+            priors=self.priors, average=self.average, exact=False,
         )  # fmt: skip
         if known is not None:
             start = inherited(problem, known)
@@ -526,7 +533,7 @@ class Search:
         """
         old = model.problem
         problem = Problem(
-            old.structure, self.records, self.scales, bias=self.bias, fixed=old.fixed, free_states=old.free_states,
+            old.structure, self.records, self.scales, bias=self.bias, fixed=old.fixed, priors=old.priors, free_states=old.free_states,
             steps_per_period=int(FINE * old.structure.sharpness), average=self.average if average is None else average,
         )  # fmt: skip
         start = np.clip(model.minimum.point, *problem.bounds())

@@ -149,7 +149,7 @@ def _problem(search: Search, model: Candidate, kept: tuple[str, ...], shape: str
     replaced = {"stiffness": scales.stiffness, "damping": scales.damping}
     held = {s.name: replaced[s.name] for s in own.states} if own in CHANGED else {}
     return Problem(
-        structure, search.records, scales, bias=search.bias, fixed={**held, **inside.fixed}, average=search.average,
+        structure, search.records, scales, bias=search.bias, fixed={**held, **inside.fixed}, priors=inside.priors, average=search.average,
         free_states=own is not None or (model.problem.free_states and bool(inside.structure.internal_states)),
         steps_per_period=int(COARSE * min(1.5, structure.sharpness)),
     )  # fmt: skip

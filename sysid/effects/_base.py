@@ -125,6 +125,8 @@ class Parameter:
     """Whether its upper bound is only how far it is looked for: there the effect is itself, too."""
     held: bool = False
     """Whether it is known from elsewhere: a fit holds it at the record's value, unless the user bounds it."""
+    assumed: float = 0.0
+    """Of one that is known from elsewhere, its standard deviation as a share of it where a record states none; 0 where it is exact."""
 
     def edged(self, value: float, *, exact: bool) -> bool:
         """Return whether a value, in units of `size`, is at an end of the range in which the effect is one.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.board import Board
+from sysid.effects import effect
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Record
 from sysid.joint.structure import Structure
@@ -28,9 +29,10 @@ def total_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
 def common_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
     """Return the covariance of the free parameters from what all releases share, shape (free, free), in their units.
 
-    That is the inertia and the scale of the sensor: more releases make neither better known.
+    That is the inertia, what the record knows of a weight, and the scale of the sensor: more releases make none better known.
     """
-    return inertia_covariance(problem, minimum, board) + scale_covariance(problem, minimum)
+    known = inertia_covariance(problem, minimum, board) + weight_covariance(problem, minimum, board)
+    return known + scale_covariance(problem, minimum)
 
 
 def scale_covariance(problem: Problem, minimum: Minimum) -> Array:
@@ -62,6 +64,26 @@ def inertia_covariance(problem: Problem, minimum: Minimum, board: Board) -> Arra
         [parameters[n] / board.inertia.value if torque_like(problem, n) else 0.0 for n in problem.names]
     )
     return np.outer(by_inertia, by_inertia) * board.inertia.std**2
+
+
+def weight_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
+    """Return the covariance of the free parameters from what the record leaves open of a torque that is held, shape (free, free), in their units.
+
+    Where the inertia is fitted it is the scale of all: another weight makes inertia and torques larger alike.
+    """
+    parameters = problem.parameters(minimum.point)
+    shares = [
+        q.std / abs(q.value)
+        for part in board.effects for p in effect(part.name).parameters
+        if p.assumed and f"{part.name}.{p.name}" in problem.fixed and (q := part.parameters[p.name]).value
+    ]  # fmt: skip
+    inertia = {f"{part.name}.{part.adds_inertia}": board.inertia.value for part in problem.structure.torques}
+    scaled = np.array(
+        [parameters[n] + inertia.get(n, 0.0) if torque_like(problem, n) else 0.0 for n in problem.names]
+    )
+    return np.outer(scaled, scaled) * (
+        sum(share**2 for share in shares) if {*inertia} & {*problem.names} else 0.0
+    )
 
 
 def torque_like(problem: Problem, name: str) -> bool:

@@ -1,8 +1,7 @@
 """Fit one joint to releases: the search, then removal of parameters that the data do not need, then outliers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
@@ -114,7 +113,8 @@ def held_parameters(structure: Structure, board: Board, options: FitOptions) -> 
     """Return the parameters that a fit holds, by the structure's names, and whose zero the sensor has.
 
     Beside what the user holds that is what the record knows from elsewhere, the spring of a joint that has none, and the
-    rest angle where the zero of the sensor takes its place.
+    rest angle where the zero of the sensor takes its place. What sets the period of a joint without a spring is known as well as
+    the record says (`record_priors`), and not held.
     """
     values, fixed, bias = record_values(board), dict(options.fixed), options.bias
     for part in structure.parts:
@@ -122,12 +122,54 @@ def held_parameters(structure: Structure, board: Board, options: FitOptions) -> 
         fixed = {**{name: values[name] for name in names if name not in options.bounds}, **fixed}
     if board.stiffness == 0 and "stiffness" not in options.bounds and pulls_back(structure, board):
         fixed.setdefault("stiffness", 0.0)
+    uncertain = {*_uncertain(structure)} - {*options.fixed} if fixed.get("stiffness") == 0 else set[str]()
+    fixed = {name: value for name, value in fixed.items() if name not in uncertain}
     zeros = any("rest_angle" in part.same_as for part in structure.parts)
     if fixed.get("stiffness") == 0 and not (zeros or options.use_rate):
         bias = "per-release"  # without a spring no rest angle can stand for the sensor's zero
     if zeros or options.use_rate or bias == "per-release":
         fixed.setdefault("rest_angle", board.rest_angle)
     return fixed, bias
+
+
+def _uncertain(structure: Structure) -> Iterator[str]:
+    """Yield parameters that no record states exactly: none where a joint's inertia is fitted, which makes up for them."""
+    if not any(part.adds_inertia for part in structure.torques):
+        yield from (f"{part.name}.{p.name}" for part in structure.parts for p in part.parameters if p.assumed)
+
+
+def record_priors(
+    structure: Structure, board: Board, options: FitOptions, fixed: Mapping[str, float]
+) -> dict[str, tuple[float, float]]:
+    """Return what the record knows of parameters from elsewhere that are not held: value and standard deviation, in their units.
+
+    Only their ratio to the inertia shows in a decay, so it is that which is known so well.
+
+    Args:
+        fixed: What is held.
+    """
+    free = {*structure.parameters} - {*fixed, *options.bounds}
+    return {name: prior for name, prior in known_priors(board).items() if name in free}
+
+
+def known_priors(board: Board) -> dict[str, tuple[float, float]]:
+    """Return what a record knows from elsewhere, but not exactly: value and standard deviation by 'effect.parameter', in their units."""
+    return {
+        f"{part.name}.{p.name}": (q.value, q.std or abs(q.value) * p.assumed)
+        for part in board.effects for p in effect(part.name).parameters
+        if p.assumed and (q := part.parameters[p.name])
+    }  # fmt: skip
+
+
+def prior_in_words(board: Board, name: str, prior: tuple[float, float]) -> str:
+    """Return how well a parameter is known before, and who says so.
+
+    Args:
+        prior: Its value and standard deviation, in its unit.
+    """
+    known = {**board.tilt, **{f"{p.name}.{n}": q for p in board.effects for n, q in p.parameters.items()}}
+    said = "from the record" if known[name].std else "assumed, for the record says nothing of it"
+    return f"prior of {name}, {said}: {replace(known[name], value=prior[0], std=prior[1])}"
 
 
 def priors_of(board: Board, options: FitOptions) -> dict[str, tuple[float, float]]:
@@ -167,18 +209,15 @@ def fit_joint(
     structure = structure_of(effects)
     fixed, bias = held_parameters(structure, board, options)
     fine = options.steps_per_period * (3 if structure.nonsmooth else 1)
-    priors = priors_of(board, options)
-    if any(map(is_table, structure.parts)):
-        if priors:
-            raise SysidError(
-                f"a learned torque and a prior of {', '.join(priors)}: fit the one without the other."
-            )
-        find = learn
-    else:
-        find = partial(search, priors=priors)
-    problem, minimum, evaluations = find(
-        structure, records, scales, bias=bias, fixed=fixed, bounded=options.bounds, steps_per_period=fine
-    )
+    learns = any(map(is_table, structure.parts))
+    if learns and options.priors:
+        raise SysidError(
+            f"a learned torque and a prior of {', '.join(options.priors)}: fit the one without the other."
+        )
+    problem, minimum, evaluations = (learn if learns else search)(
+        structure, records, scales, bias=bias, fixed=fixed, bounded=options.bounds, steps_per_period=fine,
+        priors={**record_priors(structure, board, options, fixed), **priors_of(board, options)},
+    )  # fmt: skip
     problem, minimum, more = _plainest(problem, minimum)
     evaluations += more
     warnings: list[str] = []

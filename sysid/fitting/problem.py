@@ -28,6 +28,8 @@ _RUNAWAY = 1e30
 """Root of the sum of squares, of residuals or of slopes, from which a motion has run away [rad or rad/s]."""
 _ROUGH = 1e-3
 """Relative fall of the cost that is not noticed far above the noise: of a dozen independent values, 0.006 nats."""
+_WIDE = 6.0
+"""Standard deviations beyond what is known of a parameter at which it is bounded, where that is farther: a choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,6 +269,10 @@ class Problem:
             own += [(at - 2.0, at + 2.0)] if self.bias == "per-release" else []
         pairs = np.array([known[name] for name in self.names] + own)
         for index, name in enumerate(self.names):
+            if name in self.priors:  # small swings are no bound for a stop that wide ones have met
+                value, std = self.priors[name]
+                low, high = np.array([value, value + _WIDE * std]) / self.sizes()[index]
+                pairs[index] = min(pairs[index, 0], low), max(pairs[index, 1], high)
             if name in self.bounded:
                 pairs[index] = np.array(self.bounded[name]) / self.sizes()[index]
         return pairs[:, 0], pairs[:, 1]

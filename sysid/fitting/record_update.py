@@ -37,10 +37,8 @@ def require_usable(fit: JointFit, board: Board | None = None) -> None:
             "Ask diagnose what the logs do show."
         )
     names = list(fit.quantities)
-    for name, at_bound in zip(names, fit.minimum.at_bound, strict=False):
+    for name in _at_bound(fit):
         value = fit.quantities[name]
-        if not at_bound or name in fit.problem.bounded:
-            continue
         vanished = "." in name and abs(value.value) < 1e-12
         alone = sum(other.startswith(name.split(".")[0] + ".") for other in names) == 1
         cause = (
@@ -58,14 +56,25 @@ def require_usable(fit: JointFit, board: Board | None = None) -> None:
                 f"{name} came out as {fit.quantities[name].value:.4g}, which no passive joint has; the record is "
                 f"unchanged. Ask diagnose what the logs do show, or hold it (--fix {name}=0)."
             )
-    values = table_values(fit.problem.structure)
-    for name, quantity in fit.quantities.items():
-        if name in values:
-            continue
-        if quantity.std > 3 * max(abs(quantity.value), 1e-9) and name != "rest_angle":
-            raise SysidError(
-                f"{name} is {quantity}: these logs do not fix it; the record is unchanged. {_advice(board, name)}"
-            )
+    for name in _unfixed(fit):
+        raise SysidError(
+            f"{name} is {fit.quantities[name]}: these logs do not fix it; the record is unchanged. {_advice(board, name)}"
+        )
+
+
+def left_open(fit: JointFit) -> list[str]:
+    """Return the parameters for which a fit may not be recorded: at their bounds, or not fixed by the data."""
+    return [*_at_bound(fit), *_unfixed(fit)]
+
+
+def _at_bound(fit: JointFit) -> list[str]:
+    ends = zip(fit.quantities, fit.minimum.at_bound, strict=False)
+    return [name for name, at_bound in ends if at_bound and name not in fit.problem.bounded]
+
+
+def _unfixed(fit: JointFit) -> list[str]:
+    known = {*table_values(fit.problem.structure), "rest_angle"}
+    return [n for n, q in fit.quantities.items() if n not in known and q.std > 3 * max(abs(q.value), 1e-9)]
 
 
 def _advice(board: Board | None, name: str) -> str:
@@ -130,6 +139,9 @@ def _parameters(
     quantities: dict[str, Quantity] = {}
     for parameter, value in zip(effect(name).parameters, values, strict=True):
         known = fit.quantities.get(f"{name}.{parameter.name}")
+        if known is not None and parameter.held and f"{name}.{parameter.name}" in fit.problem.priors:
+            # A decay knows its ratio to the inertia, with which it was recorded; of itself no more than was known.
+            known = replace(known, std=fit.problem.priors[f"{name}.{parameter.name}"][1])
         quantities[parameter.name] = (
             Quantity(value, 0.0, unit(parameter.unit)) if known is None else replace(known, method="")
         )

@@ -61,9 +61,13 @@ def learn(
     bias: Bias,
     fixed: Mapping[str, float],
     bounded: Mapping[str, tuple[float, float]],
+    priors: Mapping[str, tuple[float, float]],
     steps_per_period: int,
 ) -> tuple[Problem, Minimum, int]:
     """Fit a structure with learned torques, from the fit of the same joint without them.
+
+    Args:
+        priors: Of parameters of that joint.
 
     Returns:
         The problem with its weights, its minimum, and how many evaluations it all took.
@@ -73,7 +77,7 @@ def learn(
     step = float(np.median(np.diff(records[0].time)))
     before, found, evaluations = search(
         plain, records, scales, bias=bias, steps_per_period=_COARSE, average=max(1, int(2 * np.pi / scales.frequency / step / _SAMPLES)),
-        fixed={n: v for n, v in fixed.items() if n in own}, bounded={n: e for n, e in bounded.items() if n in own},
+        priors=priors, fixed={n: v for n, v in fixed.items() if n in own}, bounded={n: e for n, e in bounded.items() if n in own},
     )  # fmt: skip
     known = before.parameters(found.point)
     if (
@@ -265,7 +269,7 @@ class _Linearised:
         parts: list[tuple[Array, Array]] = []
         for (residual, jacobian), std, (where, _) in zip(rows, stds, problem.places, strict=True):
             parts.append((residual / std, jacobian * sizes[where] / std))
-        self.start = point[: self.shared]
+        self.start = point[: self.shared] - problem.centre
         if len(parts) == 1:  # its start is known to all stretches
             residual, jacobian = parts[0]
             length = max(1, len(residual) // (4 * _STRETCHES))

@@ -23,7 +23,7 @@ def clear_of_noise(releases: Sequence[Release]) -> tuple[list[Release], list[str
     weak: list[str] = []
     for release in releases:
         noise = float(np.median(release.std))
-        show = display(is_rate=False, slides=release.origin == "position")
+        show = display(is_rate=False, slides=release.slides)
         # Not its first sample: what was pushed may begin anywhere in a swing.
         widest = float(np.abs(smoothed(release).roll - release.rest).max())
         if widest >= CLEAR_AMPLITUDE * noise:

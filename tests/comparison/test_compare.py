@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.signal import savgol_filter
 
 from sysid.board import load_board
@@ -14,6 +15,7 @@ from sysid.comparison.force_surface import derivatives
 from sysid.fitting.joint import fit_joint
 from sysid.joint import JointLaw, simulate
 from sysid.logs import read_roll
+from sysid.quantity import Quantity
 from sysid.releases import find_releases
 from sysid.roll import Release
 from sysid.workspace import shipped_data
@@ -198,6 +200,32 @@ def test_missing_friction_shows_its_size_against_the_rate(pink):
     assert np.abs(profile.torque[fast] - expected).max() < 0.03
     right = compare(releases_of(LIGHT), pink, law=LIGHT).missing.over_rate
     assert np.mean(np.abs(right.torque) < 3 * right.std) > 0.9
+
+
+def test_a_magnet_beside_the_rest_shows_where_it_is(pink):
+    """It pulls to 5° within 1.3°; most samples are of the rest after the decay, which says nothing of it."""
+    at, width, strength = np.radians(5), np.radians(1.3), 0.12
+
+    def pull(time, state):
+        off = (state[0] - at) / width
+        torque = -9.0 * state[0] - 0.05 * state[1] - strength * off * np.exp(0.5 - 0.5 * off**2)
+        return state[1], torque / 0.01
+
+    time, rng = np.arange(0.0, 2.4, 1 / 300), np.random.default_rng(3)
+    releases = [
+        Release(
+            log="made.csv", number=number, time=time, std=np.full(len(time), NOISE), origin="angle", rest=0.0,
+            roll=solve_ivp(pull, (0, 2.4), (angle, 0.0), t_eval=time, rtol=1e-8).y[0] + NOISE * rng.standard_normal(len(time)),
+            hold=1.0, end="log",
+        )
+        for number, angle in enumerate(np.radians([12, -11, 8, -6]), start=1)
+    ]  # fmt: skip
+    board = replace(pink, inertia=Quantity(0.01, 1e-4, "kg*m^2"))
+    profile = compare(releases, board, law=fit_joint(releases, board).law).missing.over_angle
+    below = (profile.at > np.radians(2.5)) & (profile.at < at)
+    above = (profile.at > at) & (profile.at < np.radians(7.5))
+    assert np.max((profile.torque / profile.std)[below]) > 3.5
+    assert np.min((profile.torque / profile.std)[above]) < -3.5
 
 
 def test_a_wrong_model_does_not_blind_the_backbone(pink):

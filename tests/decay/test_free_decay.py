@@ -200,6 +200,18 @@ def test_a_gyro_is_fitted_as_a_rate_with_its_bias():
     )
 
 
+def test_a_roll_made_from_a_gyro_is_asked_in_its_rate():
+    """Its error is the integral of the gyro's noise: 13 times the scatter from sample to sample, and no other law."""
+    recording = Recording.read(shipped_data() / "decays" / "pink_imu.csv")
+    decay = fit_decay(recording)
+    assert decay.trace.noise > 10 * decay.floor.std
+    assert decay.over_noise < 1.1
+    assert "✓ linear decay: the residual is" in decay.report()
+    rates = [r.rate + 0.02 * (r.roll - r.rest) ** 2 * 41**2 for r in recording.releases]
+    bent = [replace(r, rate=rate) for r, rate in zip(recording.releases, rates, strict=True)]
+    assert fit_decay(bent).over_noise > 3
+
+
 def test_peaks_are_timed_between_samples():
     release = clean_release(41.0, 0.1, sampling=300, noise=1e-6)
     half = math.pi / (41.0 * math.sqrt(1 - 0.01))
@@ -596,3 +608,24 @@ def test_a_slide_is_warned_of_in_metres():
     for board, unit in ((Board.load("pink").of_slide(), " m "), (Board.load("pink"), " rad ")):
         (said,) = [text for text in fit_decay(releases, board=board).warnings if "whole story" in text]
         assert f"{unit}where the sensor's noise" in said
+
+
+@pytest.mark.parametrize(("column", "signal"), [("position_mm", "roll"), ("velocity (m/s)", "rate")])
+def test_a_slide_without_a_model_is_told_in_metres(tmp_path, column, signal):
+    """The unit of the log's column says that it slides; no model or record need say so again."""
+    time = np.arange(0.0, 8.0, 5e-3)
+    moving, rng = np.maximum(time - 1.0, 0.0), np.random.default_rng(2)
+    roll, rate = linear_decay(moving, 15.0, 0.04, 0.03)
+    measured = (1e3 * roll, 0.05) if signal == "roll" else (np.where(time > 1.0, rate, 0.0), 1e-3)
+    samples = measured[0] + measured[1] * rng.standard_normal(len(time))
+    log = tmp_path / "slide.csv"
+    log.write_text(
+        f"time_s,{column}\n" + "\n".join(f"{t:.3f},{y:.5f}" for t, y in zip(time, samples, strict=True))
+    )
+    decay = fit_decay(Recording.read(log))
+    assert decay.slides
+    assert "0.03" in decay.report()
+    assert not re.search(r"\brad\)|\d rad |°", decay.report())
+    assert "the mass m that slides" in decay.report()
+    assert decay.to_json()["residual"]["unit"] == ("m" if signal == "roll" else "m/s")
+    assert fit_decay(decay.releases, INERTIA).numbers.stiffness.unit == "N*m/rad"

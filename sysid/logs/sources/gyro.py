@@ -58,7 +58,8 @@ def roll_from_gyro(reading: Reading) -> Roll:
     scale, remarks = rate_scale(rates, choice)
     rates = rates * scale
     if rates.shape[1] == 1:
-        return roll_from_rate(reading, rates[:, 0] * choice.sign, remarks)
+        roll = roll_from_rate(reading, rates[:, 0] * choice.sign, remarks)
+        return replace(roll, origin="speed") if choice.unit in LENGTHS["rate"] else roll
     axis = find_roll_axis(rates, choice)
     return roll_from_rate(reading, rates @ axis.vector, remarks + axis.remarks)
 
