@@ -206,11 +206,11 @@ class Board:
         """Whether the joint slides: its units are then m, N/m and kg."""
         return self.inertia.unit == "kg"
 
-    def experiment(self, name: str) -> str:
-        """Return the experiment that tells an effect from its look-alikes, with releases in the joint's own unit."""
+    def experiment(self, name: str, widest: float = math.inf) -> str:
+        """Return the experiment that tells an effect from its look-alikes, with releases in the joint's own unit, up to `widest` [rad]."""
         from sysid.effects import effect
 
-        return effect(name).experiment_on(slides=self.slides, widest=self.tilt["range"].value)
+        return effect(name).experiment_on(slides=self.slides, widest=min(widest, self.tilt["range"].value))
 
     @property
     def error_unit(self) -> str:

@@ -851,7 +851,7 @@ def _experiment(
     limit = widest(chosen.model, board)
     found = deciding(chosen.model, rival.model, tried.best.errors, limit)
     apart = next((name for name in (*names[1], *names[0]) if name not in set(names[0]) & set(names[1])), "")
-    fallback = "" if found or not apart else board.experiment(apart)
+    fallback = "" if found or not apart else board.experiment(apart, limit)
     return experiment_in_words(found, titles(names[0]), titles(names[1]), fallback, board, limit)
 
 

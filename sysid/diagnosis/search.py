@@ -144,9 +144,11 @@ class Candidate:
             part.stiffness_at(self.parameters.get("rest_angle", 0.0), part.of(self.parameters))
             for part in self.problem.structure.torques
         )  # fmt: skip
-        return spring < 0 or any(
+        scales, parts = self.problem.scales, self.problem.structure.parts
+        idle = any(part.idle(part.of(self.parameters), scales) for part in parts if part.idle is not None)
+        return spring < 0 or idle or any(
             p.edged(point[f"{part.name}.{p.name}"], exact=self.rmse < exact)
-            for part in self.problem.structure.parts for p in part.parameters if f"{part.name}.{p.name}" in point
+            for part in parts for p in part.parameters if f"{part.name}.{p.name}" in point
         )  # fmt: skip
 
     @property

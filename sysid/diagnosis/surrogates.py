@@ -45,14 +45,16 @@ WAVE = unlisted(
 """A torque that follows a clock of its own, which each release may meet at any time."""
 _STIFFNESS = from_zero("stiffness", lambda s: 0.3 * s.stiffness, 0.0)
 _DAMPING = from_zero("damping", lambda s: 0.3 * s.stiffness / s.frequency, 0.0)
+_REST = from_zero("rest_angle", lambda s: 0.1 * s.amplitude, 0.0)
 CHANGED = (
     unlisted("surrogate", lambda m, motion, parameters, states: -states[0] * motion.tilt, (), (_STIFFNESS,)),
     unlisted(
         "surrogate", lambda m, motion, parameters, states: -states[0] * motion.tilt - states[1] * motion.rate,
         (), (_STIFFNESS, _DAMPING),
     ),
+    unlisted("surrogate", lambda m, motion, parameters, states: motion.stiffness * states[0], (), (_REST,)),
 )  # fmt: skip
-"""Another spring, and another damper, in each release: they stay from its beginning to its end."""
+"""Another spring, another damper, or another rest in each release: they stay from its beginning to its end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +110,7 @@ LAWS: dict[str, Law] = {
     ),
     "k": Law("a spring that changed between the releases", own=CHANGED[0]),
     "k d": Law("a spring and a damper that changed between the releases", own=CHANGED[1]),
+    "rest": Law("a rest that moved between the releases, as of a sensor or a mount that was knocked", own=CHANGED[2]),
     "sin t": Law("a torque that comes and goes at a frequency of its own, whatever the joint does", own=WAVE),
     "magnet": Law("a magnet or a detent, or what pushes out of the middle", shapes=_named("magnet")),
     "tails": Law("a magnet with wide tails, or what pushes out of the middle", shapes=_named("magnet with wide tails")),
@@ -146,7 +149,7 @@ def _problem(search: Search, model: Candidate, kept: tuple[str, ...], shape: str
     inside, scales = search.problem(kept, free_states=model.problem.free_states), search.scales
     own = LAWS[shape].own
     structure = Structure(inside.structure.effects, (_effect(shape, scales),))
-    replaced = {"stiffness": scales.stiffness, "damping": scales.damping}
+    replaced = {"stiffness": scales.stiffness, "damping": scales.damping, "rest_angle": 0.0}
     held = {s.name: replaced[s.name] for s in own.states} if own in CHANGED else {}
     return Problem(
         structure, search.records, scales, bias=search.bias, fixed={**held, **inside.fixed}, priors=inside.priors, average=search.average,
@@ -314,8 +317,13 @@ def _shapes(search: Search) -> list[str]:
     """Return the laws that say something of a log.
 
     In one release alone the amplitude only falls, so a law that changes with time can be any law that changes with amplitude.
+    A rest of its own in each release says something only where a spring gives them one, and the sensor's zero is not free in each.
     """
-    return [shape for shape, law in LAWS.items() if len(search.records) > 1 or not law.changes]
+    rests = search.bias == "shared" and not search.records[0].is_rate and not search.hangs
+    return [
+        shape for shape, law in LAWS.items()
+        if (len(search.records) > 1 or not law.changes) and (rests or law.own is not CHANGED[2])
+    ]  # fmt: skip
 
 
 def in_words(model: Candidate, *, slides: bool = False) -> str:
@@ -329,9 +337,11 @@ def in_words(model: Candidate, *, slides: bool = False) -> str:
         return f"{law.words} ({' and '.join(widths)})"
     if law.own in CHANGED:
         first = len(problem.structure.internal_states) - len(law.own.states)
-        springs = (
-            problem.own(model.minimum.point * problem.sizes())[:, 2 + first] + problem.fixed["stiffness"]
-        )
+        own = problem.own(model.minimum.point * problem.sizes())[:, 2 + first]
+        if law.own is CHANGED[2]:
+            show, digit = display(is_rate=False, slides=slides), float(np.abs(own).max()) / 100
+            return f"{law.words} ({', '.join(show(digit * round(rest / digit), 3) for rest in own)})"
+        springs = own + problem.fixed["stiffness"]
         shares = ", ".join(f"{k:.3f}" for k in springs / springs.mean())
         return f"{law.words} (its stiffness in each, over their mean: {shares})"
     return law.words

@@ -46,6 +46,8 @@ LEFT = 0.2
 hands kept at most 0.14, those whose law the catalogue lacks, and which were not at the noise, 0.4 or more."""
 BEGUN = 12
 """Iterations after which a fit is left where it is if it does not promise enough: with six a gap that was fitted to a push was not back in step."""
+TOLD = 2.0
+"""Independent values that a law of tilt and rate shows in a period: a law with more numbers than those explains whatever is left of the releases."""
 NEARLY = 1.05
 """Error of a model that is as good as the best, over that one's."""
 DEGREE = 3
@@ -79,10 +81,14 @@ def untouched(
         parts = [[_middle(record, best, *cut) for record in best.problem.records] for cut in CUTS]
         middles = [[part for part in cut if part is not None] for cut in parts]
         enough = 1 + LEFT * beyond
-        errors = [[_begun(pool, _error_on, m, kept, enough) for m in asked if kept] for kept in middles]
-        for index, (kept, results) in enumerate(zip(middles, errors, strict=True)):
-            if kept:
-                laws, error = _simplest([(_laws(m), e()) for m, e in zip(asked, results, strict=True)])
+        told = [[m for m in asked if len(m.problem.names) <= TOLD * _periods(kept, best)] for kept in middles]
+        errors = [
+            [_begun(pool, _error_on, m, kept, enough) for m in some]
+            for some, kept in zip(told, middles, strict=True)
+        ]
+        for index, (kept, some, results) in enumerate(zip(middles, told, errors, strict=True)):
+            if some:
+                laws, error = _simplest([(_laws(m), e()) for m, e in zip(some, results, strict=True)])
                 holds = error < reached
                 # A release too short to be cut goes for a law only.
                 if (holds or len(kept) == len(releases)) and error**2 - 1 < LEFT * beyond:
@@ -196,6 +202,11 @@ def _energy(records: Sequence[Record], model: Candidate) -> float:
     """Return the sum of squares of a motion about its rest, without the noise, in units of the noise."""
     rest, std = rest_of(model), records[0].std
     return sum(float(np.sum(((record.signal - rest) / std) ** 2 - 1)) for record in records)
+
+
+def _periods(releases: Sequence[Release], model: Candidate) -> float:
+    """Return how many periods of a model some releases last, all together."""
+    return sum(float(np.ptp(r.time)) for r in releases) * model.problem.scales.frequency / (2 * np.pi)
 
 
 def _begun(

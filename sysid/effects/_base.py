@@ -289,6 +289,8 @@ class Effect:
     """Simpler effects that this one turns into at the edge of its parameters, or nearly is, by name. The function takes all
     parameters of a joint ('stiffness', 'effect.parameter') and returns starts: those that change and those of the simpler
     effect; none where it is nothing like it."""
+    idle: Callable[[Numbers, Scales], bool] | None = None
+    """`idle(parameters, scales)`: whether no swing of such a size shows what it is, which leaves its states to stand for another law."""
     nonsmooth: bool = False
     """Whether its torque bends where no turning point is: a search then needs finer steps, and shorter first looks."""
     sharpness: float = 1.0

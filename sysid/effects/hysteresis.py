@@ -3,7 +3,16 @@
 from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
-from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
+from sysid.effects._base import (
+    JointState,
+    MjsJoint,
+    MjSpec,
+    MujocoSupport,
+    Parameter,
+    Scales,
+    State,
+    TorqueEffect,
+)
 from sysid.effects._mjcf import add_tendon, rest_of, set_friction
 
 
@@ -58,6 +67,11 @@ def as_coulomb(parameters: Values) -> list[dict[str, float]]:
     return [{"coulomb.torque": parameters["hysteresis.torque"]}]
 
 
+def never_slips(parameters: Numbers, scales: Scales) -> bool:
+    """Return whether the slider is dragged nowhere: it is a spring then, and where it hangs at a release only moves the rest."""
+    return parameters["torque"] >= parameters["stiffness"] * scales.amplitude
+
+
 EFFECT = TorqueEffect(
     name="hysteresis",
     title="rate-independent hysteresis (Jenkins slider)",
@@ -79,6 +93,7 @@ EFFECT = TorqueEffect(
     torque=torque,
     states=(State(name="stretch", start=held, size=lambda s: 0.1 * s.amplitude, return_map=slip),),
     limiting_cases=(("coulomb", as_coulomb),),
+    idle=never_slips,
     nonsmooth=True,
     sharpness=1.5,
     decay_signs=(

@@ -27,7 +27,7 @@ EFFECT = TorqueEffect(
     title="constant torque",
     family="rest",
     role="shift",
-    parameters=(Parameter("torque", "N*m", lambda s: s.torque, low=-1.0, high=1.0, starts=(0.01,)),),
+    parameters=(Parameter("torque", "N*m", lambda s: s.torque, low=-100.0, high=100.0, starts=(0.01,)),),
     law="τ = +T",
     source="statics",
     does="The deck rests at T/k instead of at zero; with a linear spring the decay only moves.",

@@ -16,7 +16,7 @@ EFFECT = SensorEffect(
     name="sensor-bias",
     title="angle sensor off by a constant",
     family="rest",
-    parameters=(Parameter("angle", "rad", lambda s: s.amplitude, low=-1.0, high=1.0, starts=(0.01,)),),
+    parameters=(Parameter("angle", "rad", lambda s: s.amplitude, low=-100.0, high=100.0, starts=(0.01,)),),
     law="measured = φ + b",
     source="definition",
     does="The whole decay moves up or down by a constant; its shape stays.",

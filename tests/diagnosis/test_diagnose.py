@@ -315,6 +315,18 @@ def test_a_board_that_changed_between_releases_is_unexplained(pink):
 
 
 @pytest.mark.slow
+def test_a_rest_that_moved_between_releases_is_no_hysteresis(pink):
+    """A slider that never slips has a free place in each release, and would stand for a sensor that was knocked."""
+    moved = [made(LAW, 1.0, angle, seed=i) for i, angle in enumerate((0.15, -0.13, 0.1))]
+    releases = [
+        release(one.roll + shift, one.time) for one, shift in zip(moved, (0.0, 0.02, 0.02), strict=True)
+    ]
+    found = diagnose(releases, pink)
+    assert found.verdict.status == "unexplained"
+    assert "rest that moved between the releases" in found.verdict.explanation
+
+
+@pytest.mark.slow
 def test_command_line_gives_the_binding_json(tmp_path):
     log = shipped_data() / "decays" / "pink_hidden.csv"
     done = subprocess.run(

@@ -126,6 +126,15 @@ def test_what_no_law_follows_is_left_out_where_one_follows_the_rest(rolls, left)
         )
 
 
+def test_so_little_that_any_law_follows_it_shows_no_hand():
+    """Of three laws at once; two of others, with six numbers, follow the first swing of each release."""
+    parts = (("coulomb", (0.1,)), ("cubic-stiffness", (400.0,)), ("hysteresis", (6.0, 0.2)))
+    law = JointLaw(inertia=8.7e-3, stiffness=9.0, damping=0.05, effects=parts)
+    search, _ = searched(*(decay(angle, law) for angle in (0.24, -0.21, 0.16)))
+    models = [search.single(()), search.single(("cubic-stiffness", "dahl"))]
+    assert untouched(models, (), Sending(1), 1.0) is None
+
+
 def test_a_law_outside_the_catalogue_is_asked_in_this_process():
     search, models = searched(decay(0.17), decay(-0.14))
     model = nearest_outside(search, models[1])

@@ -272,3 +272,16 @@ def test_a_stop_takes_the_impulse_of_a_damper_that_sets_in_at_once(name: str, si
     assert np.all(torque[reach < angle * (1 - RAMP)] == 0)
     width = RAMP * angle
     assert np.abs(np.diff(torque)).max() < 1.01 * damping * reach[1] / width, "no jump"
+
+
+def test_an_experiment_on_a_slide_goes_no_farther_than_it_was_moved():
+    """A model without limits leaves its range open."""
+    from dataclasses import replace
+
+    from sysid.board import Board
+
+    board = Board.load("pink").of_slide()
+    board = replace(board, tilt={**board.tilt, "range": replace(board.tilt["range"], value=0.05)})
+    far = replace(board, tilt={**board.tilt, "range": replace(board.tilt["range"], value=3.0)})
+    assert far.experiment("quadratic-damping", 0.05) == board.experiment("quadratic-damping", 0.05)
+    assert far.experiment("quadratic-damping") != board.experiment("quadratic-damping", 0.05)

@@ -129,6 +129,16 @@ def test_two_shifts_cannot_be_told_apart(pink):
         fit_joint(releases_of(HEAVY, 1), pink, ["offset", "preload"])
 
 
+@pytest.mark.parametrize("effect", ["offset", "preload", "sensor-bias"])
+def test_a_rest_farther_from_the_record_than_the_joint_swings_is_fitted(pink, effect):
+    """The zero of an encoder is anywhere."""
+    law = replace(HEAVY, rest_angle=0.25)
+    releases = releases_of(law, 1, angles=(0.35, 0.12, 0.3))
+    fit = fit_joint(releases, pink, [effect], FitOptions(fixed={"rest_angle": 0.0}))
+    (found,) = (q for name, q in fit.quantities.items() if name.startswith(effect))
+    assert found.value == pytest.approx(0.25 * (14.684 if effect == "preload" else 1.0), rel=0.03)
+
+
 @settings(max_examples=12, deadline=None)
 @given(st.sampled_from(["coulomb", "cubic-stiffness", "viscoelastic", "second-mode", "lowpass", "gravity"]))
 def test_sensitivities_are_exact(name):

@@ -142,6 +142,29 @@ def test_overflowing_counters_are_undone(tmp_path, bits):
     assert any("overflowed 1 time" in note for note in roll.notes)
 
 
+@pytest.mark.parametrize("rows", [600, 1600])
+def test_rows_out_of_order_overflow_no_counter(tmp_path, rows):
+    """Nanoseconds since the epoch fit in no counter of 32 bits, and a step back by a sample is not one by all that it counts."""
+    order = np.arange(rows)
+    order[[400, 401]] = order[[401, 400]]
+    values = noisy(TRUE)[:rows]
+    stamps = [str(1_718_100_000_000_000_000 + round(1e9 * t)) for t in TRUE[order]]
+    roll = read_roll(write_csv(tmp_path / "log.csv", ("stamp_ns", "roll_rad"), stamps, values[order]))
+    assert clock_error(roll, TRUE[:rows]) < 1e-6
+    np.testing.assert_allclose(roll.roll, values, atol=1e-8)
+
+
+def test_two_rows_with_one_stamp_make_no_bursts(tmp_path):
+    """What else is written stays: a sensor that measures unevenly says so in all its other stamps."""
+    time = TRUE + np.random.default_rng(3).uniform(-0.3, 0.3, TRUE.size) / RATE
+    stamps = time.copy()
+    stamps[[500, 900]] = stamps[[499, 899]]
+    roll = read(tmp_path, stamps, noisy(time))
+    others = np.delete(np.arange(TRUE.size), [499, 500, 899, 900])
+    assert np.abs(roll.time - stamps - (roll.time[0] - stamps[0]))[others].max() < 1e-6
+    assert any("share one time stamp" in warning for warning in roll.warnings)
+
+
 def test_random_stamps_are_no_clock(tmp_path):
     stamps = np.random.default_rng(0).permutation(TRUE)
     with pytest.raises(SysidError, match=r"it is no clock.*--time-column"):

@@ -242,6 +242,36 @@ def test_a_workbook_of_a_phone(tmp_path):
     assert right(path).origin == "imu"
 
 
+def test_a_workbook_with_notes_beside_its_one_table(tmp_path):
+    """The one sheet with a clock is the log, whatever it is called; of several nobody knows."""
+    pytest.importorskip("python_calamine")
+    writer = pytest.importorskip("xlsxwriter")
+
+    def workbook(*tables):
+        path = tmp_path / "bench.xlsx"
+        with writer.Workbook(path) as book:
+            notes = book.add_worksheet("Info")
+            for row, cells in enumerate((("operator", "M. B."), ("rig", 3))):
+                notes.write_row(row, 0, cells)
+            for name in tables:
+                sheet = book.add_worksheet(name)
+                sheet.write_row(2, 0, ("Time [s]", "Angle [°]"))
+                for row, cells in enumerate(zip(TIME, np.degrees(rocking(TIME)[0]), strict=True), 3):
+                    sheet.write_row(row, 0, cells)
+        return path
+
+    right(workbook("Messung"))
+    with pytest.raises(SysidError, match="'Run 1', 'Run 2'"):
+        read_roll(workbook("Run 1", "Run 2"))
+
+
+@pytest.mark.parametrize("rate", ["dq", "qd"])
+def test_joints_as_roboticists_name_them(tmp_path, rate):
+    roll, roll_rate = rocking(TIME)[:2]
+    path = write_csv(tmp_path / "log.csv", ("t", rate, "q"), TIME, roll_rate, roll)
+    assert right(path).origin == "angle"
+
+
 def test_ros_1_bags(tmp_path):
     rosbag1 = pytest.importorskip("rosbags.rosbag1")
     from rosbags.typesys import Stores, get_typestore

@@ -365,3 +365,18 @@ def test_a_law_that_is_a_little_off_everywhere_hides_no_hand(off, swings, grows,
         assert found == pytest.approx(periods * 0.2, abs=0.02)
     else:
         assert found is None
+
+
+@pytest.mark.parametrize(("left", "seen"), [(0.8, False), (0.3, True), (1.3, True)])
+def test_a_deck_that_loses_as_much_after_as_before_was_caught_by_no_hand(left, seen):
+    """Time runs backward. Rubber that creeps back moves the middle of the swings, and is as far from any law of tilt and rate as a hand."""
+    time = np.arange(0.0, 4.0, 0.01)
+    torque = np.where(time < 0.6, 0.03, 0.0)
+    law = SimpleNamespace(
+        beyond=lambda w, n: (torque, np.full(len(time), 1e-4)), about=lambda w, n: np.full(len(time), 0.1)
+    )
+    windows = SimpleNamespace(time=time, width=0.1, period=20)
+    swings = [(-0.9, 0.125), (-0.8, 0.1), (-0.7, 0.08)] + [
+        (-0.5 + 0.1 * i, 0.08 * left ** (i + 1)) for i in range(4)
+    ]
+    assert (_hand(windows, law, 0, 3.8, swings) is not None) == seen

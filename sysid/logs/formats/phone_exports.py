@@ -15,6 +15,7 @@ from sysid.logs.formats.csv import open_csv
 from sysid.logs.formats.registry import Format
 from sysid.logs.formats.tables import MOTION, merge_logs
 from sysid.logs.table.file import LogFile
+from sysid.logs.table.names import parse_column
 
 T = TypeVar("T")
 MAX_UNPACKED = 1 << 30
@@ -77,15 +78,35 @@ def _is_table(file: Path) -> bool:
 
 
 def _of_motion(tables: Sequence[T], name: Callable[[T], Path]) -> list[T]:
-    """Return the tables of motion sensors; a single one whatever it is called."""
-    return [table for table in tables if len(tables) == 1 or MOTION.search(name(table).stem)]
+    """Return the tables of motion sensors; all where none is called so."""
+    return [table for table in tables if MOTION.search(name(table).stem)] or list(tables)
 
 
 def merge(path: Path, files: Sequence[Path]) -> LogFile:
-    """Read the motion sensors among the files of an export."""
-    return merge_logs(
-        path, {file.stem: open_csv(file) for file in _of_motion(files, lambda file: file)}, "export"
-    )
+    """Read the motion sensors among the files of an export; the only one with a clock where none is called so.
+
+    Raises:
+        SysidError: They are damaged, none is a table with a clock, or several are and nothing tells them apart.
+    """
+    wanted = _of_motion(files, lambda file: file)
+    if len(wanted) == 1 or any(MOTION.search(file.stem) for file in wanted):
+        return merge_logs(path, {file.stem: open_csv(file) for file in wanted}, "export")
+    clocked = {file.stem: log for file in wanted if (log := _clocked(file)) is not None}
+    if len(clocked) > 1:
+        raise SysidError(
+            f"{path}: several tables have a clock, and no name says which holds the motion: "
+            f"{', '.join(map(repr, clocked))}. Save the one that does as a file of its own."
+        )
+    return merge_logs(path, clocked, "export")
+
+
+def _clocked(file: Path) -> LogFile | None:
+    """Return a table with a column of time; None for notes beside it."""
+    try:
+        log = open_csv(file)
+    except SysidError:
+        return None
+    return log if any(parse_column(name, log.units.get(name)).kind == "time" for name in log.names) else None
 
 
 FORMAT = Format(

@@ -124,7 +124,7 @@ def repair_clock(
         )
     if steps.min() <= 0:
         if steps.min() < 0:
-            _undo_going_back(clock, scale, name)
+            _undo_going_back(clock, scale, float(np.ptp(stamps)), name)
         if np.diff(clock.time).min() <= 0:
             _drop_copies(clock, clock.of(signal))
     drop_repeats(clock, clock.of(signal))
@@ -192,14 +192,25 @@ def _held_rows(signal: Array) -> int:
     return held if np.mean(np.abs(lengths - held) <= 1) > 0.9 and np.mean(lengths == 1) < 0.1 else 1
 
 
-def _undo_going_back(clock: Clock, scale: float, name: str) -> None:
+def _undo_going_back(clock: Clock, scale: float, spread: float, name: str) -> None:
+    """Undo what makes a clock go back, where its stamps are `spread` apart in their own unit, a count being `scale` [s].
+
+    No counter holds numbers that are further apart than it can count, and what begins again goes back by most of that way.
+
+    Raises:
+        SysidError: It goes back too often for a clock.
+    """
     time = clock.time = clock.time.copy()
     steps = np.diff(time)
     usual = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
-    resets = {modulus * scale: f"the {bits} counter of time overflowed" for modulus, bits in COUNTERS.items()}
+    resets = {
+        modulus * scale: f"the {bits} counter of time overflowed"
+        for modulus, bits in COUNTERS.items()
+        if spread < modulus
+    }
     resets |= {DAY: "the time of day passed midnight", HOUR: "the clock was set back by an hour"}
     for length, what in resets.items():
-        lost = (steps < 0) & (np.abs(steps + length) < 1000 * usual)
+        lost = (steps < -length / 2) & (np.abs(steps + length) < 1000 * usual)
         if lost.any() and length > 20 * usual:
             time[1:] += np.cumsum(lost) * length
             clock.notes.append(f"time: {what} {count(int(np.count_nonzero(lost)), 'time')}, undone")
@@ -244,23 +255,23 @@ def _even_out(clock: Clock, signal: Array, steps: Array) -> bool:
     forced = bool(steps.min() <= 0)
     if not forced and high - low < 0.02 * usual and mean < 1.5 * usual:
         return False
-    bursts = forced or bool(np.mean(some < 0.25 * mean) > 0.2)
+    bursts = bool(np.mean(some < 0.25 * mean) > 0.2)
     even = _even_times(clock.time)
-    if even is None:
-        if forced:
-            clock.time = _spread(clock.time)
-            clock.warnings.append("several rows share one time stamp: spread evenly up to the next stamp")
-        return forced
-    if not bursts:  # no sensor measures in bursts, but it may well measure unevenly
+    stamps = _spread(clock.time) if forced else clock.time
+    smoother = even is not None and bursts  # no sensor measures in bursts, but it may well measure unevenly
+    if even is not None and not bursts:
         with np.errstate(all="ignore"):  # stamps that nearly coincide; NaN then keeps them as they are
-            stamped, evened = _roughness(clock.time, signal), _roughness(even, signal)
-        if not evened < 0.7 * stamped:
-            if high - low > 0.2 * usual:
-                clock.notes.append(
-                    f"time: uneven sampling kept (steps {low * 1e3:.3g} to {high * 1e3:.3g} ms): the signal is as "
-                    "smooth on it as on an even clock"
-                )
-            return False
+            smoother = _roughness(even, signal) < 0.7 * _roughness(stamps, signal)
+    if even is None or not smoother:
+        if forced:
+            clock.time = stamps
+            clock.warnings.append("several rows share one time stamp: spread evenly up to the next stamp")
+        elif even is not None and high - low > 0.2 * usual:
+            clock.notes.append(
+                f"time: uneven sampling kept (steps {low * 1e3:.3g} to {high * 1e3:.3g} ms): the signal is as "
+                "smooth on it as on an even clock"
+            )
+        return forced
     late = float(np.percentile(np.abs(clock.time - even - np.median(clock.time - even)), 95))
     clock.time = even - even[0]
     clock.warnings.append(

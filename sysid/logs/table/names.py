@@ -65,11 +65,11 @@ _TIME_WORDS = {"t", "time", "times", "timestamp", "timestamps", "stamp", "elapse
                "temps", "ts", "epoch", "datetime", "utc", "millis", "micros", "arrival",
                "tick", "ticks"}  # fmt: skip
 _RATE_WORDS = {"gyro", "gyr", "gyroscope", "gyroscopes", "omega", "rate", "speed", "velocity", "vel", "dot", "qvel",
-               "angvel", "thetadot", "phidot", "angularvelocity", "angularrate", "rotationrate"}  # fmt: skip
+               "angvel", "thetadot", "phidot", "angularvelocity", "angularrate", "rotationrate", "qd", "dq", "qdot"}  # fmt: skip
 _ACCEL_WORDS = {"acc", "accel", "accelerometer", "acceleration", "acceler"}
 _QUATERNION_WORDS = {"q", "quat", "quaternion", "orientation", "attitude"}
 _ROLL_WORDS = {"roll", "phi", "bank", "heel", "tilt", "lean"}
-_ANGLE_WORDS = _ROLL_WORDS | {"angle", "theta", "pitch", "yaw", "heading", "psi", "pos", "position", "qpos", "encoder", "enc",
+_ANGLE_WORDS = _ROLL_WORDS | {"angle", "theta", "pitch", "yaw", "heading", "psi", "pos", "position", "q", "qpos", "encoder", "enc",
                               "winkel", "angulo", "inclination", "deflection", "swing", "euler", "rpy", "ang",
                               "rotation"}  # fmt: skip
 _OTHER_WORDS = {"mag", "magnetometer", "magnetic", "magn", "temp", "temperature", "pressure", "battery", "voltage",
