@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.errors import SysidError
+from sysid.noise.outliers import lone_outliers
 from sysid.roll import Roll
 from sysid.video.options import VideoOptions as VideoOptions
 
@@ -71,7 +72,6 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
     from sysid.video.film.pace import speed_ramp
     from sysid.video.notes import faults, inferred, shutter_note
     from sysid.video.pose.gaps import Signal, fill_gaps
-    from sysid.video.pose.outliers import outlier_frames
     from sysid.video.pose.view import View
 
     target, track, found = followed.target, followed.track, followed.found
@@ -81,9 +81,11 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
     own = np.hypot(found.own, shaken)
     sign = -1.0 if options.front else 1.0
     angle = sign * (found.angle + target.zero(found))
-    outliers = outlier_frames(time, angle, std)
-    signal = Signal(time, angle, np.hypot(std, outliers), np.hypot(own, outliers), np.arange(len(time)))
-    seen = np.isfinite(angle)
+    seen = np.flatnonzero(np.isfinite(angle))
+    lone = seen[lone_outliers(time[seen], angle[seen], rate=False) != 0]
+    angle[lone] = np.nan
+    seen = np.setdiff1d(seen, lone)
+    signal = Signal(time, angle, std, own, np.arange(len(time)))
     if (ramp := speed_ramp(time[seen], angle[seen], signal.std[seen])) is not None:
         raise SysidError(
             f"{clip.path}: at {ramp:.2f} s the swing goes on at another pace at once: parts of the film play faster or slower "
@@ -98,10 +100,8 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
         shutter_note(followed.before, found.camera_state, given=options.readout is not None),
     ]
     warnings = list(faults(clip, target, track, found))
-    if np.any(outliers > 0):
-        notes.append(
-            f"frames: {np.sum(outliers > 0)} that those before and after do not bear out are given less weight"
-        )
+    if len(lone):
+        notes.append(f"frames: {len(lone)} that those before and after do not bear out are not used")
     if filled:
         notes.append(f"frames: {filled} lost ones filled in from their neighbours")
     if not followed.turns:
