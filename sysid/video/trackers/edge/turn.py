@@ -21,8 +21,6 @@ EDGE_BIAS = 0.05
 long as the deck stands still, so that no scatter shows it."""
 SEVERAL_EDGES = 1.3
 """So many edges a frame [1], each as it counts, tell how far edges turn from each other."""
-SLANT_NODES, SLANT_WEIGHTS = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0]), np.array([1.0, 4.0, 1.0]) / 6
-"""Slants at which an unknown direction is tried, in its standard deviations, and their weights."""
 SHUTTER_ROUNDS = 2
 """Times that the shutter's correction is made, the second time with the turn that is known by then."""
 
@@ -68,10 +66,8 @@ def fit_direction(
         return body.angle + _turned(place - _moved(body, place, time, view.late * value[READOUT]), edge, body)
 
     seen = angle_at(before.value)
-    covariance, slant = before.apart
     readout = READOUT if READOUT in before.free else None
-    unknown = spread_by(before.value, covariance, seen, angle_at, time, view.share, readout)
-    unknown += _slant_spread(before, slant, seen, angle_at)
+    unknown = spread_by(before.value, before.covariance, seen, angle_at, time, view.share, readout)
     noise = _variance(body, edge)
     trusted = body.weight.sum(axis=1)
     wrong = trusted < max(MIN_POINTS, MIN_USUAL_SHARE * float(np.median(trusted)))
@@ -104,26 +100,6 @@ def _turned(z: Complex, edge: Edge, body: EdgeBody) -> Array:
     )
     total = np.maximum(total, 1e-9)
     return (xy - x * y / total).sum(axis=1) / np.maximum((xx - x**2 / total).sum(axis=1), 1e-9)
-
-
-def _slant_spread(
-    before: CameraState, slant: Array, angle: Array, angle_at: Callable[[Array], Array]
-) -> Array:
-    """What yaw and pitch of some standard deviations, shape (2,), leave open of an angle, less what they do at rest [rad²], shape (n,).
-
-    A slant squeezes the picture by its square: the derivative where a camera looks along the axis shows
-    nothing of it. So the mean square is taken over the directions themselves, by Gauss and Hermite's rule.
-    """
-    yaw, pitch = slant
-    square = np.zeros(len(angle))
-    if yaw == 0 and pitch == 0:
-        return square
-    for right, share in zip(SLANT_NODES, SLANT_WEIGHTS, strict=True):
-        for down, part in zip(SLANT_NODES, SLANT_WEIGHTS, strict=True):
-            aside = np.array([right * yaw, down * pitch, 0.0, 0.0])
-            change = np.angle(np.exp(1j * (angle_at(before.value + aside) - angle)))
-            square += share * part * (change - np.nanmedian(change)) ** 2
-    return square
 
 
 def _variance(body: EdgeBody, edge: Edge) -> Array:
