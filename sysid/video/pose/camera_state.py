@@ -68,12 +68,6 @@ class CameraState:
             self, value=self.value + gain @ off, covariance=self.covariance - gain @ seen @ self.covariance
         )
 
-    def within(self, value: Array) -> Array:
-        """Return values [rad, rad, 1, s], shape (4,), within the limits."""
-        value = value.copy()
-        value[READOUT] = np.clip(value[READOUT], 0.0, self.readout_limit)
-        return value
-
 
 def spread_by(
     x: Array,

@@ -206,7 +206,6 @@ def fit_pivot(
     slope = slope - np.nanmedian(slope, axis=0)
     own = (noise / np.nanmean(radius)) ** 2 + smear(angle) ** 2 + 0 * angle
     common = np.einsum("ni,ij,nj->n", slope, covariance, slope)
-    readout = READOUT if READOUT in before.free else None
     time = view.time(before.readout)
     common += spread_by(
         before.value,
@@ -215,7 +214,7 @@ def fit_pivot(
         lambda value: np.angle(arm_and_pivot(value)[0]),
         time,
         view.share,
-        readout,
+        READOUT,
     )
     return AngleTrack(
         unwrap(angle), np.sqrt(own + common), before, noise, 0, np.array([1 + 0j]), np.sqrt(own)

@@ -1,6 +1,6 @@
 """The angle of the deck from points on the edges of its end, and how well it is known."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -66,8 +66,7 @@ def fit_direction(
         return body.angle + _turned(place - _moved(body, place, time, view.late * value[READOUT]), edge, body)
 
     seen = angle_at(before.value)
-    readout = READOUT if READOUT in before.free else None
-    unknown = spread_by(before.value, before.covariance, seen, angle_at, time, view.share, readout)
+    unknown = spread_by(before.value, before.covariance, seen, angle_at, time, view.share, READOUT)
     noise = _variance(body, edge)
     trusted = body.weight.sum(axis=1)
     wrong = trusted < max(MIN_POINTS, MIN_USUAL_SHARE * float(np.median(trusted)))
