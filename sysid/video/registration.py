@@ -17,7 +17,7 @@ import numpy as np
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, halved
 from sysid.video.film.track import Track
-from sysid.video.pose.pose import pose_between, principal_corners, turn_of
+from sysid.video.pose.pose import attitude_share, pose_between, principal_corners, turn_of
 from sysid.video.pose.rectify import project
 from sysid.video.types import Box, Image, Mask, Points
 
@@ -179,17 +179,15 @@ def _mean_and_spread(
 
     They are turned back by their poses, or left as they were filmed, and interpolated in one of OpenCV's ways.
     """
-    # A film keeps what stands still as it is, its noise as well: many pictures of one attitude count as one.
-    turn = np.round(np.array([turn_of(pose) for _, _, pose in seen]) / ATTITUDE_STEP)
-    _, same, count = np.unique(turn, return_inverse=True, return_counts=True)
+    share = attitude_share(np.array([turn_of(pose) for _, _, pose in seen]), ATTITUDE_STEP)
     first, second = np.zeros((2, size[1], size[0]), np.float32)
-    for (picture, inward, pose), share in zip(seen, (1 / (count[same] * len(count))).tolist(), strict=True):
+    for (picture, inward, pose), part in zip(seen, (share / share.sum()).tolist(), strict=True):
         flags, border = way | cv2.WARP_INVERSE_MAP, cv2.BORDER_REPLICATE
         there = inward @ pose if back else inward
         flat = cv2.warpPerspective(picture, there, size, flags=flags, borderMode=border)
         some = np.asarray(flat, np.float32) - MIDDLE_GREY
-        cv2.scaleAdd(some, share, first, first)
-        cv2.scaleAdd(some * some, share, second, second)
+        cv2.scaleAdd(some, part, first, first)
+        cv2.scaleAdd(some * some, part, second, second)
     spread = cv2.GaussianBlur(np.sqrt(np.maximum(second - first**2, 0)), (0, 0), 2.0)
     return first + MIDDLE_GREY, np.asarray(spread, np.float32)
 

@@ -40,3 +40,12 @@ def principal_corners(places: Array, weight: Array) -> tuple[Array, Array]:
     variance, axes = np.linalg.eigh(np.cov((places - middle).T, aweights=weight))
     lengths = np.sqrt(np.maximum(variance, 0.0))
     return middle + (np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]]) * lengths) @ axes.T, lengths
+
+
+def attitude_share(turn: Array, step: float) -> Array:
+    """Return one over how many of n frames show about the same attitude [1], shape (n,), by their turns and a step of it, both [rad].
+
+    A film keeps what stands still as it is, its noise as well: many frames of one attitude count as one.
+    """
+    _, same, count = np.unique(np.round((turn - turn.min()) / step), return_inverse=True, return_counts=True)
+    return 1 / count[same]

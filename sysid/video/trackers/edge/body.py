@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
+from sysid.video.pose.pose import attitude_share
 from sysid.video.types import Complex
 
 Edge = npt.NDArray[np.intp]
@@ -125,9 +126,8 @@ def moments(weight: Array, edge: Edge, *values: Array) -> list[Array]:
 
 
 def attitudes(angle: Array) -> Array:
-    """Return the weight of each frame [1], shape (n,): one over how many show about the same attitude; `angle` (n,) in rad."""
-    number = np.round((angle - angle.min()) / max(float(np.ptp(angle)) / ATTITUDE_BINS, 1e-6)).astype(int)
-    return 1 / np.bincount(number)[number]
+    """Return the weight of each frame [1], shape (n,), by its angle [rad]: all attitudes in the range of angles count alike."""
+    return attitude_share(angle, max(float(np.ptp(angle)) / ATTITUDE_BINS, 1e-6))
 
 
 def _spread(rest: Array, seen: npt.NDArray[np.bool_], share: Array) -> Array:

@@ -14,6 +14,7 @@ import numpy as np
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
 from sysid.video.film.survey import Survey
+from sysid.video.pose.pose import attitude_share
 from sysid.video.trackers._edge_profile import PIECES, find_steps
 from sysid.video.trackers.edge.body import fit_edges
 from sysid.video.trackers.edge.brightness_steps import (
@@ -110,7 +111,8 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
         return shown if signed else np.abs(shown)
 
     for round_ in range(4):
-        weight = _attitudes(turns)
+        weight = np.sqrt(attitude_share(turns, ATTITUDE_STEP))
+        weight /= weight.sum()
         sides = (np.linspace(-far, far, count) for far, count in zip(reach, steps, strict=True))
         tried = np.stack(np.meshgrid(*sides), -1).reshape(-1, 2)
         coarse = step * [COARSER, 1]
@@ -238,13 +240,6 @@ def _usual_box(every: list[Steps], slopes: Array, box: Box) -> tuple[float, floa
     left, right, top, bottom = np.nanmedian(sides, axis=0)
     wide, high = BOX_MARGIN * (right - left), BOX_MARGIN * (bottom - top)
     return left - wide, top - high, right + wide, bottom + high
-
-
-def _attitudes(turns: Array) -> Array:
-    """One over how many pictures show about the same attitude."""
-    number = np.round((turns - turns.min()) / ATTITUDE_STEP).astype(int)
-    weight = 1 / np.sqrt(np.bincount(number)[number])
-    return weight / weight.sum()
 
 
 def _grid(half: Array, step: Array) -> Grid:

@@ -19,8 +19,6 @@ usual in the film."""
 EDGE_BIAS = 0.05
 """What shade, background and compression may shift an edge's points by, growing along it [px]: it is the same as
 long as the deck stands still, so that no scatter shows it."""
-SEVERAL_EDGES = 1.3
-"""So many edges a frame [1], each as it counts, tell how far edges turn from each other."""
 SHUTTER_ROUNDS = 2
 """Times that the shutter's correction is made, the second time with the turn that is known by then."""
 
@@ -103,27 +101,10 @@ def _turned(z: Complex, edge: Edge, body: EdgeBody) -> Array:
 
 def _variance(body: EdgeBody, edge: Edge) -> Array:
     """What noise leaves open of the turn [rad²], shape (n,)."""
-    total, x, y, xx, xy, square = moments(
-        body.weight, edge, body.along, body.rest, body.along**2, body.along * body.rest, body.rest**2
-    )
+    total, x, xx, square = moments(body.weight, edge, body.along, body.along**2, body.rest**2)
     total = np.maximum(total, 1e-9)
     inside = xx - x**2 / total
     lever, points = np.maximum(inside.sum(axis=1), 1e-9), total.sum(axis=1)
     edges = np.maximum(lever**2 / np.maximum((inside**2).sum(axis=1), 1e-9), 1.0)
     noise = np.maximum(square.sum(axis=1) / np.maximum(points - 3, 1), POINT_FLOOR**2)
-    alike = _alike(body, edge)
-    if (
-        edges.mean() > SEVERAL_EDGES
-    ):  # how much further edges turn from each other than points that err alone make them
-        apart = (xy - x * y / total) ** 2 / np.maximum(inside, 1e-9)
-        alike = max(alike, float(apart.sum() / (noise * (edges - 1)).sum()))
-    return noise * alike / lever + EDGE_BIAS**2 * points / lever / edges
-
-
-def _alike(body: EdgeBody, edge: Edge) -> float:
-    """How many neighbouring points share their errors, so that they count as one."""
-    same = edge[1:] == edge[:-1]
-    weight = np.sqrt(body.weight[:, 1:] * body.weight[:, :-1]) * same
-    product = (weight * body.rest[:, 1:] * body.rest[:, :-1]).sum() / weight.sum()
-    likeness = np.clip(product / np.average(body.rest**2, weights=body.weight), 0.0, 0.9)
-    return float((1 + likeness) / (1 - likeness))
+    return noise / lever + EDGE_BIAS**2 * points / lever / edges
