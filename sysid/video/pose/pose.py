@@ -10,13 +10,6 @@ def shifted(by: Array) -> Array:
     return np.array([[1.0, 0.0, by[0]], [0.0, 1.0, by[1]], [0.0, 0.0, 1.0]])
 
 
-def turned_about(middle: Array, turn: float) -> Array:
-    """Return the pose that turns about a place [px], shape (2,), by an angle [rad], clockwise in the picture."""
-    cosine, sine = np.cos(turn), np.sin(turn)
-    turning = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    return shifted(middle) @ turning @ shifted(-middle)
-
-
 def turn_of(pose: Array) -> float:
     """Return the turn of a pose, shape (3, 3) [rad]."""
     return float(np.arctan2(pose[1, 0] - pose[0, 1], pose[0, 0] + pose[1, 1]))
