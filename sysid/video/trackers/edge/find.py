@@ -124,11 +124,6 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
         turns = turns + _level(_mean(shown_on(grid), weight), np.radians(15.0 if round_ < 3 else 2.0))
         shown = shown_on(grid)
         mean = _mean(shown, weight)
-        if round_ == 1:
-            turns = np.array([
-                _any_turn(one, centre, grid, mean) for one, centre in zip(every, pivot + shifts, strict=True)
-            ])  # fmt: skip
-            shown = shown_on(grid)
         turns = turns + _own_turns(shown, mean)
     shown = shown_on(grid, signed=True)
     means = {way: _in_most_attitudes(np.maximum(-way * shown, 0), turns) for way in (1, -1)}
@@ -316,16 +311,6 @@ def _own_turns(shown: Image, mean: Image) -> Array:
     rows, columns = np.nonzero(mean >= CLEAR * mean.max())
     score = _turned_on(shown, rows, columns, NEAR_TURNS[:, None]) @ mean[rows, columns]
     return NEAR_TURNS[np.argmax(score, axis=1)]
-
-
-def _any_turn(one: Steps, centre: Array, grid: Grid, mean: Image) -> float:
-    """The turn, of all, at which a picture shows most of the edges that all have [rad]."""
-    (x, y), mean = grid, mean[:, ::COARSER]
-    rows, columns = np.nonzero(mean >= CLEAR * mean.max())
-    turns = np.arange(-MAX_TURN, MAX_TURN, np.radians(1.5))
-    place = np.stack([x[::COARSER][columns], y[rows]], axis=1)
-    step = one.across(centre + turned(place, turns[:, None]), turns[:, None])
-    return float(turns[np.argmax(np.minimum(np.abs(step), MAX_SLOPE) @ mean[rows, columns])])
 
 
 def _turned_on(shown: Sequence[Image] | Image, rows: Rows, columns: Rows, turn: Array | float) -> Image:
