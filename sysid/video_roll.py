@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.roll import Roll
+from sysid.noise.outliers import lone_outliers
+from sysid.roll import Array, Roll
 from sysid.video.options import VideoOptions as VideoOptions
 
 if TYPE_CHECKING:
     from sysid.video.film.camera import Lens
     from sysid.video.film.frames import Clip
-    from sysid.video.pose.gaps import Signal
     from sysid.video.select import Followed
     from sysid.video.types import Rows
 
@@ -70,8 +70,6 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
     """
     from sysid.video.film.pace import speed_ramp
     from sysid.video.notes import faults, inferred, shutter_note
-    from sysid.video.pose.gaps import Signal, fill_gaps
-    from sysid.video.pose.outliers import outlier_frames
     from sysid.video.pose.view import View
 
     target, track, found = followed.target, followed.track, followed.found
@@ -81,38 +79,33 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
     own = np.hypot(found.own, shaken)
     sign = -1.0 if options.front else 1.0
     angle = sign * (found.angle + target.zero(found))
-    outliers = outlier_frames(time, angle, std)
-    signal = Signal(time, angle, np.hypot(std, outliers), np.hypot(own, outliers), np.arange(len(time)))
-    seen = np.isfinite(angle)
-    if (ramp := speed_ramp(time[seen], angle[seen], signal.std[seen])) is not None:
+    seen = np.flatnonzero(np.isfinite(angle))
+    lone = lone_outliers(time[seen], angle[seen], rate=False) != 0
+    rows = seen[~lone]
+    time, angle, std, own = (one[rows] for one in (time, angle, std, own))
+    if (ramp := speed_ramp(time, angle, std)) is not None:
         raise SysidError(
             f"{clip.path}: at {ramp:.2f} s the swing goes on at another pace at once: parts of the film play faster or slower "
             "than others (a speed ramp of slow motion). Give the film as the camera took it, not as it was edited."
         )
-    pace = _refuse_slow(clip.path, signal)
-    signal, filled, dropped = fill_gaps(signal, pace)
+    pace = _refuse_slow(clip.path, time, angle, std)
     # When the sensor reads the board of the first frame is its stamp: a delay that all frames share shows nowhere.
-    delay = signal.time[0] - track.time[signal.index[0]]
+    delay = time[0] - track.time[rows[0]]
     notes = [
         *inferred(clip, lens, target, track, found, options),
         shutter_note(followed.before, found.camera_state, given=options.readout is not None),
     ]
     warnings = list(faults(clip, target, track, found))
-    if np.any(outliers > 0):
-        notes.append(
-            f"frames: {np.sum(outliers > 0)} that those before and after do not bear out are given less weight"
-        )
-    if filled:
-        notes.append(f"frames: {filled} lost ones filled in from their neighbours")
+    if lone.any():
+        notes.append(f"frames: {np.sum(lone)} that those before and after do not bear out are left out")
     if not followed.turns:
         warnings.append(
-            f"what is followed turns by {np.degrees(np.ptp(signal.roll)):.2g}° in all, less than a release or than its noise: these "
+            f"what is followed turns by {np.degrees(np.ptp(angle)):.2g}° in all, less than a release or than its noise: these "
             "angles are no measurement of a board. Look at --overlay; then give the board's region with --roi, or film a release"
         )
-    if dropped:
-        lost = np.delete(track.time, signal.index)
+    if len(lost := np.delete(track.time, seen)):
         warnings.append(
-            f"{dropped} of {len(track.time)} frames, between {lost[0]:.4g} and {lost[-1]:.4g} s, show too little of what is followed "
+            f"{len(lost)} of {len(track.time)} frames, between {lost[0]:.4g} and {lost[-1]:.4g} s, show too little of what is followed "
             "and are left out; look at --overlay for what hides it"
         )
     rate = 1 / float(np.median(np.diff(track.time)))
@@ -123,27 +116,26 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
         )
     roll = Roll(
         log=str(clip.path),
-        time=signal.time - delay,
-        roll=signal.roll,
-        std=signal.std,
-        own_std=signal.own,
+        time=time - delay,
+        roll=angle,
+        std=std,
+        own_std=own,
         origin="video",
         zero="constant",
         errors_last=True,
         notes=tuple(notes),
         warnings=tuple(warnings),
     )
-    return roll, signal.index
+    return roll, rows
 
 
-def _refuse_slow(path: Path, signal: "Signal") -> float:
-    """Return the frames a period (infinite where nothing swings), or refuse."""
+def _refuse_slow(path: Path, time: Array, angle: Array, std: Array) -> float:
+    """Return the frames a period (infinite where nothing swings), or refuse; all but the path are of shape (n,)."""
     from sysid.video.film.pace import frames_per_period
 
-    seen = np.isfinite(signal.roll)
-    count = frames_per_period(signal.time[seen], signal.roll[seen], signal.std[seen])
+    count = frames_per_period(time, angle, std)
     if count is not None and count < MIN_FRAMES_PER_PERIOD:
-        rate = 1 / float(np.median(np.diff(signal.time)))
+        rate = 1 / float(np.median(np.diff(time)))
         needed = rate * MIN_FRAMES_PER_PERIOD / count
         raise SysidError(
             f"{path}: {count:.1f} frames a period ({rate:.3g} frames/s for an oscillation of {rate / count:.3g} Hz); "

@@ -1,7 +1,6 @@
 """Points that were followed, and how the camera moved meanwhile."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -9,9 +8,8 @@ from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
 from sysid.video.film.reel import Reel
-from sysid.video.film.shake import Shake, still
+from sysid.video.film.shake import still
 from sysid.video.film.track import Track
-from sysid.video.options import VideoOptions
 from sysid.video.pose.pose import pose_between, turn_of
 from sysid.video.trackers._base import Follower
 from sysid.video.types import Points
@@ -60,20 +58,14 @@ def track_of(reel: Reel, frames: Sequence[tuple[int, float]], points: Points) ->
             f"{reel.clip.path}: {reel.repeated} frames carry no later time stamp than the one before: its times are not those of "
             "the board. Give the film as the camera wrote it, or its frame rate with --rate."
         )
-    turn = _turn(points, reel.lens.matrix[0, 0])
-    shake = reel.background.shake(reel.skipped, turn)
+    matrix = reel.lens.matrix
+    turn = _turn(points, matrix[0, 0])
+    if reel.options.no_shake:
+        shake = still(len(turn), float(matrix[0, 0]), complex(*matrix[:2, 2]), found=True)
+    else:
+        shake = reel.background.shake(reel.skipped, turn)
     index, time = np.array([number for number, _ in frames], np.intp), np.array([at for _, at in frames])
-    return Track(time, points, _of_the_camera(shake, turn, reel.options), index, reel.repeated)
-
-
-def _of_the_camera(shake: Shake, turn: Array, options: VideoOptions) -> Shake:
-    """Return the shake unless it goes with the board's turn [rad], shape (n,), or there is none."""
-    none = still(len(turn), shake.focal, shake.centre, found=options.no_shake)
-    if options.no_shake:
-        return none
-    if shake.significant and shake.goes_with(turn):
-        return replace(none, mistaken=True)
-    return shake
+    return Track(time, points, shake, index, reel.repeated)
 
 
 def _turn(points: Points, focal: float) -> Array:

@@ -82,12 +82,7 @@ def shutter_note(before: CameraState, after: CameraState, *, given: bool) -> str
 
 def faults(clip: Clip, target: Target, track: Track, found: AngleTrack) -> Iterator[str]:
     """Yield what is wrong with a film."""
-    if track.shake.mistaken:
-        yield (
-            "what was taken for background turns with the board: no shake is taken out; use a tripod and say --no-shake, or "
-            "show something behind the board that stands still"
-        )
-    elif not track.shake.found and not _stands_still(track):
+    if not track.shake.found and not _stands_still(track):
         yield "too little background to see whether the camera shakes; use a tripod (and say --no-shake)"
     if track.repeated:
         yield f"{track.repeated} frames without a later time stamp than the one before are left out"

@@ -17,7 +17,7 @@ import numpy as np
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, halved
 from sysid.video.film.track import Track
-from sysid.video.pose.pose import pose_between, principal_corners, turn_of
+from sysid.video.pose.pose import attitude_share, pose_between, principal_corners, turn_of
 from sysid.video.pose.rectify import project
 from sysid.video.types import Box, Image, Mask, Points
 
@@ -35,8 +35,6 @@ MIN_SPREAD = 4.0
 """Least standard deviation of the body's pixels about their middle, across its narrow side [px]."""
 MIN_PICTURES, MIN_TURN = 5, np.radians(1.0)
 """Pictures, and turn among them [rad], that tell the body from the rest."""
-ROUNDS = (cv2.INTER_LINEAR, cv2.INTER_CUBIC)
-"""How they are interpolated each time that they are averaged: by the points' poses, then by their own."""
 MAX_PICTURES = 24
 """How many are averaged at most, evenly spread: most of them at rest, where compression leaves the least out."""
 MIDDLE_GREY = np.float32(128.0)
@@ -132,18 +130,10 @@ def picture_of_body(frames: Sequence[Frame], box: Box, track: Track, upright: Ar
     shown = [(*seen_upright(frames[row], box, upright), pose_between(home, places[row])) for row in some]
     good = [(picture, inward, pose) for picture, inward, pose in shown if pose is not None]
     across, down = size.tolist()
-    _, usual = _mean_and_spread(good, (across, down), cv2.INTER_LINEAR, back=False)
-    body = None
-    for way in ROUNDS:
-        mean, spread = _mean_and_spread(good, (across, down), way)
-        if (found := _board_in(mean, spread < AGREEMENT * usual)) is None:
-            return None
-        body = BodyPicture(box, upright, home, *found)
-        laid = [(picture, inward, lay_onto(body, picture, inward, pose)) for picture, inward, pose in good]
-        good = [(picture, inward, pose) for picture, inward, pose in laid if pose is not None]
-        if len(good) < MIN_PICTURES:
-            return None
-    return body
+    _, usual = _mean_and_spread(good, (across, down), back=False)
+    mean, spread = _mean_and_spread(good, (across, down))
+    found = _board_in(mean, spread < AGREEMENT * usual)
+    return None if found is None else BodyPicture(box, upright, home, *found)
 
 
 def _inverse(homography: Array) -> Array:
@@ -173,23 +163,21 @@ def _board_in(mean: Image, agree: Mask) -> tuple[Array, Image, Array, float, Ima
 
 
 def _mean_and_spread(
-    seen: Sequence[tuple[Image, Array, Array]], size: tuple[int, int], way: int, *, back: bool = True
+    seen: Sequence[tuple[Image, Array, Array]], size: tuple[int, int], *, back: bool = True
 ) -> tuple[Image, Image]:
     """Return the mean of pictures, by what map they show an upright one and with what pose, and their smoothed spread.
 
-    They are turned back by their poses, or left as they were filmed, and interpolated in one of OpenCV's ways.
+    They are turned back by their poses, or left as they were filmed.
     """
-    # A film keeps what stands still as it is, its noise as well: many pictures of one attitude count as one.
-    turn = np.round(np.array([turn_of(pose) for _, _, pose in seen]) / ATTITUDE_STEP)
-    _, same, count = np.unique(turn, return_inverse=True, return_counts=True)
+    share = attitude_share(np.array([turn_of(pose) for _, _, pose in seen]), ATTITUDE_STEP)
     first, second = np.zeros((2, size[1], size[0]), np.float32)
-    for (picture, inward, pose), share in zip(seen, (1 / (count[same] * len(count))).tolist(), strict=True):
-        flags, border = way | cv2.WARP_INVERSE_MAP, cv2.BORDER_REPLICATE
+    for (picture, inward, pose), part in zip(seen, (share / share.sum()).tolist(), strict=True):
+        flags, border = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP, cv2.BORDER_REPLICATE
         there = inward @ pose if back else inward
         flat = cv2.warpPerspective(picture, there, size, flags=flags, borderMode=border)
         some = np.asarray(flat, np.float32) - MIDDLE_GREY
-        cv2.scaleAdd(some, share, first, first)
-        cv2.scaleAdd(some * some, share, second, second)
+        cv2.scaleAdd(some, part, first, first)
+        cv2.scaleAdd(some * some, part, second, second)
     spread = cv2.GaussianBlur(np.sqrt(np.maximum(second - first**2, 0)), (0, 0), 2.0)
     return first + MIDDLE_GREY, np.asarray(spread, np.float32)
 

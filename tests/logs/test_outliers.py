@@ -8,7 +8,8 @@ from rocking import imu, rocking, write_csv
 
 from sysid.cli import build_app
 from sysid.logs import LogOptions, read_roll
-from sysid.logs.table.outliers import lone_outliers, measured_motion
+from sysid.logs.table.outliers import measured_motion
+from sysid.noise.outliers import lone_outliers
 from sysid.recording import Recording
 
 TIME = np.arange(0, 6, 1 / 200)

@@ -11,6 +11,7 @@ import pytest
 from frames import frame_of
 
 from sysid.errors import SysidError
+from sysid.noise.outliers import lone_outliers
 from sysid.video import select
 from sysid.video.film.camera import Lens
 from sysid.video.film.shake import still, still_places
@@ -19,7 +20,6 @@ from sysid.video.follow import track_of
 from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import fit_angle
 from sysid.video.pose.camera_state import CameraState
-from sysid.video.pose.outliers import outlier_frames
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import rectify
 from sysid.video.pose.view import View
@@ -93,14 +93,12 @@ def test_a_film_whose_stamps_are_garbled_is_refused():
 
 
 def test_lone_frames_are_told_from_a_release():
-    rng = np.random.default_rng(4)
-    angle = ROLL + 0.001 * rng.normal(size=90)
-    std = np.full(90, 0.001)
-    assert not outlier_frames(TIME, angle, std).any()
-    angle[50] += 0.05
-    off = outlier_frames(TIME, angle, std)
+    angle = ROLL + 0.001 * np.random.default_rng(4).normal(size=90)
+    assert not lone_outliers(TIME, angle, rate=False).any()
+    angle[50] += 0.15
+    off = lone_outliers(TIME, angle, rate=False)
     assert np.flatnonzero(off).tolist() == [50]
-    assert off[50] == pytest.approx(0.05, rel=0.2)
+    assert off[50] == pytest.approx(0.15, rel=0.2)
 
 
 def test_a_dot_that_is_covered_in_part_is_not_seen():

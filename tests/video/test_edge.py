@@ -77,17 +77,6 @@ def test_points_count_as_what_is_beside_them_lets_them():
     assert np.abs(weighed).mean() < 0.5 * np.abs(alike).mean()
 
 
-def test_a_concave_edge_turns_as_its_deck_does():
-    """Its points are evenly spaced about a pivot 60 px beside the true one: they move along the edge as it turns, and it is steeper there."""
-    beside = -60j
-    body = np.tile(np.linspace(-90, 90, PIECES), 2) + np.real(np.exp(-1j * ROLL)[:, None] * beside)
-    height = np.where(EDGE == 0, 80, 100) - 2 * (body / 90) ** 2
-    noise = 0.1 * np.random.default_rng(0).normal(size=height.shape)
-    z = PIVOT + np.exp(1j * ROLL)[:, None] * (body + 1j * (height + noise))
-    found = fit_edges(z, EDGE, np.full(len(EDGE), PIVOT + beside))
-    assert np.std(error_of(found.angle)) < 0.05
-
-
 def film_of(z):
     points = np.stack([z.real, z.imag], axis=-1).astype(np.float32)
     track = Track(TIME, points, still(len(TIME), 1000.0, 0j), np.arange(len(TIME)), 0)

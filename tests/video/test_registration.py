@@ -59,8 +59,8 @@ def error(film, homography):
 
 def test_the_body_turns_as_from_straight_behind(film):
     straight = error(film, upright(MATRIX, DIRECTION))
-    assert straight < 0.2
-    assert straight < 0.9 * error(film, np.eye(3))
+    assert straight < 0.15
+    assert straight < 0.95 * error(film, np.eye(3))
 
 
 def test_points_that_are_not_seen_show_no_body(film):
@@ -88,4 +88,4 @@ def test_light_that_falls_unevenly_turns_no_body(film):
     light = (0.8 + 0.15 * across + 0.15 * down) * frames[10].picture
     lit = frame_of(10, frames[10].time, np.clip(light, 0, 255).astype(np.uint8))
     off = body.seen(lit, track.points[10]) - body.seen(frames[10], track.points[10])
-    assert np.abs(off).max() < 0.08  # px; 0.2 where gain and offset are the same all over
+    assert np.abs(off).max() < 0.1  # px; 0.2 where gain and offset are the same all over

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from drawn_films import PIVOT, SIZE, blotches, decay, draw_film, marked, plate, wall
+from drawn_films import SIZE, blotches, decay, draw_film, marked, plate, wall
 from frames import frame_of
 
 from sysid.errors import SysidError
 from sysid.video.film.background import Background
 from sysid.video.film.camera import Lens
-from sysid.video.film.shake import Shake
 from sysid.video_roll import VideoOptions, roll_from_video
 
 TIME = np.arange(72) / 60
@@ -48,21 +47,6 @@ def test_shake_before_a_wall_is_taken_out(tmp_path):
     assert any(note.startswith("shake: ") for note in roll.notes)
     assert error_of(roll) < 0.15
     assert not any(note.startswith("shake: ") for note in read(film, no_shake=True).notes)
-
-
-def test_a_motion_that_goes_with_the_roll_is_no_shake():
-    def shake(theta):
-        motion = np.column_stack([np.zeros((len(TIME), 2)), theta, np.zeros(len(TIME))])
-        return Shake(motion, np.full(len(TIME), 1e-4), 0.05, 900.0, 0.1, complex(*PIVOT), True)
-
-    rng = np.random.default_rng(0)
-    assert shake(0.3 * ROLL + 1e-3 * rng.normal(size=len(TIME))).goes_with(ROLL)
-    likely = 0
-    for _ in range(200):
-        phase, frequency = rng.uniform(0, 2 * np.pi, 4), rng.uniform(1, 4, 4)
-        waves = np.sin(2 * np.pi * frequency * TIME[:, None] + phase).sum(axis=1)
-        likely += shake(2e-3 * waves).goes_with(ROLL)
-    assert likely == 0
 
 
 def test_a_hand_that_goes_away_leaves_the_wall_as_background(tmp_path):

@@ -1,32 +1,15 @@
-"""Lone samples that no motion explains: a bit lost on the wire, a register read while it was written."""
+"""Which rows of a log measured a motion: all but lone samples that no motion explains."""
 
 from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 
-from sysid.logs.table.clock import usual_step
 from sysid.logs.table.remarks import Remarks, warning
-from sysid.noise.sensor import quantisation_step
+from sysid.noise.outliers import lone_outliers
 from sysid.roll import Array, shown
 from sysid.text import count
 
-NEIGHBOURS = 4
-"""Neighbours on either side that say where a sample belongs: a parabola through eight leaves five degrees of freedom."""
-PAIR_ROWS = 5
-"""Two outliers within so many rows are tested together, or each would hide the other; three may be a motion."""
-MIN_DISTANCE = 15.0
-"""Studentised distance from the neighbours' parabola from which a sample is an outlier [1]. Swings with 2.5 samples a period or
-more, kinks, steps and jittering clocks stay below 7; so do the knocks of all logs at hand, and noise, which is measured over
-the whole log as well, never comes near."""
-MAX_GAP_RATIO = 1.5
-"""Neighbours may last this many times as long as without a lost row; what lies alone in a gap may well be a motion."""
-FOURTH_DIFFERENCE = 0.6745 * 70**0.5
-"""Median size of the fourth difference of white noise [its standard deviation]: the squares of its coefficients add up to 70."""
-ROUNDING_SHARE = 1e-6
-"""Share of the motion that rounding may make even of a log without noise."""
-CHUNK = 50_000
-"""Rows tested at a time: bounds the memory."""
 MAX_LISTED = 5
 """Outliers told one by one."""
 
@@ -56,62 +39,3 @@ def measured_motion(
             )
             out[rows] = True
     return (np.flatnonzero(~out) if out.any() else None), remarks
-
-
-def lone_outliers(time: Array, signal: Array, *, rate: bool) -> Array:
-    """Return how far each outlier lies from where its neighbours put it, 0 for all other samples; shape (n,), in the signal's unit.
-
-    An outlier is one sample, or one of two that are close, beside a parabola through the neighbours that the neighbours themselves
-    keep to. Of a step, a kink, a knock that rings or a swing hardly sampled they do not.
-
-    Args:
-        time: Strictly increasing [s], shape (n,).
-        signal: In any unit, shape (n,).
-        rate: Whether it is a rate: two rows in a row may be half a swing from rest to rest; of an angle they would be a whole one.
-    """
-    found = np.zeros(signal.size)
-    if signal.size < 2 * NEIGHBOURS + PAIR_ROWS:
-        return found
-    # 6 times the distance of one outlier; of two that are close it may be nothing in one of them
-    bends = np.zeros(signal.size)
-    bends[2:-2] = np.abs(np.diff(signal, 4))
-    low, high = np.percentile(signal, (1, 99))
-    noise = float(np.median(bends)) / FOURTH_DIFFERENCE
-    scale = max(noise, quantisation_step(np.diff(signal)), ROUNDING_SHARE * float(high - low))
-    suspect = bends > MIN_DISTANCE * scale
-    for apart in (0, *range(2 if rate else 1, PAIR_ROWS)):
-        outliers = np.unique((0, apart)) + NEIGHBOURS
-        first = np.arange(signal.size - 2 * NEIGHBOURS - apart)
-        first = first[np.logical_or.reduce([suspect[first + place] for place in outliers])]
-        for rows in np.array_split(first, range(CHUNK, first.size, CHUNK)):
-            window = rows[:, None] + np.arange(2 * NEIGHBOURS + apart + 1)
-            lasting = time[window[:, -1]] - time[window[:, 0]]
-            window = window[lasting <= MAX_GAP_RATIO * (window.shape[1] - 1) * usual_step(time)]
-            distance, studentised = _beside(time[window], signal[window], outliers, scale)
-            far = studentised.min(axis=1) > MIN_DISTANCE
-            found[window[far][:, outliers]] = distance[far]
-    return found
-
-
-def _beside(time: Array, signal: Array, outliers: npt.NDArray[np.intp], scale: float) -> tuple[Array, Array]:
-    """Return the distance of some samples of each window from the parabola through its others, as it is and studentised.
-
-    Args:
-        time: [s], shape (m, w).
-        signal: In any unit, shape (m, w).
-        outliers: Places of the samples in a window, shape (k,); both results are of shape (m, k).
-        scale: Least standard deviation of a sample, in the signal's unit.
-    """
-    span = time[:, -1:] - time[:, :1]
-    place = 2 * (time - time[:, :1]) / span - 1
-    parabola = np.stack((np.ones_like(place), place, place**2), axis=2)
-    others = np.delete(np.arange(time.shape[1]), outliers)
-    known, wanted = parabola[:, others], parabola[:, outliers]
-    inverse = np.linalg.pinv(known)
-    values = signal[:, others, None]
-    coefficients = inverse @ values
-    residual = (values - known @ coefficients)[..., 0]
-    std = np.sqrt(np.sum(residual**2, axis=1, keepdims=True) / (others.size - 3))
-    distance = signal[:, outliers] - (wanted @ coefficients)[..., 0]
-    leverage = np.sum((wanted @ inverse) ** 2, axis=2)
-    return distance, np.abs(distance) / (np.sqrt(1 + leverage) * np.maximum(std, scale))

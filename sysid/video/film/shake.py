@@ -24,9 +24,6 @@ MAX_SCATTER = 1.5
 """Scatter of the patches about a common rotation above which they show none [px]."""
 MIN_FRAMES_SEEN = 0.8
 """Share of the frames that must show the background for any of it to count."""
-MAX_LIKENESS, MIN_SHARE = 0.8, 0.03
-"""Correlation with the board's own turn, from frame to frame, and share of its size, from which on a motion is no
-camera's. A hand-held camera turns by a few tenths of a degree where a board turns by twenty."""
 POOLED_FREEDOM = 20.0
 """Degrees of freedom [1] that the clip's mean scatter counts for beside each frame's own."""
 KAPPA_SPREAD = 0.5
@@ -60,18 +57,11 @@ class Shake:
     """Middle of the picture [px]."""
     found: bool
     """Whether there was enough background to see any of it."""
-    mistaken: bool = False
-    """Whether what was taken for background turned with the board, so that none of it is believed."""
-
-    @property
-    def turns(self) -> Array:
-        """The camera's rotation about each axis [rad], shape (n, 3)."""
-        return self.motion[:, :3] / np.array([self.focal, self.focal, 1.0])
 
     @property
     def size(self) -> float:
         """Standard deviation of the camera's rotation about the axis where it is largest [rad]."""
-        return float(np.std(self.turns, axis=0).max())
+        return float((np.std(self.motion[:, :3], axis=0) / [self.focal, self.focal, 1.0]).max())
 
     @property
     def significant(self) -> bool:
@@ -80,16 +70,6 @@ class Shake:
         turned = float(np.std(self.motion[:, 2])) > 2.5 * noise + 1e-5
         shifted = float(np.std(self.motion[:, :2], axis=0).max()) > 2.5 * self.shift_std + 0.1
         return self.found and (turned or shifted)
-
-    def goes_with(self, turn: Array) -> bool:
-        """Return whether the motion follows the board's own turn [rad], shape (n,), from frame to frame.
-
-        A camera shakes as it likes: it was the board, or its shadow, that was taken for background.
-        """
-        step, moved = np.diff(turn), np.diff(self.turns, axis=0)
-        size = np.maximum(np.linalg.norm(moved, axis=0), 1e-12)
-        likeness = np.abs(step @ moved) / size / max(float(np.linalg.norm(step)), 1e-12)
-        return bool(np.any((likeness > MAX_LIKENESS) & (size > MIN_SHARE * np.linalg.norm(step))))
 
     def undo(self, points: Array, rows: Rows) -> Array:
         """Return points (m, N, 2) [px] of the frames `rows` (m,) where they would be with the camera still."""

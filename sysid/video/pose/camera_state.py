@@ -50,18 +50,6 @@ class CameraState:
         """Time from the sensor's first to its last row [s]."""
         return float(self.value[READOUT])
 
-    @property
-    def apart(self) -> tuple[Array, Array]:
-        """The covariance, shape (4, 4), but for what a known focal length would leave open of the direction, and that [rad], shape (2,).
-
-        A direction that little is known of squeezes the picture by its square: that is no matter of a derivative.
-        """
-        focal = self.covariance[2, 2]
-        tied = np.outer(self.covariance[:2, 2], self.covariance[2, :2]) / (focal if focal > 0 else 1.0)
-        rest = self.covariance.copy()
-        rest[:2, :2] = tied
-        return rest, np.sqrt(np.diag(self.covariance[:2, :2] - tied))
-
     def facing(self, place: Array, std: float) -> "CameraState":
         """Return what is known once the axis is seen to vanish somewhere in the picture.
 
@@ -80,12 +68,6 @@ class CameraState:
             self, value=self.value + gain @ off, covariance=self.covariance - gain @ seen @ self.covariance
         )
 
-    def within(self, value: Array) -> Array:
-        """Return values [rad, rad, 1, s], shape (4,), within the limits."""
-        value = value.copy()
-        value[READOUT] = np.clip(value[READOUT], 0.0, self.readout_limit)
-        return value
-
 
 def spread_by(
     x: Array,
@@ -97,6 +79,9 @@ def spread_by(
     readout: int | None,
 ) -> Array:
     """What unknown numbers leave open of an angle, less what they do at rest.
+
+    A slant squeezes the picture by its square, of which the derivative where a camera looks along the axis shows nothing. So the
+    mean square is taken over numbers as far off as they may be, to either side along each axis of what is known of them.
 
     Args:
         x: The numbers, shape (P,).
@@ -110,21 +95,17 @@ def spread_by(
     Returns:
         Variance of the angle [rad²], shape (n,).
     """
-    slopes = np.zeros((len(angle), len(x)))
-    rough = np.zeros(len(angle))
-    for number, step in enumerate(DIFFERENCE_STEP * np.eye(len(x))):
-        change = np.angle(np.exp(1j * (angle_of(x + step) - angle))) / DIFFERENCE_STEP
-        if number == readout:  # a frame that is read later shows a later angle: that is no error
-            change = change - rate_of(time, angle) * (share - np.mean(share))
-        change = change - np.nanmedian(change)
-        slopes[:, number] = np.where(np.isfinite(change), change, np.nanmax(np.abs(change)))
-        if number == readout:
-            # The correction takes velocities from neighbouring frames: it is as good as they are alike.
-            jump = np.abs(
-                np.diff(slopes[:, readout], prepend=slopes[:1, readout], append=slopes[-1:, readout])
-            )
-            rough = SHUTTER_DOUBT * np.fmax(jump[1:], jump[:-1]) * x[readout]
-    return np.einsum("ni,ij,nj->n", slopes, covariance, slopes, optimize=True) + rough**2
+    variance, axes = np.linalg.eigh(covariance)
+    later = rate_of(time, angle) * (share - np.mean(share))
+    total = np.zeros(len(angle))
+    for step in (axes * np.sqrt(np.maximum(variance, 0.0))).T[variance > 0]:
+        for off in (step, -step):
+            change = np.angle(np.exp(1j * (angle_of(x + off) - angle)))
+            if readout is not None:  # a frame that is read later shows a later angle: that is no error
+                change = change - off[readout] * later
+            change = np.abs(change - np.nanmedian(change))
+            total += np.where(np.isfinite(change), change, np.nanmax(change)) ** 2 / 2
+    return total
 
 
 def rate_of(time: Array, angle: Array) -> Array:

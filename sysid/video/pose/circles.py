@@ -133,7 +133,7 @@ def fit_circles(
     """
     points, shear = view.points[some.rows], view.shear[some.rows]
     unknowns = Unknowns(before, matrix, points[len(points) // 2])
-    x = np.concatenate([before.within(start)[before.free], np.zeros(4 * points.shape[1])])
+    x = np.concatenate([start[before.free], np.zeros(4 * points.shape[1])])
     beforehand = _priors(unknowns, prior)
 
     def residuals(x: Array, weight: Array) -> Array:
@@ -165,7 +165,7 @@ def fit_circles(
     # One noise for all solutions, so that they can be compared.
     usual = PointNoise(prior.floor**2, BLUR_SHARE**2).variance(some.speed)
     cost = float(np.sum(residuals(x, some.share / usual) ** 2))
-    state = replace(before, value=before.within(body.camera), covariance=unknown)
+    state = replace(before, value=body.camera, covariance=unknown)
     return Found(unknowns, x, covariance, state, body, noise, cost)
 
 

@@ -10,13 +10,6 @@ def shifted(by: Array) -> Array:
     return np.array([[1.0, 0.0, by[0]], [0.0, 1.0, by[1]], [0.0, 0.0, 1.0]])
 
 
-def turned_about(middle: Array, turn: float) -> Array:
-    """Return the pose that turns about a place [px], shape (2,), by an angle [rad], clockwise in the picture."""
-    cosine, sine = np.cos(turn), np.sin(turn)
-    turning = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    return shifted(middle) @ turning @ shifted(-middle)
-
-
 def turn_of(pose: Array) -> float:
     """Return the turn of a pose, shape (3, 3) [rad]."""
     return float(np.arctan2(pose[1, 0] - pose[0, 1], pose[0, 0] + pose[1, 1]))
@@ -40,3 +33,12 @@ def principal_corners(places: Array, weight: Array) -> tuple[Array, Array]:
     variance, axes = np.linalg.eigh(np.cov((places - middle).T, aweights=weight))
     lengths = np.sqrt(np.maximum(variance, 0.0))
     return middle + (np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]]) * lengths) @ axes.T, lengths
+
+
+def attitude_share(turn: Array, step: float) -> Array:
+    """Return one over how many of n frames show about the same attitude [1], shape (n,), by their turns and a step of it, both [rad].
+
+    A film keeps what stands still as it is, its noise as well: many frames of one attitude count as one.
+    """
+    _, same, count = np.unique(np.round((turn - turn.min()) / step), return_inverse=True, return_counts=True)
+    return 1 / count[same]

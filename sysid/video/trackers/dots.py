@@ -18,7 +18,7 @@ from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import READOUT, CameraState, spread_by
 from sysid.video.pose.prior import POINT_FLOOR, BodyPrior
-from sysid.video.pose.rectify import rectify, smear, unwrap
+from sysid.video.pose.rectify import project, rectify, smear, unwrap, upright
 from sysid.video.pose.view import View
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_angle, level_at_rest
 from sysid.video.types import Complex, Image, Picture
@@ -189,57 +189,48 @@ def fit_pivot(
         before: What is known of camera and lens.
         pivot: Pivot [px].
     """
+    flat, dot = upright(matrix, before.value), view.points[:, 0]
+    covariance = np.zeros((6, 6))
+    covariance[:4, :4] = before.covariance
+    if pivot is not None:
+        about = np.array(pivot, np.float64)
+    else:
+        there = project(flat, dot[np.isfinite(dot).all(axis=1)])
+        centre, covariance[4:, 4:] = _centre(there[:, 0] + 1j * there[:, 1])
+        about = project(np.asarray(np.linalg.inv(flat), np.float64), centre[None])[0]
 
-    def arm_and_pivot(value: Array) -> tuple[Complex, Array]:
-        """From the pivot to the dot, shape (n,), and the pivot's covariance, as a camera along the axis sees them."""
-        z = rectify(view.points[:, 0] + value[READOUT] * view.shear[:, 0], matrix, value)
-        if pivot is not None:
-            return z - complex(rectify(np.array([pivot], float), matrix, value)[0]), np.zeros((2, 2))
-        centre, covariance = _centre(z[np.isfinite(z)])
-        return z - centre, covariance
+    def arm(x: Array) -> Complex:
+        """From the pivot to the dot as a camera along the axis sees them, shape (n,), by camera and pivot, shape (6,)."""
+        seen = rectify(dot + x[READOUT] * view.shear[:, 0], matrix, x[:4])
+        return seen - rectify(x[None, 4:], matrix, x[:4])
 
-    arm, covariance = arm_and_pivot(before.value)
-    angle, radius = np.angle(arm), np.abs(arm)
+    x = np.concatenate([before.value, about])
+    angle, radius = np.angle(arm(x)), np.abs(arm(x))
     noise = float(np.nanstd(radius)) + POINT_FLOOR
-    # d angle / d centre, less what it is at rest, carries the pivot's uncertainty.
-    slope = np.stack([arm.imag, -arm.real], axis=1) / radius[:, None] ** 2
-    slope = slope - np.nanmedian(slope, axis=0)
     own = (noise / np.nanmean(radius)) ** 2 + smear(angle) ** 2 + 0 * angle
-    common = np.einsum("ni,ij,nj->n", slope, covariance, slope)
-    readout = READOUT if READOUT in before.free else None
     time = view.time(before.readout)
-    common += spread_by(
-        before.value,
-        before.covariance,
-        angle,
-        lambda value: np.angle(arm_and_pivot(value)[0]),
-        time,
-        view.share,
-        readout,
-    )
-    return AngleTrack(
-        unwrap(angle), np.sqrt(own + common), before, noise, 0, np.array([1 + 0j]), np.sqrt(own)
-    )
+    common = spread_by(x, covariance, angle, lambda x: np.angle(arm(x)), time, view.share, READOUT)
+    std = np.sqrt(own + common)
+    return AngleTrack(unwrap(angle), std, before, noise, 0, np.array([1 + 0j]), np.sqrt(own))
 
 
-def _centre(z: Complex) -> tuple[complex, Array]:
-    """Centre of the circle that points (n,) [px] run on, and its covariance: least squares of the distances.
+def _centre(z: Complex) -> tuple[Array, Array]:
+    """Centre of the circle that points (n,) [px] run on, shape (2,), and its covariance: least squares of the distances.
 
     As Gander, Golub and Strebel (1994), with a loss that ignores what is further off.
     """
     from scipy.optimize import least_squares
 
+    def distance(circle: Array) -> Array:
+        return np.abs(z - complex(circle[0], circle[1])) - circle[2]
+
     design = np.stack([z.real, z.imag, np.ones(len(z))], axis=1)
     guess, *_ = np.linalg.lstsq(design, -(np.abs(z) ** 2), rcond=None)
     x, y = -guess[:2] / 2
     start = [x, y, np.sqrt(max(x**2 + y**2 - guess[2], 1.0))]
-
-    def distance(circle: Array) -> Array:
-        return np.abs(z - complex(circle[0], circle[1])) - circle[2]
-
     fit = least_squares(distance, start, loss="soft_l1", f_scale=CIRCLE_SCALE, x_scale="jac")
     covariance = np.linalg.inv(fit.jac.T @ fit.jac)[:2, :2] * np.mean(distance(fit.x) ** 2)
-    return complex(fit.x[0], fit.x[1]), covariance
+    return fit.x[:2], covariance
 
 
 def _in_film(places: Array, part: Frame) -> Array:

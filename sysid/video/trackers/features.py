@@ -19,7 +19,7 @@ from sysid.video.film.frames import Frame, box_about, halved
 from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import fit_angle
-from sysid.video.pose.pose import pose_between, principal_corners, shifted, turn_of, turned_about
+from sysid.video.pose.pose import pose_between, principal_corners, shifted, turn_of
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import project
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_at_rest
@@ -34,8 +34,6 @@ PATCH_SIDE = 720
 STATIC_LIKENESS = 0.75
 """Correlation with the same place in other frames above which a patch stands still; noise lowers it, so that it
 counts against the highest that the patch reaches."""
-TURN_GUESSES = np.radians([0.0, 6.0, -6.0, 12.0, -12.0, 20.0, -20.0])
-"""Turns that are tried, added to the expected one, where too few patches are found again."""
 AS_EXPECTED = np.radians(1.0)
 """Difference of turns at which patches look as they did in the reference [rad]."""
 SAME_ERRORS = 3.0
@@ -83,8 +81,6 @@ class FeatureFollower:
     """Takes places in the reference to those in the last frame [px], shape (3, 3), as all poses."""
     _step: Array = field(default_factory=lambda: np.eye(3))
     """How it moved in the last frame."""
-    _usual: int = 0
-    """Patches that were found last; if the expected turn shows about as many, no other is tried."""
     _patch: Picture = field(init=False)
     _cut: Array = field(init=False)
     """Takes places in the patch [px], which is halved if it is large, to those in the reference."""
@@ -98,25 +94,20 @@ class FeatureFollower:
 
     def update(self, frame: Frame) -> Array | None:
         """Return the four points [px], shape (4, 2); None if most patches are not found."""
-        best, pose = 0, self._pose
-        middle = self._home.mean(axis=0)
-        for guess in TURN_GUESSES:
-            expected = self._step @ self._pose @ turned_about(middle, guess)
-            for _ in range(2):  # once more if it turns otherwise
-                found, near = self._match(frame, expected)
-                if near > best:
-                    best, pose = near, found
-                if near == 0 or abs(turn_of(found) - turn_of(expected)) < AS_EXPECTED:
-                    break
-                expected = found
-            if best > 0.6 * len(self.places) or best >= 0.8 * self._usual > 0:
+        expected, best, pose = self._step @ self._pose, 0, self._pose
+        for _ in range(2):  # once more if it turns otherwise
+            found, near = self._match(frame, expected)
+            if near > best:
+                best, pose = near, found
+            if near == 0 or abs(turn_of(found) - turn_of(expected)) < AS_EXPECTED:
                 break
+            expected = found
         if best < max(MIN_FEATURES // 2, 0.3 * len(self.places)):
             self._step = np.eye(3)
             return None
         step = pose_between(project(self._pose, self._home), project(pose, self._home))
         self._step = np.eye(3) if step is None else step
-        self._usual, self._pose = best, pose
+        self._pose = pose
         return project(pose, self._home)
 
     def _match(self, frame: Frame, expected: Array) -> tuple[Array, int]:

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
+from sysid.video.pose.pose import attitude_share
 from sysid.video.types import Complex
 
 Edge = npt.NDArray[np.intp]
@@ -33,8 +34,6 @@ ATTITUDE_BINS = 12
 LEAST_SPREADS = (1.0, 1.0, 0.75, 0.5, 0.35, 0.25, 0.2, 0.2, 0.2, 0.2)
 """Usual distance of a point from where the body has it that is not told from a smaller one, round by round [px]: what compression and
 shade do to an edge is common to its points."""
-LEAST_WEIGHT = 1e-6
-"""Of points that are not seen, so that no equation is singular [1]."""
 OUTLYING = 2.5
 """Distance at which points count half, in their usual one [1]."""
 
@@ -90,7 +89,7 @@ def fit_edges(z: Complex, edge: Edge, pivot: Complex, doubt: Array | float = 0.0
             for _ in range(2):
                 turned = np.exp(-1j * angle)[:, None] * (place - centre)
                 along = turned.real
-                rest = turned.imag - shift[:, None] - height - _further_along(along, height, weight, edge)
+                rest = turned.imag - shift[:, None] - height
                 weight = trust / (1 + (rest / (OUTLYING * usual)) ** 2) ** 2
                 more, further = _turn_step(rest, along, shift, weight, edge)
                 angle, shift = angle + more, shift + further
@@ -127,9 +126,8 @@ def moments(weight: Array, edge: Edge, *values: Array) -> list[Array]:
 
 
 def attitudes(angle: Array) -> Array:
-    """Return the weight of each frame [1], shape (n,): one over how many show about the same attitude; `angle` (n,) in rad."""
-    number = np.round((angle - angle.min()) / max(float(np.ptp(angle)) / ATTITUDE_BINS, 1e-6)).astype(int)
-    return 1 / np.bincount(number)[number]
+    """Return the weight of each frame [1], shape (n,), by its angle [rad]: all attitudes in the range of angles count alike."""
+    return attitude_share(angle, max(float(np.ptp(angle)) / ATTITUDE_BINS, 1e-6))
 
 
 def _spread(rest: Array, seen: npt.NDArray[np.bool_], share: Array) -> Array:
@@ -194,25 +192,6 @@ def _turn_step(rest: Array, along: Array, shift: Array, weight: Array, edge: Edg
 def _usual(along: Array, weight: Array) -> Array:
     """Return the mean place of each point along the edges [px], shape (M,)."""
     return (weight * along).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-9)
-
-
-def _further_along(along: Array, height: Array, weight: Array, edge: Edge) -> Array:
-    """How much lower a concave edge is where its points are seen, further along it than usual [px], shape (n, M).
-
-    Points are evenly spaced about a pivot that is roughly known: about the right one they move along the edge as it turns.
-    """
-    usual, some = _usual(along, weight), weight.sum(axis=0)[None]
-    reach = max(float(np.abs(usual).max()), 1.0)
-    x = usual / reach
-    powers = np.array(moments(some, edge, *(x[None] ** power for power in range(1, 5))))[:, 0]
-    pulls = np.array(moments(some, edge, height[None], (x * height)[None], (x**2 * height)[None]))[1:, 0]
-    order = np.arange(3)
-    beforehand = LEAST_WEIGHT * np.diag([1.0, 1.0, 1e3])  # two places are on a line rather than on a parabola
-    normal = np.moveaxis(powers[order[:, None] + order], -1, 0) + beforehand
-    parabola = np.linalg.solve(normal, pulls.T[..., None])[..., 0]
-    # Its mean slope is the edge's own, which is told from its turn by nothing.
-    bend = 2 * parabola[edge, 2] * (x - (powers[1] / np.maximum(powers[0], LEAST_WEIGHT))[edge])
-    return bend / reach * (along - usual)
 
 
 def _slope(along: Array, height: Array, weight: Array, edge: Edge) -> float:

@@ -40,13 +40,6 @@ class Steps:
         """Return where the small picture shows places of the film, both [px], shape (m, 2) or with more axes before."""
         return (place - self.corner + 0.5) * self.scale - 0.5
 
-    def steepest(self, least: float) -> tuple[Array, Array]:
-        """Return where in the film brightness changes by `least` [grey levels/px] or more [px], and its direction [1], both of shape (m, 2)."""
-        amount = self.amount
-        rows, columns = np.nonzero(amount >= least)
-        place = (np.stack([columns, rows], axis=1, dtype=np.float64) + 0.5) / self.scale - 0.5 + self.corner
-        return place, (self.slopes[rows, columns] / amount[rows, columns, None]).astype(np.float64)
-
     def across(self, place: Array, turn: Array) -> Array:
         """Slope of brightness across lines [grey levels/px], of the shape of `place` without its last axis.
 

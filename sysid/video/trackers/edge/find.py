@@ -14,6 +14,7 @@ import numpy as np
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
 from sysid.video.film.survey import Survey
+from sysid.video.pose.pose import attitude_share
 from sysid.video.trackers._edge_profile import PIECES, find_steps
 from sysid.video.trackers.edge.body import fit_edges
 from sysid.video.trackers.edge.brightness_steps import (
@@ -110,7 +111,8 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
         return shown if signed else np.abs(shown)
 
     for round_ in range(4):
-        weight = _attitudes(turns)
+        weight = np.sqrt(attitude_share(turns, ATTITUDE_STEP))
+        weight /= weight.sum()
         sides = (np.linspace(-far, far, count) for far, count in zip(reach, steps, strict=True))
         tried = np.stack(np.meshgrid(*sides), -1).reshape(-1, 2)
         coarse = step * [COARSER, 1]
@@ -122,11 +124,6 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
         turns = turns + _level(_mean(shown_on(grid), weight), np.radians(15.0 if round_ < 3 else 2.0))
         shown = shown_on(grid)
         mean = _mean(shown, weight)
-        if round_ == 1:
-            turns = np.array([
-                _any_turn(one, centre, grid, mean) for one, centre in zip(every, pivot + shifts, strict=True)
-            ])  # fmt: skip
-            shown = shown_on(grid)
         turns = turns + _own_turns(shown, mean)
     shown = shown_on(grid, signed=True)
     means = {way: _in_most_attitudes(np.maximum(-way * shown, 0), turns) for way in (1, -1)}
@@ -240,13 +237,6 @@ def _usual_box(every: list[Steps], slopes: Array, box: Box) -> tuple[float, floa
     return left - wide, top - high, right + wide, bottom + high
 
 
-def _attitudes(turns: Array) -> Array:
-    """One over how many pictures show about the same attitude."""
-    number = np.round((turns - turns.min()) / ATTITUDE_STEP).astype(int)
-    weight = 1 / np.sqrt(np.bincount(number)[number])
-    return weight / weight.sum()
-
-
 def _grid(half: Array, step: Array) -> Grid:
     """Return a grid about the pivot, as wide and high to either side and in such steps [px], both of shape (2,)."""
     across, down = (step[axis] * np.arange(-(n := round(half[axis] / step[axis])), n + 1) for axis in (0, 1))
@@ -321,16 +311,6 @@ def _own_turns(shown: Image, mean: Image) -> Array:
     rows, columns = np.nonzero(mean >= CLEAR * mean.max())
     score = _turned_on(shown, rows, columns, NEAR_TURNS[:, None]) @ mean[rows, columns]
     return NEAR_TURNS[np.argmax(score, axis=1)]
-
-
-def _any_turn(one: Steps, centre: Array, grid: Grid, mean: Image) -> float:
-    """The turn, of all, at which a picture shows most of the edges that all have [rad]."""
-    (x, y), mean = grid, mean[:, ::COARSER]
-    rows, columns = np.nonzero(mean >= CLEAR * mean.max())
-    turns = np.arange(-MAX_TURN, MAX_TURN, np.radians(1.5))
-    place = np.stack([x[::COARSER][columns], y[rows]], axis=1)
-    step = one.across(centre + turned(place, turns[:, None]), turns[:, None])
-    return float(turns[np.argmax(np.minimum(np.abs(step), MAX_SLOPE) @ mean[rows, columns])])
 
 
 def _turned_on(shown: Sequence[Image] | Image, rows: Rows, columns: Rows, turn: Array | float) -> Image:

@@ -1,6 +1,6 @@
 """The angle of the deck from points on the edges of its end, and how well it is known."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -19,10 +19,6 @@ usual in the film."""
 EDGE_BIAS = 0.05
 """What shade, background and compression may shift an edge's points by, growing along it [px]: it is the same as
 long as the deck stands still, so that no scatter shows it."""
-SEVERAL_EDGES = 1.3
-"""So many edges a frame [1], each as it counts, tell how far edges turn from each other."""
-SLANT_NODES, SLANT_WEIGHTS = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0]), np.array([1.0, 4.0, 1.0]) / 6
-"""Slants at which an unknown direction is tried, in its standard deviations, and their weights."""
 SHUTTER_ROUNDS = 2
 """Times that the shutter's correction is made, the second time with the turn that is known by then."""
 
@@ -68,10 +64,7 @@ def fit_direction(
         return body.angle + _turned(place - _moved(body, place, time, view.late * value[READOUT]), edge, body)
 
     seen = angle_at(before.value)
-    covariance, slant = before.apart
-    readout = READOUT if READOUT in before.free else None
-    unknown = spread_by(before.value, covariance, seen, angle_at, time, view.share, readout)
-    unknown += _slant_spread(before, slant, seen, angle_at)
+    unknown = spread_by(before.value, before.covariance, seen, angle_at, time, view.share, READOUT)
     noise = _variance(body, edge)
     trusted = body.weight.sum(axis=1)
     wrong = trusted < max(MIN_POINTS, MIN_USUAL_SHARE * float(np.median(trusted)))
@@ -106,49 +99,12 @@ def _turned(z: Complex, edge: Edge, body: EdgeBody) -> Array:
     return (xy - x * y / total).sum(axis=1) / np.maximum((xx - x**2 / total).sum(axis=1), 1e-9)
 
 
-def _slant_spread(
-    before: CameraState, slant: Array, angle: Array, angle_at: Callable[[Array], Array]
-) -> Array:
-    """What yaw and pitch of some standard deviations, shape (2,), leave open of an angle, less what they do at rest [rad²], shape (n,).
-
-    A slant squeezes the picture by its square: the derivative where a camera looks along the axis shows
-    nothing of it. So the mean square is taken over the directions themselves, by Gauss and Hermite's rule.
-    """
-    yaw, pitch = slant
-    square = np.zeros(len(angle))
-    if yaw == 0 and pitch == 0:
-        return square
-    for right, share in zip(SLANT_NODES, SLANT_WEIGHTS, strict=True):
-        for down, part in zip(SLANT_NODES, SLANT_WEIGHTS, strict=True):
-            aside = np.array([right * yaw, down * pitch, 0.0, 0.0])
-            change = np.angle(np.exp(1j * (angle_at(before.value + aside) - angle)))
-            square += share * part * (change - np.nanmedian(change)) ** 2
-    return square
-
-
 def _variance(body: EdgeBody, edge: Edge) -> Array:
     """What noise leaves open of the turn [rad²], shape (n,)."""
-    total, x, y, xx, xy, square = moments(
-        body.weight, edge, body.along, body.rest, body.along**2, body.along * body.rest, body.rest**2
-    )
+    total, x, xx, square = moments(body.weight, edge, body.along, body.along**2, body.rest**2)
     total = np.maximum(total, 1e-9)
     inside = xx - x**2 / total
     lever, points = np.maximum(inside.sum(axis=1), 1e-9), total.sum(axis=1)
     edges = np.maximum(lever**2 / np.maximum((inside**2).sum(axis=1), 1e-9), 1.0)
     noise = np.maximum(square.sum(axis=1) / np.maximum(points - 3, 1), POINT_FLOOR**2)
-    alike = _alike(body, edge)
-    if (
-        edges.mean() > SEVERAL_EDGES
-    ):  # how much further edges turn from each other than points that err alone make them
-        apart = (xy - x * y / total) ** 2 / np.maximum(inside, 1e-9)
-        alike = max(alike, float(apart.sum() / (noise * (edges - 1)).sum()))
-    return noise * alike / lever + EDGE_BIAS**2 * points / lever / edges
-
-
-def _alike(body: EdgeBody, edge: Edge) -> float:
-    """How many neighbouring points share their errors, so that they count as one."""
-    same = edge[1:] == edge[:-1]
-    weight = np.sqrt(body.weight[:, 1:] * body.weight[:, :-1]) * same
-    product = (weight * body.rest[:, 1:] * body.rest[:, :-1]).sum() / weight.sum()
-    likeness = np.clip(product / np.average(body.rest**2, weights=body.weight), 0.0, 0.9)
-    return float((1 + likeness) / (1 - likeness))
+    return noise / lever + EDGE_BIAS**2 * points / lever / edges
