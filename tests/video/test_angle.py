@@ -182,6 +182,35 @@ def test_one_dot_about_a_pivot(given_pivot):
     assert np.abs(turning.angle - np.pi / 2 - angle).max() < 1e-6
 
 
+def test_frames_of_a_still_picture_tell_a_pivot_no_better_than_one_does():
+    """A film keeps what stands still as it is, its errors as well: the pivot of a small swing was surer than it is."""
+    time = np.arange(180) / 60
+    angle = 0.15 * np.where(time < 0.5, 1.0, np.exp(-3 * (time - 0.5)) * np.cos(20 * (time - 0.5)))
+    dot = picture(angle, 0, 0, shape=np.array([[0.0, 0.1]]))
+    # From where it was coded last: a still picture is not coded anew.
+    coded = np.zeros(180, int)
+    for row in range(1, 180):
+        moved = np.abs(dot[row] - dot[coded[row - 1]]).max() > 0.25
+        coded[row] = row if moved else coded[row - 1]
+    scores = []
+    for seed in range(30):
+        noise = 0.15 * np.random.default_rng(seed).normal(size=dot.shape)
+        turning = fit_pivot(view((dot + noise)[coded]), MATRIX, known(0.0, 0.0))
+        scale = np.polyfit(angle, turning.angle, 1)[0]
+        scores.append((scale - 1) * 0.15 / turning.std[:30].mean())
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
+
+
+def test_a_single_dot_is_followed_through_a_long_film():
+    """Of many frames those turned furthest tell its pivot, though nothing shows its turn yet."""
+    time = np.arange(1500) / 240
+    angle = 0.2 * np.exp(-1.0 * time) * np.cos(20 * time)
+    dot = picture(angle, 0, 0, shape=np.array([[0.0, 0.1]]))
+    noisy = dot + 0.1 * np.random.default_rng(0).normal(size=dot.shape)
+    turning = fit_pivot(view(noisy, fps=240.0), MATRIX, known(0.0, 0.0))
+    assert np.polyfit(angle, turning.angle, 1)[0] == pytest.approx(1.0, abs=0.03)
+
+
 def test_an_unknown_shutter_is_found():
     readout, fps = 0.012, 120
     stamps = np.arange(150) / fps

@@ -17,7 +17,8 @@ from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import READOUT, CameraState, spread_by
-from sysid.video.pose.prior import POINT_FLOOR, BodyPrior
+from sysid.video.pose.keyframes import keyframes_of
+from sysid.video.pose.prior import POINT_FLOOR, SAME_PICTURE, BodyPrior
 from sysid.video.pose.rectify import rectify, smear, unwrap
 from sysid.video.pose.view import View
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_angle, level_at_rest
@@ -190,12 +191,14 @@ def fit_pivot(
         pivot: Pivot [px].
     """
 
+    some = keyframes_of(view, SAME_PICTURE)
+
     def arm_and_pivot(value: Array) -> tuple[Complex, Array]:
         """From the pivot to the dot, shape (n,), and the pivot's covariance, as a camera along the axis sees them."""
         z = rectify(view.points[:, 0] + value[READOUT] * view.shear[:, 0], matrix, value)
         if pivot is not None:
             return z - complex(rectify(np.array([pivot], float), matrix, value)[0]), np.zeros((2, 2))
-        centre, covariance = _centre(z[np.isfinite(z)])
+        centre, covariance = _centre(z[some.rows], some.share)
         return z - centre, covariance
 
     arm, covariance = arm_and_pivot(before.value)
@@ -222,23 +225,30 @@ def fit_pivot(
     )
 
 
-def _centre(z: Complex) -> tuple[complex, Array]:
-    """Centre of the circle that points (n,) [px] run on, and its covariance: least squares of the distances.
+def _centre(z: Complex, share: Array) -> tuple[complex, Array]:
+    """Centre of the circle that points [px] run on, and its covariance: least squares of the distances.
 
-    As Gander, Golub and Strebel (1994), with a loss that ignores what is further off.
+    As Gander, Golub and Strebel (1994), with a loss that ignores what is further off. Frames of one still picture err alike: they
+    count as one.
+
+    Args:
+        z: The points, shape (m,).
+        share: One over how many frames show the same still picture, shape (m,).
     """
     from scipy.optimize import least_squares
 
-    design = np.stack([z.real, z.imag, np.ones(len(z))], axis=1)
-    guess, *_ = np.linalg.lstsq(design, -(np.abs(z) ** 2), rcond=None)
+    weight = np.sqrt(share)
+    design = weight[:, None] * np.stack([z.real, z.imag, np.ones(len(z))], axis=1)
+    guess, *_ = np.linalg.lstsq(design, -weight * np.abs(z) ** 2, rcond=None)
     x, y = -guess[:2] / 2
     start = [x, y, np.sqrt(max(x**2 + y**2 - guess[2], 1.0))]
 
     def distance(circle: Array) -> Array:
-        return np.abs(z - complex(circle[0], circle[1])) - circle[2]
+        return weight * (np.abs(z - complex(circle[0], circle[1])) - circle[2])
 
     fit = least_squares(distance, start, loss="soft_l1", f_scale=CIRCLE_SCALE, x_scale="jac")
-    covariance = np.linalg.inv(fit.jac.T @ fit.jac)[:2, :2] * np.mean(distance(fit.x) ** 2)
+    variance = np.sum(distance(fit.x) ** 2) / max(float(share.sum()) - 3, 1.0)
+    covariance = np.linalg.inv(fit.jac.T @ fit.jac)[:2, :2] * variance
     return complex(fit.x[0], fit.x[1]), covariance
 
 
