@@ -267,12 +267,13 @@ def _level(time: Array, roll: Array, trace: TraceFit) -> tuple[float, float, Arr
 
 
 def _is_linear(trace: TraceFit, floor: NoiseFloor) -> bool:
-    """Whether what the fit leaves is noise, or too small to matter."""
+    """Whether what the fit leaves is noise, or too small to matter. A film states its own, which lasts: scatter shows little of it."""
+    noise = max(floor.std, *(fitted.trace.known_std for fitted in trace.releases))
     size = max(float(np.abs(fitted.modelled - fitted.level).max()) for fitted in trace.releases)
-    misfit = math.sqrt(max(0.0, trace.noise**2 - floor.std**2))
+    misfit = math.sqrt(max(0.0, trace.noise**2 - noise**2))
     statistic, degrees = ljung_box([fitted.residual for fitted in trace.releases])
     white = statistic < degrees + 6.0 * math.sqrt(2.0 * degrees)
-    return white or trace.noise < ABOVE_NOISE * floor.std or misfit < WORTH_NAMING * size
+    return white or trace.noise < ABOVE_NOISE * noise or misfit < WORTH_NAMING * size
 
 
 def _warnings(decay: FreeDecay) -> list[str]:
