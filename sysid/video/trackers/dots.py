@@ -190,7 +190,6 @@ def fit_pivot(
         before: What is known of camera and lens.
         pivot: Pivot [px].
     """
-
     some = keyframes_of(view, SAME_PICTURE)
 
     def arm_and_pivot(value: Array) -> tuple[Complex, Array]:
