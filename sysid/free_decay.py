@@ -14,7 +14,7 @@ import numpy as np
 from sysid.board import Board
 from sysid.decay import report as decay_report
 from sysid.decay.linear_fit import BEST_SENSOR, TraceFit, decay_basis, fit_traces
-from sysid.decay.misfit import inflate_covariance, over_noise
+from sysid.decay.misfit import inflate_covariance, over_noise, stated_noise
 from sysid.decay.nonlinearity import Nonlinearity, find_nonlinearities
 from sysid.decay.numbers import DecayNumbers as DecayNumbers
 from sysid.decay.numbers import decay_from_peaks as decay_from_peaks
@@ -276,7 +276,7 @@ def _level(time: Array, roll: Array, trace: TraceFit) -> tuple[float, float, Arr
 def _is_linear(trace: TraceFit, floor: NoiseFloor, ratio: float) -> bool:
     """Whether what the fit leaves is noise, or too small to matter."""
     size = max(float(np.abs(fitted.modelled - fitted.level).max()) for fitted in trace.releases)
-    misfit = math.sqrt(max(0.0, trace.noise**2 - floor.std**2))
+    misfit = math.sqrt(max(0.0, trace.noise**2 - stated_noise(trace, floor) ** 2))
     statistic, degrees = ljung_box([fitted.residual for fitted in trace.releases])
     white = statistic < degrees + 6.0 * math.sqrt(2.0 * degrees)
     return white or ratio < ABOVE_NOISE or misfit < WORTH_NAMING * size

@@ -60,6 +60,11 @@ def inflate_covariance(trace: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, fl
     return (replace(trace, covariance=covariance), growth) if growth > 1.0 else (trace, 1.0)
 
 
+def stated_noise(trace: TraceFit, floor: NoiseFloor) -> float:
+    """Return the noise of what was fitted, in its unit: the scatter, or what a film states of its own errors, which last and scatter little."""
+    return max(floor.std, *(fitted.trace.known_std for fitted in trace.releases))
+
+
 def over_noise(releases: Sequence[Release], trace: TraceFit, floor: NoiseFloor) -> float:
     """Return the residual of a linear decay over the noise of its sensor [1].
 
@@ -72,7 +77,7 @@ def over_noise(releases: Sequence[Release], trace: TraceFit, floor: NoiseFloor) 
         floor: Noise of what was fitted.
     """
     if trace.signal == "rate" or any(r.rate is None or r.zero != "drifting" for r in releases):
-        return trace.noise / floor.std if floor.std > 0 else math.inf
+        return trace.noise / noise if (noise := stated_noise(trace, floor)) > 0 else math.inf
     decay, left, free = trace.omega_n * trace.damping_ratio, 0.0, -2
     square = trace.omega_n**2 - decay**2
     for release, fitted in zip(releases, trace.releases, strict=True):

@@ -69,6 +69,22 @@ def test_a_slant_does_not_take_the_weight_from_the_large_swing():
     assert np.sqrt(np.mean(apart[:, 0] ** 2)) < 0.85 * np.sqrt(np.mean(apart[:, 1] ** 2))
 
 
+def test_lasting_errors_of_a_film_are_no_other_law():
+    """Scatter shows half of what a camera that shakes adds: that was more than a linear decay leaves."""
+    time = np.arange(150) / 60
+    swing, _ = linear_decay(time, OMEGA / 2, 0.08, 0.15)
+    harder, _ = linear_decay(time + 0.03 * np.exp(-2 * time), OMEGA / 2, 0.08, 0.15)
+
+    def linear(roll, seed):
+        roll = roll + 2 * STD * errors(time / 2, np.random.default_rng(seed))
+        stated = np.full(150, 2 * STD)
+        one = replace(filmed(0)[0], time=time, roll=roll, std=stated, own_std=stated)
+        return fit_decay([one]).linear
+
+    assert np.mean([linear(swing, seed) for seed in range(8)]) > 0.8
+    assert not any(linear(harder, seed) for seed in range(8))
+
+
 def test_a_small_residual_does_not_promise_more_than_the_film_states():
     """Lag and dead zones are smooth: a fit takes them up, so that what is left looks better than it is."""
     smooth = [replace(one, roll=linear_decay(one.time, OMEGA, ZETA, one.roll[0])[0]) for one in filmed(0)]

@@ -43,13 +43,19 @@ def keyframes_of(view: View, still: float) -> Keyframes:
     ]
     rows, run = np.array(kept, np.intp).T
     if len(rows) > MAX_KEYFRAMES:
-        arm = (view.points[rows, -1] - view.points[rows, 0]) @ np.array([1, 1j])
-        turn = np.unwrap(np.angle(arm))
-        away = np.abs(turn - np.median(turn))
+        away = _away(view.points[rows])
         far = np.argsort(-away)[: 2 * MAX_KEYFRAMES // 3]
         some = np.union1d(far, np.linspace(0, len(rows) - 1, MAX_KEYFRAMES // 3).astype(int))
         rows, run = rows[some], run[some]
     return Keyframes(rows, 1 / np.bincount(run)[run], point_speed(view)[rows])
+
+
+def _away(points: Array) -> Array:
+    """How far points in m frames [px], shape (m, N, 2), are turned from where they usually are; how far a single one is from there."""
+    if points.shape[1] == 1:
+        return np.linalg.norm(points[:, 0] - np.median(points[:, 0], axis=0), axis=1)
+    turn = np.unwrap(np.angle((points[:, -1] - points[:, 0]) @ np.array([1, 1j])))
+    return np.abs(turn - np.median(turn))
 
 
 def point_speed(view: View) -> Array:

@@ -17,7 +17,8 @@ from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import READOUT, CameraState, spread_by
-from sysid.video.pose.prior import POINT_FLOOR, BodyPrior
+from sysid.video.pose.keyframes import keyframes_of
+from sysid.video.pose.prior import POINT_FLOOR, SAME_PICTURE, BodyPrior
 from sysid.video.pose.rectify import project, rectify, smear, unwrap, upright
 from sysid.video.pose.view import View
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_angle, level_at_rest
@@ -195,8 +196,9 @@ def fit_pivot(
     if pivot is not None:
         about = np.array(pivot, np.float64)
     else:
-        there = project(flat, dot[np.isfinite(dot).all(axis=1)])
-        centre, covariance[4:, 4:] = _centre(there[:, 0] + 1j * there[:, 1])
+        some = keyframes_of(view, SAME_PICTURE)
+        there = project(flat, dot[some.rows])
+        centre, covariance[4:, 4:] = _centre(there[:, 0] + 1j * there[:, 1], some.share)
         about = project(np.asarray(np.linalg.inv(flat), np.float64), centre[None])[0]
 
     def arm(x: Array) -> Complex:
@@ -214,22 +216,30 @@ def fit_pivot(
     return AngleTrack(unwrap(angle), std, before, noise, 0, np.array([1 + 0j]), np.sqrt(own))
 
 
-def _centre(z: Complex) -> tuple[Array, Array]:
-    """Centre of the circle that points (n,) [px] run on, shape (2,), and its covariance: least squares of the distances.
+def _centre(z: Complex, share: Array) -> tuple[Array, Array]:
+    """Centre of the circle that points [px] run on, shape (2,), and its covariance: least squares of the distances.
 
-    As Gander, Golub and Strebel (1994), with a loss that ignores what is further off.
+    As Gander, Golub and Strebel (1994), with a loss that ignores what is further off. Frames of one still picture err alike: they
+    count as one.
+
+    Args:
+        z: The points, shape (m,).
+        share: One over how many frames show the same still picture, shape (m,).
     """
     from scipy.optimize import least_squares
 
-    def distance(circle: Array) -> Array:
-        return np.abs(z - complex(circle[0], circle[1])) - circle[2]
-
-    design = np.stack([z.real, z.imag, np.ones(len(z))], axis=1)
-    guess, *_ = np.linalg.lstsq(design, -(np.abs(z) ** 2), rcond=None)
+    weight = np.sqrt(share)
+    design = weight[:, None] * np.stack([z.real, z.imag, np.ones(len(z))], axis=1)
+    guess, *_ = np.linalg.lstsq(design, -weight * np.abs(z) ** 2, rcond=None)
     x, y = -guess[:2] / 2
     start = [x, y, np.sqrt(max(x**2 + y**2 - guess[2], 1.0))]
+
+    def distance(circle: Array) -> Array:
+        return weight * (np.abs(z - complex(circle[0], circle[1])) - circle[2])
+
     fit = least_squares(distance, start, loss="soft_l1", f_scale=CIRCLE_SCALE, x_scale="jac")
-    covariance = np.linalg.inv(fit.jac.T @ fit.jac)[:2, :2] * np.mean(distance(fit.x) ** 2)
+    variance = np.sum(distance(fit.x) ** 2) / max(float(share.sum()) - 3, 1.0)
+    covariance = np.linalg.inv(fit.jac.T @ fit.jac)[:2, :2] * variance
     return fit.x[:2], covariance
 
 
