@@ -11,7 +11,6 @@ from sysid.cli.console import Common, Printer
 from sysid.cli.subject import Subject
 from sysid.effects import weight
 from sysid.errors import SysidError, UsageError
-from sysid.fitting.joint import known_priors, prior_in_words
 from sysid.inertia import GRAVITY
 from sysid.quantity import Quantity, parse_quantity, propagate
 
@@ -52,6 +51,8 @@ def new(
         arm: From its axis to its centre of mass [m].
         subject: The joint of a model.
     """
+    from sysid.fitting.joint import known_priors, prior_in_words
+
     printer = Printer(common)
     if not name or Path(name).name != name:
         raise SysidError(f"'{name}' is no name for a record: it becomes a file's, so leave out folders.")

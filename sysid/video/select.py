@@ -296,8 +296,7 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
     """
     points = led.found
     camera = replace(points.camera_state, covariance=np.zeros((4, 4)))
-    prior = BodyPrior(centre_std=points.centre_std, floor=BODY_FLOOR, dead_zone=DEAD_ZONE)
-    found = fit_angle(view, matrix, camera, prior)
+    found = fit_angle(view, matrix, camera, BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE))
     theirs, own = points.own, found.own
     common = np.maximum(points.std**2 - theirs**2, 0)
     # The body may be made out where the points contradict each other, as in a blurred frame.

@@ -6,7 +6,7 @@ direction and the focal length; in that picture points run on circles. Direction
 and read-out of the shutter are what makes the circles round, with what is known beforehand (`circles`).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -14,9 +14,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from sysid.roll import Array
 from sysid.video.pose.camera_state import READOUT, CameraState, spread_by
 from sysid.video.pose.circles import Found, fit_circles
-from sysid.video.pose.keyframes import Keyframes, keyframes_of, point_speed
+from sysid.video.pose.keyframes import keyframes_of, point_speed
 from sysid.video.pose.point_noise import BLUR_SHARE
-from sysid.video.pose.prior import DEEP_CENTRES, PLANE_CENTRES, POINT_FLOOR, BodyPrior
+from sysid.video.pose.prior import POINT_FLOOR, BodyPrior
 from sysid.video.pose.rectify import smear, unwrap
 from sysid.video.pose.view import View
 from sysid.video.types import Complex
@@ -25,8 +25,6 @@ DRAWN = 2.0
 """Motion of which compression leaves out half as much as of the smallest [px/frame], as found in films of a phone's kind."""
 MIRRORED_STEPS = 20
 """Steps of the search from the mirrored slant: by then it is in a valley of its own, or on its long way back to the other one."""
-SLANTED_ODDS = np.log(9.0)
-"""Logarithm of how much oftener prints and wear are on a slanted side of the deck than on something across the axis [1]."""
 LASTING_FRAMES = 4
 """Frames for which a motion drawn is good [1]: those about the turn of a swing."""
 
@@ -50,8 +48,6 @@ class AngleTrack:
     """The body's points at angle zero, as a camera along the axis sees them, about their middle."""
     own: Array
     """Share of `std` that is not common to all frames [rad], shape (n,)."""
-    centre_std: float = PLANE_CENTRES
-    """What the standard deviation of its circles' centres was found to be, in focal lengths: its points lie in a plane, or not."""
 
 
 def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior | None = None) -> AngleTrack:
@@ -68,14 +64,13 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
     """
     prior = prior or BodyPrior()
     some = keyframes_of(view, prior.still)
-    found, other = _either_slant(view, some, matrix, before, prior)
-    others = [] if other is None else [(other, (found.cost - other.cost) / 2)]
-    if prior.slanted:
-        deep, _ = _either_slant(view, some, matrix, before, replace(prior, centre_std=DEEP_CENTRES))
-        likelier = deep.likelier(found, prior.floor) + SLANTED_ODDS
-        if likelier > 0:
-            found, others, deep = deep, [], found
-        others.append((deep, -abs(likelier)))
+    found = fit_circles(view, some, matrix, before, prior, before.value)
+    other = None
+    if {0, 1} <= set(before.free):
+        # From afar, a slant to one side and to the other look alike: the search may have ended in the wrong one.
+        away = found.camera_state.value * [-1, -1, 1, 1] + before.value * [2, 2, 0, 0]
+        other = fit_circles(view, some, matrix, before, prior, away, MIRRORED_STEPS)
+        found, other = (other, found) if other.cost < found.cost else (found, other)
 
     def angle_of(one: Found, x: Array) -> Array:
         return one.unknowns.body(x).placed(view.points, view.shear)[0]
@@ -90,9 +85,9 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
     variance += (prior.dead_zone / np.sqrt(3) / arm.max()) ** 2 * _left_out(speed)
     clock = (view.time(found.camera_state.readout), view.share, before.place_of(READOUT))
     common = spread_by(found.x, found.covariance, angle, lambda x: angle_of(found, x), *clock)
-    for one, likelier in others:  # what fits almost as well
-        share = 1 / (1 + np.exp(min(-likelier, 50.0)))
-        change = np.exp(1j * (angle_of(one, one.x) - angle))
+    if other is not None:  # another slant that fits almost as well
+        share = 1 / (1 + np.exp(min((other.cost - found.cost) / 2, 50.0)))
+        change = np.exp(1j * (angle_of(other, other.x) - angle))
         common += share * np.nan_to_num(np.angle(change * np.exp(-1j * np.nanmedian(np.angle(change))))) ** 2
     own = np.where(np.isfinite(angle), np.sqrt(variance), np.nan)
     return AngleTrack(
@@ -103,21 +98,7 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
         int(wrong.sum()),
         found.body.shape,
         own,
-        found.centre_std,
     )
-
-
-def _either_slant(
-    view: View, some: Keyframes, matrix: Array, before: CameraState, prior: BodyPrior
-) -> tuple[Found, Found | None]:
-    """Return the camera that fits best, and the best one on the other side, where the direction is not given."""
-    found = fit_circles(view, some, matrix, before, prior, before.value)
-    if not {0, 1} <= set(before.free):
-        return found, None
-    # From afar, a slant to one side and to the other look alike: the search may have ended in the wrong one.
-    away = found.camera_state.value * [-1, -1, 1, 1] + before.value * [2, 2, 0, 0]
-    other = fit_circles(view, some, matrix, before, prior, away, MIRRORED_STEPS)
-    return (other, found) if other.cost < found.cost else (found, other)
 
 
 def _left_out(speed: Array) -> Array:

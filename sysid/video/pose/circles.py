@@ -109,25 +109,6 @@ class Found:
     noise: PointNoise
     cost: float
     """Sum of squares that is left, weighed as usual noise would have it, and of what is known beforehand."""
-    centre_std: float
-    """What was taken for the standard deviation of the circles' centres, in focal lengths."""
-
-    def likelier(self, other: "Found", floor: float) -> float:
-        """Return the logarithm of how many times as likely it makes the film as another one does, by Laplace's approximation.
-
-        What fits no better for being less certain beforehand is less likely (MacKay, Information Theory, 2003, chapter 28).
-
-        Args:
-            other: With another standard deviation of the circles' centres.
-            floor: Noise with which `cost` is weighed [px]; there is that of the one that fits better.
-        """
-        noise = max(min(self.noise.rest, other.noise.rest) / floor**2 - 1, 1.0)
-
-        def evidence(one: Found) -> float:
-            beforehand = 2 * len(one.unknowns.home) * np.log(one.centre_std)
-            return float(np.linalg.slogdet(one.covariance)[1] / 2 - beforehand - one.cost / (2 * noise))
-
-        return evidence(self) - evidence(other)
 
 
 def fit_circles(
@@ -185,7 +166,7 @@ def fit_circles(
     usual = PointNoise(prior.floor**2, BLUR_SHARE**2).variance(some.speed)
     cost = float(np.sum(residuals(x, some.share / usual) ** 2))
     state = replace(before, value=body.camera, covariance=unknown)
-    return Found(unknowns, x, covariance, state, body, noise, cost, prior.centre_std)
+    return Found(unknowns, x, covariance, state, body, noise, cost)
 
 
 def _priors(unknowns: Unknowns, prior: BodyPrior) -> Callable[[Array, Body], Array]:

@@ -7,9 +7,6 @@ POINT_FLOOR = 0.02
 PLANE_CENTRES = 0.0005
 """Standard deviation of the circles' centres of points in one plane across the axis, in focal lengths: a
 twentieth of a focal length aside, at depths that differ by 1 %."""
-DEEP_CENTRES = 0.01
-"""The same [focal lengths] of points on a side of the deck that is seen at a slant, as its upper side or an upturned tail from
-below: a tenth of a focal length aside, at depths that differ by a tenth. How far it turned shows in how round the circles are only."""
 SAME_PICTURE = 0.25
 """Motion up to which a picture is still the same one, with the same errors [px]."""
 
@@ -22,8 +19,6 @@ class BodyPrior:
     """Its points are the corners of a square that stands across the axis (to within 7 degrees), in order."""
     centre_std: float = PLANE_CENTRES
     """Standard deviation of the circles' centres, in focal lengths."""
-    slanted: bool = False
-    """Whether its points may as well lie on a slanted side (`DEEP_CENTRES`): the film has to tell."""
     floor: float = POINT_FLOOR
     """Least standard deviation of a point's position [px]."""
     dead_zone: float = 0.0

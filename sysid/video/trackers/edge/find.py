@@ -88,7 +88,13 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
     scale = scale_of(look.frames[0].box)
     every = [steps_of(frame, scale) for frame in look.frames]
     leave_out_still(every, shifts)
-    width, turns = look.moving.shape[1], _rough_slopes(every, look.kept)
+    near = _found(look, every, shifts, anywhere=False)
+    return near or _found(look, every, shifts, anywhere=True)
+
+
+def _found(look: Survey, every: list[Steps], shifts: Array, *, anywhere: bool) -> DeckEnd | None:
+    """Return the edges by the rough slope of each picture, or by the turn, of all, at which it shows most of what all have."""
+    width, turns, scale = look.moving.shape[1], _rough_slopes(every, look.kept), every[0].scale
     box = _usual_box(every, turns, look.kept)
     if box is None:
         return None
@@ -124,6 +130,11 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
         turns = turns + _level(_mean(shown_on(grid), weight), np.radians(15.0 if round_ < 3 else 2.0))
         shown = shown_on(grid)
         mean = _mean(shown, weight)
+        if round_ == 1 and anywhere:
+            turns = np.array([
+                _any_turn(one, centre, grid, mean) for one, centre in zip(every, pivot + shifts, strict=True)
+            ])  # fmt: skip
+            shown = shown_on(grid)
         turns = turns + _own_turns(shown, mean)
     shown = shown_on(grid, signed=True)
     means = {way: _in_most_attitudes(np.maximum(-way * shown, 0), turns) for way in (1, -1)}
@@ -311,6 +322,16 @@ def _own_turns(shown: Image, mean: Image) -> Array:
     rows, columns = np.nonzero(mean >= CLEAR * mean.max())
     score = _turned_on(shown, rows, columns, NEAR_TURNS[:, None]) @ mean[rows, columns]
     return NEAR_TURNS[np.argmax(score, axis=1)]
+
+
+def _any_turn(one: Steps, centre: Array, grid: Grid, mean: Image) -> float:
+    """The turn, of all, at which a picture shows most of the edges that all have [rad]."""
+    (x, y), mean = grid, mean[:, ::COARSER]
+    rows, columns = np.nonzero(mean >= CLEAR * mean.max())
+    turns = np.arange(-MAX_TURN, MAX_TURN, np.radians(1.5))
+    place = np.stack([x[::COARSER][columns], y[rows]], axis=1)
+    step = one.across(centre + turned(place, turns[:, None]), turns[:, None])
+    return float(turns[np.argmax(np.minimum(np.abs(step), MAX_SLOPE) @ mean[rows, columns])])
 
 
 def _turned_on(shown: Sequence[Image] | Image, rows: Rows, columns: Rows, turn: Array | float) -> Image:
