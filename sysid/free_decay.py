@@ -247,8 +247,7 @@ def _rest_angles(
     if trace.signal == "roll":
         rests = [Quantity(f.level, f.level_std, "rad", "whole trace") for f in trace.releases]
         finest = BEST_SENSOR * max(release.amplitude for release in releases)
-        stated = max(fitted.trace.known_std for fitted in trace.releases)
-        return list(releases), rests, max(floor.std, finest, stated)
+        return list(releases), rests, max(finest, stated_noise(trace, floor))
     steady: list[Release] = []
     rests: list[Quantity] = []
     variance = 0.0

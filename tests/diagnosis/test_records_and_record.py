@@ -95,7 +95,6 @@ def test_where_a_deck_sticks_is_no_shift_of_its_rest_angle(tmp_path):
 )
 def test_what_is_too_weak_to_bend_a_decay_is_among_what_may_have_moved_k_and_d(tmp_path, effect_name, values):
     """Rubber adds stiffness and damping at the one frequency of a decay, a support takes from them; what is simpler comes first."""
-
     truth = truths.Truth("weak", {effect_name: values}, rates=(500.0,), noises=(0.04,))
     releases, board = truths.make(truth, SEED, tmp_path), truths.board_of(truth)
     records = make_records(releases, noise_floor(releases).std, rate=False)
@@ -110,7 +109,6 @@ def test_what_is_too_weak_to_bend_a_decay_is_among_what_may_have_moved_k_and_d(t
 
 def test_a_support_that_moves_k_and_d_as_nothing_simpler_does_is_told_and_not_named(tmp_path):
     """It has three numbers, and two changed: that they did says as much."""
-
     truth = truths.Truth("soft", {"second-mode": (0.01, 500.0, 0.3)}, rates=(500.0,), noises=(0.04,))
     releases, board = truths.make(truth, SEED, tmp_path), truths.board_of(truth)
     records = make_records(releases, noise_floor(releases).std, rate=False)
@@ -142,7 +140,6 @@ def test_what_holds_the_deck_aside_by_its_past_is_no_shift_of_the_middle(name, s
 
 
 def test_one_release_cannot_tell_a_drift_from_a_shift(tmp_path):
-
     truth = replace(BY_NAME["offset -0.01, heavy"], rates=(500.0,), noises=(0.2,))
     releases = truths.make(truth, SEED, tmp_path)
     board = truths.board_of(truth)

@@ -14,8 +14,6 @@ READOUT = 3
 """Where the read-out stands among the four unknowns of a `CameraState`."""
 READOUT_CEILING = 1 / 30
 """No sensor takes longer for a frame [s]."""
-SHUTTER_DOUBT = 0.3
-"""How far the shutter's correction may be off, as a share of its change from frame to frame."""
 DIFFERENCE_STEP = 1e-4
 """Step of differences, in the unit of each unknown: rad, rad, 1, s; and focal lengths for the body's points."""
 

@@ -88,20 +88,21 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
     scale = scale_of(look.frames[0].box)
     every = [steps_of(frame, scale) for frame in look.frames]
     leave_out_still(every, shifts)
-    near = _found(look, every, shifts, anywhere=False)
-    return near or _found(look, every, shifts, anywhere=True)
-
-
-def _found(look: Survey, every: list[Steps], shifts: Array, *, anywhere: bool) -> DeckEnd | None:
-    """Return the edges by the rough slope of each picture, or by the turn, of all, at which it shows most of what all have."""
-    width, turns, scale = look.moving.shape[1], _rough_slopes(every, look.kept), every[0].scale
-    box = _usual_box(every, turns, look.kept)
-    if box is None:
+    slopes, width = _rough_slopes(every, look.kept), look.moving.shape[1]
+    box = _usual_box(every, slopes, look.kept)
+    if box is None or box[2] - box[0] < MIN_LENGTH * width:
         return None
+    near = _found(look, every, shifts, slopes, box, anywhere=False)
+    return near or _found(look, every, shifts, slopes, box, anywhere=True)
+
+
+def _found(
+    look: Survey, every: list[Steps], shifts: Array, turns: Array, box: tuple[float, float, float, float], *, anywhere: bool
+) -> DeckEnd | None:  # fmt: skip
+    """Return the edges in a box [px], by the rough turn of each picture [rad], shape (n,), or by that, of all, which shows most of what all have."""
+    width, scale = look.moving.shape[1], every[0].scale
     left, top, right, bottom = box
     size = right - left
-    if size < MIN_LENGTH * width:
-        return None
     unit = 1 / scale
     step = unit * np.array([GRID_ACROSS, GRID_DOWN])
     half = np.array([0.55, 0.2]) * size
