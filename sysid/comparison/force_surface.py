@@ -101,7 +101,8 @@ def missing_torque(compared: Sequence[ComparedRelease], law: JointLaw) -> Missin
 
 def _profile(at: Array, torque: Array, together: float) -> TorqueProfile:
     """Average a torque over bins; `together` neighbouring samples say the same."""
-    parts = [np.sort(part) for part in np.split(np.argsort(at), _ends(np.sort(at), together))]
+    order = np.argsort(at)
+    parts = [np.sort(part) for part in np.split(order, _ends(at[order], together))]
     means = np.array([float(np.mean(torque[part])) for part in parts])
     squares = np.array(
         [float(np.sum((torque[part] - mean) ** 2)) for part, mean in zip(parts, means, strict=True)]
