@@ -6,7 +6,7 @@ direction and the focal length; in that picture points run on circles. Direction
 and read-out of the shutter are what makes the circles round, with what is known beforehand (`circles`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -16,7 +16,7 @@ from sysid.video.pose.camera_state import READOUT, CameraState, spread_by
 from sysid.video.pose.circles import Found, fit_circles
 from sysid.video.pose.keyframes import keyframes_of, point_speed
 from sysid.video.pose.point_noise import BLUR_SHARE
-from sysid.video.pose.prior import POINT_FLOOR, BodyPrior
+from sysid.video.pose.prior import DEEP_CENTRES, POINT_FLOOR, BodyPrior
 from sysid.video.pose.rectify import smear, unwrap
 from sysid.video.pose.view import View
 from sysid.video.types import Complex
@@ -65,12 +65,18 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
     prior = prior or BodyPrior()
     some = keyframes_of(view, prior.still)
     found = fit_circles(view, some, matrix, before, prior, before.value)
-    other = None
+    others: list[
+        tuple[Found, float]
+    ] = []  # what fits almost as well, and the share of its distance that counts
     if {0, 1} <= set(before.free):
         # From afar, a slant to one side and to the other look alike: the search may have ended in the wrong one.
         away = found.camera_state.value * [-1, -1, 1, 1] + before.value * [2, 2, 0, 0]
         other = fit_circles(view, some, matrix, before, prior, away, MIRRORED_STEPS)
         found, other = (other, found) if other.cost < found.cost else (found, other)
+        others = [(other, float(1 / (1 + np.exp(min((other.cost - found.cost) / 2, 50.0)))))]
+        if prior.slanted:
+            deep = replace(prior, centre_std=DEEP_CENTRES)
+            others.append((fit_circles(view, some, matrix, before, deep, found.camera_state.value), 0.5))
 
     def angle_of(one: Found, x: Array) -> Array:
         return one.unknowns.body(x).placed(view.points, view.shear)[0]
@@ -85,8 +91,7 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
     variance += (prior.dead_zone / np.sqrt(3) / arm.max()) ** 2 * _left_out(speed)
     clock = (view.time(found.camera_state.readout), view.share, before.place_of(READOUT))
     common = spread_by(found.x, found.covariance, angle, lambda x: angle_of(found, x), *clock)
-    if other is not None:  # another slant that fits almost as well
-        share = 1 / (1 + np.exp(min((other.cost - found.cost) / 2, 50.0)))
+    for other, share in others:
         change = np.exp(1j * (angle_of(other, other.x) - angle))
         common += share * np.nan_to_num(np.angle(change * np.exp(-1j * np.nanmedian(np.angle(change))))) ** 2
     own = np.where(np.isfinite(angle), np.sqrt(variance), np.nan)

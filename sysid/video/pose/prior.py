@@ -7,6 +7,9 @@ POINT_FLOOR = 0.02
 PLANE_CENTRES = 0.0005
 """Standard deviation of the circles' centres of points in one plane across the axis, in focal lengths: a
 twentieth of a focal length aside, at depths that differ by 1 %."""
+DEEP_CENTRES = 0.01
+"""The same of points on a side of the deck that is seen at a slant, its upper side or an upturned tail from below: a tenth of a focal
+length aside, at depths that differ by a tenth."""
 SAME_PICTURE = 0.25
 """Motion up to which a picture is still the same one, with the same errors [px]."""
 
@@ -25,3 +28,5 @@ class BodyPrior:
     """Motion that compression may leave out of the film, to either side [px]: the less contrast, the more."""
     still: float = SAME_PICTURE
     """Motion up to which its points keep their errors [px]."""
+    slanted: bool = False
+    """Whether its points may as well lie on a slanted side, which a film hardly tells from one across the axis (`DEEP_CENTRES`)."""

@@ -45,6 +45,8 @@ PLACE_FLOOR = 0.04
 """Least standard deviation of the body's points [px]: neighbouring patches err alike."""
 INLIER_DISTANCE = 2.0
 """Distance from the common motion within which a patch takes part in it [px]."""
+TEXTURE = BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE, still=SAME_ERRORS, slanted=True)
+"""What is known of patches on the deck: they may lie on any side of it."""
 
 
 def find_features(look: Survey) -> Array:
@@ -167,7 +169,7 @@ def _find(reel: Reel) -> Target | None:
         follower=FeatureFollower(look.frames[0], places),
         what="the deck's texture",
         why=f"{len(places)} patches of texture that move",
-        solve=partial(fit_angle, prior=BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE, still=SAME_ERRORS)),
+        solve=partial(fit_angle, prior=TEXTURE),
         zero=level_at_rest,
         shows_level=False,
         shows_turn=False,
