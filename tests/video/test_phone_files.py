@@ -98,6 +98,15 @@ def test_a_swing_that_plays_slowly_is_doubted(film, tmp_path):
     assert not any("slow motion" in warning for warning in usual)
 
 
+def test_a_mirrored_film_is_refused(tmp_path):
+    """Its marker passed for texture, and roll had the other sign."""
+    body = marked(plate(contrast=30.0), 64)
+    mirrored = draw_film(tmp_path / "selfie.mp4", np.ascontiguousarray(body[:, ::-1]), ROLL)
+    with pytest.raises(SysidError, match=r"marker 7 is seen in a mirror.*hflip"):
+        roll_from_video(mirrored)
+    assert error_of(roll_from_video(mirrored, VideoOptions(method="features"))) < 0.1
+
+
 def test_the_read_out_that_an_iphone_notes_is_taken(film, tmp_path):
     noted = tmp_path / "noted.mp4"
     key = "com.apple.quicktime.camera.framereadouttimeinmicroseconds"

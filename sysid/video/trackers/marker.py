@@ -1,5 +1,7 @@
 """An ArUco or AprilTag marker on the deck's end: found once, then followed edge by edge."""
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -7,6 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, box_about, halved
 from sysid.video.film.reel import Reel
@@ -16,8 +19,10 @@ from sysid.video.trackers._base import Target, Tracker, level_angle
 from sysid.video.trackers._edge_profile import Aliasing, corners, find_steps
 from sysid.video.types import Box, Picture
 
+PRINTED = "ArUco 4x4"
+"""What `husky-sysid marker` prints."""
 DICTIONARIES = {
-    "ArUco 4x4": cv2.aruco.DICT_4X4_50,
+    PRINTED: cv2.aruco.DICT_4X4_50,
     "AprilTag 36h11": cv2.aruco.DICT_APRILTAG_36h11,
     "ArUco 5x5": cv2.aruco.DICT_5X5_250,
     "ArUco 6x6": cv2.aruco.DICT_6X6_250,
@@ -161,11 +166,11 @@ class MarkerFollower:
         return float(np.mean(seen * self.cells) / max(float(seen.std()), 1e-9))
 
 
-def _detect(frame: Frame, box: Box, *kinds: str) -> list[Marker]:
+def _detect(frame: Frame, box: Box, *kinds: str, mirrored: bool = False) -> list[Marker]:
     part, corner = frame.part(box)
     if min(part.shape[:2]) < MIN_SIDE:
         return []
-    dark, times = halved(part, SEARCH_SIDE)
+    dark, times = halved(np.asarray(cv2.flip(part, 1), np.uint8) if mirrored else part, SEARCH_SIDE)
     parameters = cv2.aruco.DetectorParameters()
     parameters.minMarkerPerimeterRate = 4 * MIN_SIDE / times / max(dark.shape)
     # Thresholding windows up to a marker's cell: blurred and small markers both.
@@ -183,7 +188,7 @@ def _detect(frame: Frame, box: Box, *kinds: str) -> list[Marker]:
     ]
 
 
-def marker_cells(number: int, kind: str = "ArUco 4x4") -> Picture:
+def marker_cells(number: int, kind: str = PRINTED) -> Picture:
     """Return the cells of a marker, its black border included [grey levels, 0 or 255], shape (6, 6) or larger."""
     dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[kind])
     return np.asarray(dictionary.generateImageMarker(number, dictionary.markerSize + 2), np.uint8)
@@ -196,6 +201,8 @@ def _find(reel: Reel) -> Target | None:
     places = [(frame, around) for frame in look.frames[:: max(1, len(look.frames) // SEARCH_FRAMES)]]
     markers = (find_marker(*place) for place in [*places, (look.frames[0], region)])
     marker = next((one for one in markers if one is not None), None)
+    if marker is None or marker.kind != PRINTED:  # in a mirror, it may pass for another maker's
+        _refuse_mirrored(reel, places)
     if marker is None:
         return None
     first = MarkerFollower(marker, region)
@@ -210,6 +217,17 @@ def _find(reel: Reel) -> Target | None:
         joined=((0, 1), (1, 2), (2, 3), (3, 0)),
         zero_note="where the marker's edges are level in the picture",
     )
+
+
+def _refuse_mirrored(reel: Reel, places: Sequence[tuple[Frame, Box]]) -> None:
+    """Refuse a film in most of whose frames a mirror would show one of the markers that `husky-sysid marker` prints."""
+    seen = Counter(one.number for place in places for one in _detect(*place, PRINTED, mirrored=True))
+    for number, count in seen.most_common(1):
+        if 2 * count > len(places):
+            raise SysidError(
+                f"{reel.clip.path}: marker {number} is seen in a mirror: a selfie camera or an editor mirrored the film, and roll "
+                "would have the wrong sign. Give the film as it was taken, or mirror it back (ffmpeg -i FILM -vf hflip NEW)."
+            )
 
 
 def _level_square(track: AngleTrack) -> float:
