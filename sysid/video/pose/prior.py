@@ -8,8 +8,8 @@ PLANE_CENTRES = 0.0005
 """Standard deviation of the circles' centres of points in one plane across the axis, in focal lengths: a
 twentieth of a focal length aside, at depths that differ by 1 %."""
 DEEP_CENTRES = 0.01
-"""The same of points on a side of the deck that is seen at a slant, its upper side or an upturned tail from below: a tenth of a focal
-length aside, at depths that differ by a tenth."""
+"""The same [focal lengths] of points on a side of the deck that is seen at a slant, its upper side or an upturned tail from below: a
+tenth of one aside, at depths that differ by a tenth."""
 SAME_PICTURE = 0.25
 """Motion up to which a picture is still the same one, with the same errors [px]."""
 
