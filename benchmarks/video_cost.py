@@ -65,8 +65,8 @@ def main() -> None:
             film(short, board, rock(board, 4.0, ((0.1, 0.0), (1.0, 0.4))), mark, camera)
             repeat(short, long, arguments.repeats)
             for method in methods:
-                cells += rows("4 s", short, method, arguments.rounds)
-                cells += rows(f"{4 * arguments.repeats} s", long, method, 1)
+                cells += rows(f"4 s, {mark}", short, method, arguments.rounds)
+                cells += rows(f"{4 * arguments.repeats} s, {mark}", long, method, 1)
                 print(*cells[-6:], sep="\n", flush=True)
     write_result(
         "video_cost.md",
