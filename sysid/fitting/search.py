@@ -29,6 +29,8 @@ _BEHIND = 2.0
 real logs the best one was never beyond it, but for three laws at more than thirty times the noise that came out 4 to 7 % worse."""
 _VISCOUS = (0.6, 0.2)
 """Shares of the loss left to the damper from which a joint with dry friction is searched."""
+_SCOUTS = 3
+"""Records in whose first swings starts are ranked: a choice; a recording that is cut has nine stretches, and their first swings are nearly all of it."""
 _WIDEST = 6
 """Releases, those of the widest swings, from which the sizes of a problem are found."""
 _ASTRAY = 1.5
@@ -200,15 +202,17 @@ def search(
         structure, records, scales, bias=bias, fixed=fixed, bounded=dict(bounded or {}), priors=dict(priors or {}), free_states=free_states,
         steps_per_period=coarse_steps, average=average,
     )  # fmt: skip
+    kept = scouts(records) if structure.effects else range(len(records))
     horizons = [] if not structure.effects else _SHORT if nonsmooth else _LONG
     early = [
-        coarse.with_(records=[first_swings(record, scales, periods) for record in records])
+        coarse.with_(records=[first_swings(records[i], scales, periods) for i in kept])
         for periods in horizons
     ]
     acting = [place for place, name in enumerate(coarse.names) if "." in name]
     evaluations = 0
     found: list[tuple[float, Array]] = []
-    points = [coarse.start({**start, "rest_angle": start.get("rest_angle") or rest}) for start in starts]
+    first = early[0] if early else coarse
+    points = [first.start({**start, "rest_angle": start.get("rest_angle") or rest}) for start in starts]
     with stage(0.0, 0.3):
         for problem in steps(early):
             ends: list[Minimum] = []
@@ -227,7 +231,7 @@ def search(
             points = [end.point for end in apart if end.normal.cost <= enough]
     with stage(0.3, 0.5):
         for point in steps(points):
-            second = coarse.fitted(point, 15, 1e-5)
+            second = coarse.fitted(followed(coarse, early[-1], kept, point) if early else point, 15, 1e-5)
             evaluations += second.evaluations
             found.append((second.normal.cost, second.point))
     found.sort(key=lambda item: item[0])
@@ -319,6 +323,27 @@ def _restarted(problem: Problem, found: tuple[float, Array]) -> tuple[float, Arr
             again = problem.fitted(point, 15, 1e-5)
             best = min(best, (again.normal.cost, again.point), key=lambda item: item[0])
     return best
+
+
+def scouts(records: Sequence[Record]) -> list[int]:
+    """Return which records starts are ranked by: of many the widest, the smallest and what lies between, in their order."""
+    order = np.argsort([-float(np.ptp(record.signal)) for record in records], kind="stable")
+    picked = np.linspace(0, len(records) - 1, min(_SCOUTS, len(records))).astype(int)
+    return sorted(int(i) for i in order[picked])
+
+
+def followed(problem: Problem, early: Problem, kept: Sequence[int], point: Array) -> Array:
+    """Return where a problem's search goes on from one of the first swings of some of its records, in units of sizes, shape (p,).
+
+    Args:
+        problem: Of all records.
+        early: Of the first swings.
+        kept: Which records those are of.
+        point: Its unknowns, shape (q,); the own of all other records begin as these were measured.
+    """
+    start = problem.start(early.parameters(point))
+    problem.own(start)[kept] = early.own(point)
+    return start
 
 
 def first_swings(record: Record, scales: Scales, periods: float) -> Record:
