@@ -259,16 +259,18 @@ class Search:
             damping = left * known.parameters["damping"]
             starts += [{**little, **known.parameters, "damping": damping} for little in self._little(new)]
         # A start that is a little off is far off after many swings, so the first ones rank starts better, and sooner.
-        kept = scouts(self.records)
-        early = problem.with_(records=[first_swings(self.records[i], self.scales, EARLY) for i in kept])
+        kept, parents = scouts(self.records), [inherited(problem, known) for known in (one, other)]
+        some = problem.with_(records=[self.records[i] for i in kept])
+        early = some.with_(records=[first_swings(r, self.scales, EARLY) for r in some.records])
         first = [early.fitted(early.start(completed(early, start)), 1, 1e-7) for start in starts]
         chosen = [min(group, key=lambda m: m.normal.cost) for group in (first[:2], first[2:]) if group]
-        points = [followed(problem, early, kept, m.point) for m in chosen]
-        points += [inherited(problem, one), inherited(problem, other)]
-        trials = [problem.fitted(point, 4, 1e-3) for point in points]
+        points = [*(m.point for m in chosen), *(problem.of(kept, point)[1] for point in parents)]
+        trials = [some.fitted(point, 4, 1e-3) for point in points]
         enough = ASTRAY * min(m.normal.cost for m in trials)
-        near = [m for m in trials if m.normal.cost <= enough]
-        return Candidate(effects=effects, problem=problem, minimum=min(near, key=promise))
+        best = min((m for m in trials if m.normal.cost <= enough), key=promise)
+        if len(kept) < len(self.records):
+            best = problem.fitted(followed(problem, parents[0], kept, best.point), 4, 1e-3)
+        return Candidate(effects=effects, problem=problem, minimum=best)
 
     def finished(self, model: Candidate, *parents: Candidate) -> Candidate:
         """Return a model that was only begun with its fit brought to an end, no worse than what it contains."""
@@ -606,9 +608,7 @@ def _walked(problem: Problem, found: Minimum) -> Minimum:
     best = min(trials, key=lambda m: m.normal.cost)
     if best.normal.cost > AHEAD * here.normal.cost:
         return found
-    aside = found.point.copy()
-    aside[: len(problem.names)] = best.point[: len(problem.names)]
-    problem.own(aside)[kept] = early.own(best.point)
+    aside = followed(problem, found.point, kept, best.point)
     return min(found, problem.fitted(aside, 30), key=lambda m: m.normal.cost)
 
 

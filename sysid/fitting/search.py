@@ -198,21 +198,20 @@ def search(
     starts = starting_points(structure, scales, fixed) if starts is None else starts
     nonsmooth = structure.nonsmooth
     coarse_steps = min(60 if nonsmooth else 24, steps_per_period)
-    coarse = Problem(
-        structure, records, scales, bias=bias, fixed=fixed, bounded=dict(bounded or {}), priors=dict(priors or {}), free_states=free_states,
-        steps_per_period=coarse_steps, average=average,
-    )  # fmt: skip
     kept = scouts(records) if structure.effects else range(len(records))
+    coarse = Problem(
+        structure, [records[i] for i in kept], scales, bias=bias, fixed=fixed, bounded=dict(bounded or {}), priors=dict(priors or {}),
+        free_states=free_states, steps_per_period=coarse_steps, average=average,
+    )  # fmt: skip
     horizons = [] if not structure.effects else _SHORT if nonsmooth else _LONG
     early = [
-        coarse.with_(records=[first_swings(records[i], scales, periods) for i in kept])
+        coarse.with_(records=[first_swings(record, scales, periods) for record in coarse.records])
         for periods in horizons
     ]
     acting = [place for place, name in enumerate(coarse.names) if "." in name]
     evaluations = 0
     found: list[tuple[float, Array]] = []
-    first = early[0] if early else coarse
-    points = [first.start({**start, "rest_angle": start.get("rest_angle") or rest}) for start in starts]
+    points = [coarse.start({**start, "rest_angle": start.get("rest_angle") or rest}) for start in starts]
     with stage(0.0, 0.3):
         for problem in steps(early):
             ends: list[Minimum] = []
@@ -231,13 +230,14 @@ def search(
             points = [end.point for end in apart if end.normal.cost <= enough]
     with stage(0.3, 0.5):
         for point in steps(points):
-            second = coarse.fitted(followed(coarse, early[-1], kept, point) if early else point, 15, 1e-5)
+            second = coarse.fitted(point, 15, 1e-5)
             evaluations += second.evaluations
             found.append((second.normal.cost, second.point))
     found.sort(key=lambda item: item[0])
     with stage(0.5, 0.7):
         found[0] = scan_rough_parameters(coarse, _restarted(coarse, found[0]))
-    fine = coarse if coarse_steps == steps_per_period else coarse.with_(steps_per_period=steps_per_period)
+    same = coarse_steps == steps_per_period and len(kept) == len(records)
+    fine = coarse if same else coarse.with_(records=records, steps_per_period=steps_per_period)
     best: Minimum | None = None
     # On the coarse grid a kink falls between two points, so its costs rank neighbours only roughly.
     most, near = (4, 3.0) if nonsmooth else (2, 1.2)
@@ -245,7 +245,8 @@ def search(
         for cost, point in steps(found[:most]):
             if best is not None and cost > near * found[0][0]:
                 break
-            minimum = fine.fitted(point, tolerance=1e-7 if exact else None)
+            start = followed(fine, fine.start(coarse.parameters(point)), kept, point)
+            minimum = fine.fitted(start, tolerance=1e-7 if exact else None)
             evaluations += minimum.evaluations
             if best is None or minimum.normal.cost < best.normal.cost:
                 best = minimum
@@ -332,17 +333,18 @@ def scouts(records: Sequence[Record]) -> list[int]:
     return sorted(int(i) for i in order[picked])
 
 
-def followed(problem: Problem, early: Problem, kept: Sequence[int], point: Array) -> Array:
-    """Return where a problem's search goes on from one of the first swings of some of its records, in units of sizes, shape (p,).
+def followed(problem: Problem, whole: Array, kept: Sequence[int], point: Array) -> Array:
+    """Return unknowns of all records, with those that a search of some of them found in their places, in units of sizes, shape (p,).
 
     Args:
         problem: Of all records.
-        early: Of the first swings.
-        kept: Which records those are of.
-        point: Its unknowns, shape (q,); the own of all other records begin as these were measured.
+        whole: Its unknowns, shape (p,).
+        kept: Which records were searched.
+        point: What was found, shape (q,).
     """
-    start = problem.start(early.parameters(point))
-    problem.own(start)[kept] = early.own(point)
+    shared = len(problem.names)
+    start = np.r_[point[:shared], whole[shared:]]
+    problem.own(start)[kept] = point[shared:].reshape(len(kept), problem.n_local)
     return start
 
 
