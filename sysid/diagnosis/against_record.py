@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.board import Board
-from sysid.diagnosis.search import Candidate
+from sysid.diagnosis.search import Candidate, promise
 from sysid.effects import catalogue, drifting, effect
 from sysid.effects._base import TorqueEffect
 from sysid.fitting.covariance import parameter_covariance, scale_covariance
@@ -26,6 +26,10 @@ SMALLEST_SHIFT = 0.01
 """Of the rest angle over the amplitude, below which it does not matter: its torque is as small a share of the spring's."""
 TIE, BETTER = 8.0, 6.0
 """χ² within which two causes look the same, and from which one is the better."""
+NEAR = 3.0
+"""Standard deviations within which a cause explains how the fitted numbers differ from the record."""
+BEGUN = 8
+"""Iterations after which a start is left where it is if it does not promise to be so near: a choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +178,7 @@ def _linear(model: Candidate, board: Board, covariance: np.ndarray, names: list[
     if float(logs @ np.linalg.solve(spread, logs)) < SURE**2 + 3.0:
         return Deviation()
     misses = _explanations(logs, spread, board) + _faithful(model, board)
-    near = sorted((len(effect(name).parameters), miss, name) for name, miss in misses if miss < 3.0)
+    near = sorted((len(effect(name).parameters), miss, name) for name, miss in misses if miss < NEAR)
     matches = [name for _, _, name in near]
     change = (
         f"Against the record, k/I is {100 * np.expm1(logs[0]):+.1f} % and d/I is {100 * np.expm1(logs[1]):+.1f} %; a free decay "
@@ -216,8 +220,12 @@ def _faithful(model: Candidate, board: Board) -> list[tuple[str, float]]:
         given = {f"{name}.{support.series_stiffness}": 1 / softer for support in alone.supports}
         own = catalogue_starts(alone, problem.scales)
         starts = [richer.start({**model.parameters, **record, **start, **given}) for start in own]
-        costs = [richer.fitted(start, 60, 1e-6).normal.cost for start in starts]
-        found.append((name, float(np.sqrt(max(2 * (min(costs) - model.minimum.normal.cost), 0.0)))))
+        begun = [richer.fitted(start, BEGUN, 1e-6) for start in starts]
+        enough = model.minimum.normal.cost + 0.5 * NEAR**2
+        hopeful = [m for m in begun if promise(m) < enough]
+        ends = [richer.fitted(m.point, 60, 1e-6, m.normal) for m in hopeful] or begun
+        cost = min(m.normal.cost for m in ends)
+        found.append((name, float(np.sqrt(max(2 * (cost - model.minimum.normal.cost), 0.0)))))
     return found
 
 

@@ -17,7 +17,7 @@ from sysid.effects._base import Scales
 from sysid.fitting.cross_validation import rms, surprising_residuals
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, Record
-from sysid.fitting.search import catalogue_starts, first_swings, search
+from sysid.fitting.search import catalogue_starts, first_swings, followed, scouts, search
 from sysid.joint.structure import structure_of
 from sysid.least_squares import Minimum
 from sysid.noise.whiteness import correlation_length
@@ -259,14 +259,18 @@ class Search:
             damping = left * known.parameters["damping"]
             starts += [{**little, **known.parameters, "damping": damping} for little in self._little(new)]
         # A start that is a little off is far off after many swings, so the first ones rank starts better, and sooner.
-        early = problem.with_(records=[first_swings(r, self.scales, EARLY) for r in self.records])
+        kept, parents = scouts(self.records), [inherited(problem, known) for known in (one, other)]
+        some = problem.with_(records=[self.records[i] for i in kept])
+        early = some.with_(records=[first_swings(r, self.scales, EARLY) for r in some.records])
         first = [early.fitted(early.start(completed(early, start)), 1, 1e-7) for start in starts]
         chosen = [min(group, key=lambda m: m.normal.cost) for group in (first[:2], first[2:]) if group]
-        points = [*(trial.point for trial in chosen), inherited(problem, one), inherited(problem, other)]
-        trials = [problem.fitted(point, 4, 1e-3) for point in points]
+        points = [*(m.point for m in chosen), *(problem.of(kept, point)[1] for point in parents)]
+        trials = [some.fitted(point, 4, 1e-3) for point in points]
         enough = ASTRAY * min(m.normal.cost for m in trials)
-        near = [m for m in trials if m.normal.cost <= enough]
-        return Candidate(effects=effects, problem=problem, minimum=min(near, key=promise))
+        best = min((m for m in trials if m.normal.cost <= enough), key=promise)
+        if len(kept) < len(self.records):
+            best = problem.fitted(followed(problem, parents[0], kept, best.point), 4, 1e-3)
+        return Candidate(effects=effects, problem=problem, minimum=best)
 
     def finished(self, model: Candidate, *parents: Candidate) -> Candidate:
         """Return a model that was only begun with its fit brought to an end, no worse than what it contains."""
@@ -591,18 +595,21 @@ def _walked(problem: Problem, found: Minimum) -> Minimum:
     """
     kinks = [f"{e.name}.{p.name}" for e in problem.structure.parts if e.nonsmooth for p in e.parameters]
     # The first swings are wide enough to show a better valley, and in them no start is out of step yet.
-    early = problem.with_(records=[first_swings(r, problem.scales, EARLY) for r in problem.records])
-    here = early.fitted(found.point, 6, 1e-3)
+    kept = scouts(problem.records)
+    some, start = problem.of(kept, found.point)
+    early = some.with_(records=[first_swings(r, problem.scales, EARLY) for r in some.records])
+    here = early.fitted(start, 6, 1e-3)
     trials = [here]
     for name, factor in itertools.product(kinks, ASIDE):
         if name in problem.names:
-            point = found.point.copy()
+            point = start.copy()
             point[problem.names.index(name)] *= factor
             trials.append(early.fitted(point, 6, 1e-3))
     best = min(trials, key=lambda m: m.normal.cost)
     if best.normal.cost > AHEAD * here.normal.cost:
         return found
-    return min(found, problem.fitted(best.point, 30), key=lambda m: m.normal.cost)
+    aside = followed(problem, found.point, kept, best.point)
+    return min(found, problem.fitted(aside, 30), key=lambda m: m.normal.cost)
 
 
 def _better(found: Sequence[Candidate], again: Iterable[Candidate]) -> list[Candidate]:

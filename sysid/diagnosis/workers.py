@@ -4,6 +4,7 @@ Threads would not do: CasADi computes inside Python's lock.
 """
 
 import multiprocessing
+import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -17,6 +18,9 @@ from sysid.errors import SysidError
 T = TypeVar("T")
 _LOADED = "sysid.diagnosis.search"
 """What jobs are made of: the half second of loading it is over when the first one comes."""
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""How libraries of linear algebra are told to compute in one thread. The largest matrices here have a hundred rows, and of those
+several threads make none faster; those of two processes on two cores wait for each other, so that a learned torque took five times as long."""
 
 
 class WorkerPool:
@@ -40,8 +44,15 @@ class WorkerPool:
         if self._workers > 1:
             context = multiprocessing.get_context("spawn")
             self._pool = ProcessPoolExecutor(self._workers, mp_context=context)
-            for _ in range(self._workers):  # a process starts with the first job that none is free for
-                self._pool.submit(import_module, _LOADED)
+            before = {name: os.environ[name] for name in _ONE_THREAD if name in os.environ}
+            try:  # what they begin with is what they keep
+                os.environ.update(dict.fromkeys(_ONE_THREAD, "1") | before)
+                for _ in range(self._workers):  # a process starts with the first job that none is free for
+                    self._pool.submit(import_module, _LOADED)
+            finally:
+                for name in _ONE_THREAD:
+                    if name not in before:
+                        del os.environ[name]
         return self
 
     def __exit__(

@@ -16,7 +16,7 @@ from sysid.effects._base import Effect, Scales, SensorEffect
 from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record, measured_rest
 from sysid.fitting.shooting import Shooting
 from sysid.joint.hermite import hermite_matrix
-from sysid.joint.integrator import Buffered, build_initial, build_stepper, steps_for
+from sysid.joint.integrator import Buffered, Rollout, block_of, build_initial, build_stepper, steps_for
 from sysid.joint.sensor import at_samples, clock_ratio, reader
 from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, Normal, minimise
@@ -121,6 +121,7 @@ class Problem:
     def _paths(self) -> list[_Path]:
         """Grids, functions and buffers: made when first needed, and left behind when a problem is pickled."""
         stepper = build_stepper(self.structure, free_states=self.free_states, sensitivities=True)
+        begin, block = Buffered(stepper.initial), block_of(stepper)
         paths: list[_Path] = []
         sensed = bool(at_samples(self.structure))
         ratio = clock_ratio(self.structure, self.fixed)
@@ -133,7 +134,7 @@ class Problem:
             signal = mean @ record.signal
             paths.append(
                 _Path(
-                    shooting=Shooting(stepper, steps, at, max(release.hold, 0.0)),
+                    shooting=Shooting(begin, Rollout(stepper, steps, block), at, max(release.hold, 0.0)),
                     signal=signal,
                     clock=mean @ (record.time + float(release.time[0])),
                     std=record.std / float(np.sqrt(self.average)),
@@ -247,7 +248,12 @@ class Problem:
         return np.array([known[name] for name in self.names] + own * len(self.records))
 
     def bounds(self) -> tuple[Array, Array]:
-        """Return lower and upper bounds in units of the sizes, shape (p,) each."""
+        """Return lower and upper bounds in units of the sizes, shape (p,) each, which are the caller's to change."""
+        low, high = self._bounds
+        return low.copy(), high.copy()
+
+    @cached_property
+    def _bounds(self) -> tuple[Array, Array]:
         # A spring may push (gravity outweighs it, or a bend of another law is taken for one); nothing passive drives.
         rests = [measured_rest([record]) / self.scales.amplitude for record in self.records]
         # A sensor that drifts from release to release has drifted from the log's first sample on.

@@ -29,6 +29,8 @@ _BEHIND = 2.0
 real logs the best one was never beyond it, but for three laws at more than thirty times the noise that came out 4 to 7 % worse."""
 _VISCOUS = (0.6, 0.2)
 """Shares of the loss left to the damper from which a joint with dry friction is searched."""
+_SCOUTS = 3
+"""Records in whose first swings starts are ranked: a choice; a recording that is cut has nine stretches, and their first swings are nearly all of it."""
 _WIDEST = 6
 """Releases, those of the widest swings, from which the sizes of a problem are found."""
 _ASTRAY = 1.5
@@ -196,13 +198,14 @@ def search(
     starts = starting_points(structure, scales, fixed) if starts is None else starts
     nonsmooth = structure.nonsmooth
     coarse_steps = min(60 if nonsmooth else 24, steps_per_period)
+    kept = scouts(records) if structure.effects else range(len(records))
     coarse = Problem(
-        structure, records, scales, bias=bias, fixed=fixed, bounded=dict(bounded or {}), priors=dict(priors or {}), free_states=free_states,
-        steps_per_period=coarse_steps, average=average,
+        structure, [records[i] for i in kept], scales, bias=bias, fixed=fixed, bounded=dict(bounded or {}), priors=dict(priors or {}),
+        free_states=free_states, steps_per_period=coarse_steps, average=average,
     )  # fmt: skip
     horizons = [] if not structure.effects else _SHORT if nonsmooth else _LONG
     early = [
-        coarse.with_(records=[first_swings(record, scales, periods) for record in records])
+        coarse.with_(records=[first_swings(record, scales, periods) for record in coarse.records])
         for periods in horizons
     ]
     acting = [place for place, name in enumerate(coarse.names) if "." in name]
@@ -233,7 +236,8 @@ def search(
     found.sort(key=lambda item: item[0])
     with stage(0.5, 0.7):
         found[0] = scan_rough_parameters(coarse, _restarted(coarse, found[0]))
-    fine = coarse if coarse_steps == steps_per_period else coarse.with_(steps_per_period=steps_per_period)
+    same = coarse_steps == steps_per_period and len(kept) == len(records)
+    fine = coarse if same else coarse.with_(records=records, steps_per_period=steps_per_period)
     best: Minimum | None = None
     # On the coarse grid a kink falls between two points, so its costs rank neighbours only roughly.
     most, near = (4, 3.0) if nonsmooth else (2, 1.2)
@@ -241,7 +245,8 @@ def search(
         for cost, point in steps(found[:most]):
             if best is not None and cost > near * found[0][0]:
                 break
-            minimum = fine.fitted(point, tolerance=1e-7 if exact else None)
+            start = followed(fine, fine.start(coarse.parameters(point)), kept, point)
+            minimum = fine.fitted(start, tolerance=1e-7 if exact else None)
             evaluations += minimum.evaluations
             if best is None or minimum.normal.cost < best.normal.cost:
                 best = minimum
@@ -319,6 +324,28 @@ def _restarted(problem: Problem, found: tuple[float, Array]) -> tuple[float, Arr
             again = problem.fitted(point, 15, 1e-5)
             best = min(best, (again.normal.cost, again.point), key=lambda item: item[0])
     return best
+
+
+def scouts(records: Sequence[Record]) -> list[int]:
+    """Return which records starts are ranked by: of many the widest, the smallest and what lies between, in their order."""
+    order = np.argsort([-float(np.ptp(record.signal)) for record in records], kind="stable")
+    picked = np.linspace(0, len(records) - 1, min(_SCOUTS, len(records))).astype(int)
+    return sorted(int(i) for i in order[picked])
+
+
+def followed(problem: Problem, whole: Array, kept: Sequence[int], point: Array) -> Array:
+    """Return unknowns of all records, with those that a search of some of them found in their places, in units of sizes, shape (p,).
+
+    Args:
+        problem: Of all records.
+        whole: Its unknowns, shape (p,).
+        kept: Which records were searched.
+        point: What was found, shape (q,).
+    """
+    shared = len(problem.names)
+    start = np.r_[point[:shared], whole[shared:]]
+    problem.own(start)[kept] = point[shared:].reshape(len(kept), problem.n_local)
+    return start
 
 
 def first_swings(record: Record, scales: Scales, periods: float) -> Record:

@@ -1,11 +1,11 @@
 """Single shooting of one release: from parameters and initial state to sensor readings, with sensitivities."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from sysid.joint.integrator import Buffered, Rollout, Stepper
+from sysid.joint.integrator import Buffered, Rollout
 from sysid.roll import Array
 
 
@@ -13,28 +13,22 @@ from sysid.roll import Array
 class Shooting:
     """Integrates one record's motion and reads it off at the record's samples."""
 
-    stepper: Stepper
-    steps: int
+    begin: Buffered
+    """(parameters, unknowns, hold) → state and sensitivities at release."""
+    path: Rollout
     at: Any
     """Sparse matrix from grid values and slopes to what is wanted at the samples, shape (n, 2 steps)."""
     hold: float
     """For how long the deck was held before [s]."""
-    _begin: Buffered = field(init=False)
-    _path: Rollout = field(init=False)
-
-    def __post_init__(self) -> None:
-        """Allocate the buffers."""
-        self._begin = Buffered(self.stepper.initial)
-        self._path = Rollout(self.stepper, self.steps)
 
     def read(self, vector: Array, own: Array, step: float) -> Array:
         """Return values and sensitivities, shape (n, 1 + columns of the stepper), in SI, as the parameters are, shape (p,).
 
         Each record's own, shape (u,), is roll, rate and free internal states at release; the step is the integration's [s].
         """
-        parameters, unknowns, hold = self._begin.inputs
+        parameters, unknowns, hold = self.begin.inputs
         parameters[:], unknowns[:], hold[:] = vector, own, self.hold
-        self._begin.run()
-        grid = self._path(self._begin.outputs[0], np.concatenate((vector, (step,))))
+        self.begin.run()
+        grid = self.path(self.begin.outputs[0], np.concatenate((vector, (step,))))
         with np.errstate(all="ignore"):
             return np.asarray(self.at @ grid)

@@ -262,12 +262,17 @@ class Buffered:
             self._buffer.set_res(index, values.data)
 
 
+def block_of(stepper: Stepper) -> Buffered:
+    """Return (start, parameters and step) → (the same after `BLOCK` steps, outputs at the start of each), with memory of its own."""
+    return Buffered(_block(stepper))
+
+
 class Rollout:
     """Some steps of a joint, block by block, so that one function does for every length."""
 
-    def __init__(self, stepper: Stepper, steps: int) -> None:
-        """Allocate the buffers for a multiple of `BLOCK` steps."""
-        self._block = Buffered(_block(stepper))
+    def __init__(self, stepper: Stepper, steps: int, block: Buffered | None = None) -> None:
+        """Allocate the buffers for a multiple of `BLOCK` steps; rollouts of one joint may share the block."""
+        self._block = block or block_of(stepper)
         self._rows = stepper.step.size1_out(1)
         self._seen = np.zeros((steps // BLOCK, BLOCK * self._rows))
 

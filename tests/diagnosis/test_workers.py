@@ -31,6 +31,15 @@ def test_workers_load_before_there_is_a_job():
         assert len(multiprocessing.active_children()) == before + 2
 
 
+def test_a_worker_computes_in_one_thread_unless_it_is_told_otherwise(monkeypatch):
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    with WorkerPool(2) as pool:
+        assert pool.begin(os.getenv, "OPENBLAS_NUM_THREADS")() == "1"
+        assert pool.begin(os.getenv, "OMP_NUM_THREADS")() == "3"
+    assert "OPENBLAS_NUM_THREADS" not in os.environ
+
+
 def test_a_process_that_dies_is_said():
     with pytest.raises(SysidError, match="--workers 1"), WorkerPool(2) as pool:
         list(pool.each(os._exit, [(1,)]))
