@@ -3,6 +3,7 @@
 import json
 import math
 import zipfile
+from datetime import datetime, timedelta
 
 import numpy as np
 import pandas as pd
@@ -194,6 +195,20 @@ def test_phyphox_single_table(tmp_path):
     assert roll.origin == "gyro"
     truth = rocking(roll.time, rest=0.0)[0]
     assert np.rad2deg(np.abs(roll.roll - truth).max()) < 0.3
+
+
+def test_matlab_mobile_zip(tmp_path):
+    """Bare axes, stamps with the month in letters, and the gyro called by what it measures."""
+    time, gyro, accel = sensor_files()
+    start, path = datetime(2026, 5, 12, 14, 5, 12), tmp_path / "sensorlog_20260512_140512.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, values in (("Acceleration", accel), ("AngularVelocity", gyro)):
+            lines = ["Timestamp,X,Y,Z"]
+            for t, row in zip(time, values, strict=True):
+                stamp = start + timedelta(milliseconds=round(1000 * t))
+                lines.append(f"{stamp:%d-%b-%Y %H:%M:%S.%f}"[:-3] + ",%.6f,%.6f,%.6f" % tuple(row))
+            archive.writestr(f"{name}.csv", "\n".join(lines) + "\n")
+    check_phone(path)
 
 
 @pytest.mark.parametrize("kind", ["total", "gravity-apart", "uncalibrated", "folder"])
