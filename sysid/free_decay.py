@@ -190,7 +190,8 @@ def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
         for release, rest in zip(steady, rests, strict=True)
     ]
     line = fit_peak_line(peaks, [rest.std for rest in rests])
-    levels = rests if trace.signal == "roll" else ()
+    levels = [_with_zero(rest, release) for rest, release in zip(rests, releases, strict=True)]
+    levels = levels if trace.signal == "roll" else []
     nonlinearities = tuple(find_nonlinearities(steady, peaks, noise, levels))
     from_line = None
     if line is not None:
@@ -259,6 +260,12 @@ def _rest_angles(
         rests.append(Quantity(rest, std, "rad", "integrated rate"))
         steady.append(replace(release, roll=roll, rest=rest))
     return steady, rests, math.sqrt(variance)
+
+
+def _with_zero(rest: Quantity, release: Release) -> Quantity:
+    """Return a rest angle [rad] as well as it is known beside those of other releases: where the sensor's zero wanders, no better than that."""
+    zero = float(np.median(release.std)) if release.zero == "drifting" else 0.0
+    return replace(rest, std=math.hypot(rest.std, zero))
 
 
 def _level(time: Array, roll: Array, trace: TraceFit) -> tuple[float, float, Array]:

@@ -537,6 +537,18 @@ def test_levels_within_the_noise_are_no_friction():
         assert find_nonlinearities(releases, [[], [], [], []], 1e-4, rests) == []
 
 
+def test_levels_are_known_no_better_than_a_zero_that_wanders():
+    """An IMU's roll of 0.2° rests 0.1° apart from release to release: that is the sensor, while of an encoder it is friction."""
+    levels, std = np.deg2rad([-0.13, -0.04, -0.14]), np.deg2rad(0.2)
+    releases = [clean_release(*PINK, start=0.15 * (-1) ** i, noise=1e-4, seed=i) for i in range(3)]
+    releases = [
+        replace(r, roll=r.roll + level, rest=level, std=np.full(len(r.time), std))
+        for r, level in zip(releases, levels, strict=True)
+    ]
+    assert not fit_decay(releases, INERTIA).linear
+    assert fit_decay([replace(r, origin="imu", zero="drifting") for r in releases], INERTIA).linear
+
+
 def with_misfit(seed, size):
     """Two releases with an error that follows the motion: five independent values in a period."""
     rng = np.random.default_rng(seed)
