@@ -206,7 +206,7 @@ def test_matlab_mobile_zip(tmp_path):
             lines = ["Timestamp,X,Y,Z"]
             for t, row in zip(time, values, strict=True):
                 stamp = start + timedelta(milliseconds=round(1000 * t))
-                lines.append(f"{stamp:%d-%b-%Y %H:%M:%S.%f}"[:-3] + ",%.6f,%.6f,%.6f" % tuple(row))
+                lines.append(",".join((f"{stamp:%d-%b-%Y %H:%M:%S.%f}"[:-3], *map(str, row))))
             archive.writestr(f"{name}.csv", "\n".join(lines) + "\n")
     check_phone(path)
 
