@@ -114,6 +114,29 @@ def test_without_header_the_angle_is_told_from_its_rate(tmp_path):
     check(tmp_path / "b.csv", column="3", time_column="1", unit="rad")
 
 
+def test_without_header_time_is_found_beside_the_column_that_the_user_names(tmp_path):
+    other = np.cos(20 * TIME)
+    path = write_csv(tmp_path / "log.csv", None, TIME, other, ROLL)
+    check(path, column="3")
+
+
+def test_seconds_and_nanoseconds_without_names(tmp_path):
+    """`ros2 topic echo --csv` of joint states: no header, and the joints' names among the numbers."""
+    whole, rest = np.divmod(np.round(TIME * 1e9) + 0.7e9, 1e9)
+    names = ["tail"] * TIME.size
+    path = tmp_path / "log.csv"
+    rows = zip(whole + 1778594712, rest, names, ROLL, np.gradient(ROLL, TIME), strict=True)
+    path.write_text("".join(f"{s:.0f},{ns:.0f},,{name},{x:.9g},{v:.9g},0.0\n" for s, ns, name, x, v in rows))
+    check(path, column="5")
+
+
+def test_columns_are_counted_as_in_the_file_where_two_of_them_are_the_clock(tmp_path):
+    whole, rest = np.divmod(np.round(TIME * 1e9) + 0.7e9, 1e9)
+    names = ("stamp_sec", "stamp_nanosec", "roll_rad", "other_rad")
+    path = write_csv(tmp_path / "log.csv", names, whole + 1e6, rest, ROLL, ROLL / 2)
+    check(path, column="3")
+
+
 def test_trailing_delimiters_and_blanks_after_commas(tmp_path):
     lines = ["t_s, roll_rad,", *(f"{t:.9g}, {r:.9g}," for t, r in zip(TIME, ROLL, strict=True))]
     (tmp_path / "log.csv").write_text("\n".join(lines))
