@@ -37,6 +37,11 @@ def check(path, **options):
         ("Gyroscope x (rad/s)", "rate", "x", "rad/s"),
         ("GyroY_dps", "rate", "y", "deg/s"),
         ("gz", "rate", "z", None),
+        ("gyro_x_deg", "rate", "x", "deg/s"),
+        ("gyro_integrated_x [deg]", "angle", "x", "deg"),
+        ("gyroAngleX", "angle", "x", None),
+        ("accAngleY", "angle", "y", None),
+        ("integrated gyro x (rad/s)", "rate", "x", "rad/s"),
         ("/imu.angular_velocity.x", "rate", "x", None),
         ("roll_rate_deg_s", "rate", "x", "deg/s"),
         ("ax", "accel", "x", None),
@@ -135,6 +140,18 @@ def test_columns_are_counted_as_in_the_file_where_two_of_them_are_the_clock(tmp_
     names = ("stamp_sec", "stamp_nanosec", "roll_rad", "other_rad")
     path = write_csv(tmp_path / "log.csv", names, whole + 1e6, rest, ROLL, ROLL / 2)
     check(path, column="3")
+
+
+def test_rate_that_vicon_writes_above_its_frames(tmp_path):
+    """Nexus: the kind of the table, the rate, names of bodies and of columns, units, and frames for a clock."""
+    head = "Model Outputs\n100\n,,rig:Ankle,,,rig:Knee,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n,,deg,deg,deg,deg,deg,deg\n"
+    rows = [f"{n},0,{angle:.9g},0.3,-1.2,5,0.1,0.2\n" for n, angle in enumerate(np.rad2deg(ROLL))]
+    path = tmp_path / "trial.csv"
+    path.write_text(head + "".join(rows))
+    check(path)
+    del rows[40:60]  # frames that were lost are a gap, and no shorter time
+    path.write_text(head + "".join(rows))
+    assert read_roll(path).time[-1] == pytest.approx(TIME[-1])
 
 
 def test_trailing_delimiters_and_blanks_after_commas(tmp_path):
