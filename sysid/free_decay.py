@@ -39,6 +39,9 @@ MIN_DECREMENT_DIFFERENCE = 0.005
 """Two decrements this close, relatively, are never said to disagree: a local cubic is no closer."""
 ABOVE_NOISE = 1.15
 """Residuals above this multiple of the noise floor are looked at."""
+FEW_IN_PERIOD = 5.0
+"""Samples a period below which a hand may pass for a swing: of 36 simulated logs of three releases with 2.6 to 4, six were not told apart, of 36
+with 5 to 8 none."""
 WORTH_NAMING = 0.007
 """Misfit below this share of the amplitude is not worth a warning."""
 
@@ -190,7 +193,8 @@ def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
         for release, rest in zip(steady, rests, strict=True)
     ]
     line = fit_peak_line(peaks, [rest.std for rest in rests])
-    levels = rests if trace.signal == "roll" else ()
+    levels = [_with_zero(rest, release) for rest, release in zip(rests, releases, strict=True)]
+    levels = levels if trace.signal == "roll" else []
     nonlinearities = tuple(find_nonlinearities(steady, peaks, noise, levels))
     from_line = None
     if line is not None:
@@ -226,9 +230,16 @@ def _refuse_nonsense(releases: Sequence[Release], trace: TraceFit) -> None:
     """Refuse where the numbers would mean nothing."""
     log = releases[0].log
     if trace.explained < 0.5:
+        step = float(np.median(np.concatenate([np.diff(release.time) for release in releases])))
+        in_period = 2 * math.pi / (trace.omega_n * step)
+        slow = (
+            f"It has {in_period:.2g} samples a period, too few to tell a hand from a swing: record faster, or one release a log. "
+            if in_period < FEW_IN_PERIOD
+            else ""
+        )
         raise SysidError(
             f"{log}: a linear decay explains only {100 * max(0.0, trace.explained):.0f} % of the motion after the "
-            "release. Where something else moves the joint, mark the free part of the log (--from, --to, --release). "
+            f"release. {slow}Where something else moves the joint, mark the free part of the log (--from, --to, --release). "
             "Where it swings freely, it is far from linear, as against a stop: `husky-sysid diagnose` names the cause."
         )
     spread = math.sqrt(trace.covariance[0, 0]) / trace.omega_n
@@ -259,6 +270,12 @@ def _rest_angles(
         rests.append(Quantity(rest, std, "rad", "integrated rate"))
         steady.append(replace(release, roll=roll, rest=rest))
     return steady, rests, math.sqrt(variance)
+
+
+def _with_zero(rest: Quantity, release: Release) -> Quantity:
+    """Return a rest angle [rad] as well as it is known beside those of other releases: where the sensor's zero wanders, no better than that."""
+    zero = float(np.median(release.std)) if release.zero == "drifting" else 0.0
+    return replace(rest, std=math.hypot(rest.std, zero))
 
 
 def _level(time: Array, roll: Array, trace: TraceFit) -> tuple[float, float, Array]:

@@ -165,7 +165,7 @@ def _worse(model: Candidate, rest_angle: float, *more: str) -> float:
 def _linear(model: Candidate, board: Board, covariance: np.ndarray, names: list[str]) -> Deviation:
     """Compare k/I and d/I with the record, and name what would change them in just this proportion."""
     record = {name: board.tilt[name] for name in ("stiffness", "damping")}
-    known = (board.decay or board.fit) and all(q.std > 0 for q in record.values())
+    known = all(q.std > 0 for q in record.values())
     if not known or any(name not in names for name in record) or model.parameters["damping"] <= 0:
         return Deviation()
     values = np.array([model.parameters[name] for name in record])

@@ -162,7 +162,10 @@ def _release(
     inside = (roll.time >= begin - 1e-9) & (roll.time <= finish + 1e-9)
     rest = segment.rest
     if end == "rest":
-        rest = float(np.median(signal.roll[(signal.time >= finish - segment.pace) & (signal.time <= finish)]))
+        last = signal.roll[(signal.time >= finish - segment.pace) & (signal.time <= finish)]
+        rest = (
+            float(np.median(last)) if last.size else segment.rest
+        )  # where a sample lasts longer than a swing
     return Release.of(roll[inside], number=number, rest=rest, hold=hold, end=end, held=held)
 
 

@@ -537,6 +537,40 @@ def test_levels_within_the_noise_are_no_friction():
         assert find_nonlinearities(releases, [[], [], [], []], 1e-4, rests) == []
 
 
+def test_levels_are_known_no_better_than_a_zero_that_wanders():
+    """An IMU's roll of 0.2° rests 0.1° apart from release to release: that is the sensor, while of an encoder it is friction."""
+    levels, std = np.deg2rad([-0.13, -0.04, -0.14]), np.deg2rad(0.2)
+    releases = [clean_release(*PINK, start=0.15 * (-1) ** i, noise=1e-4, seed=i) for i in range(3)]
+    releases = [
+        replace(r, roll=r.roll + level, rest=level, std=np.full(len(r.time), std))
+        for r, level in zip(releases, levels, strict=True)
+    ]
+    assert not fit_decay(releases, INERTIA).linear
+    assert fit_decay([replace(r, origin="imu", zero="drifting") for r in releases], INERTIA).linear
+
+
+@pytest.mark.parametrize(
+    ("sampling", "seed", "zeta"), [(15, 4, 0.1), (16, 7, 0.03), (16, 9, 0.25), (19, 5, 0.03)]
+)
+def test_a_rest_is_known_where_a_sample_lasts_as_long_as_a_swing(sampling, seed, zeta):
+    recipe = Recipe(
+        zeta=zeta, amplitudes=(0.18, -0.16, 0.13), sampling=sampling, seed=seed, free=1.1 / zeta * 6 / 41 + 0.5,
+        hold=1.0, tremor=0.05 * DEGREE, omega=41.0,
+    )  # fmt: skip
+    assert all(math.isfinite(release.rest) for release in find_releases(make_roll(recipe)))
+
+
+@pytest.mark.parametrize(("sampling", "said"), [(10, True), (100, False)])
+def test_few_samples_a_period_are_said_where_a_hand_passes_for_a_swing(sampling, said):
+    """At 10 Hz, the next hand was once taken for more of a decay at 3.1 Hz."""
+    one = clean_release(19.5, 0.04, start=0.24, duration=7.0, sampling=sampling)
+    both = np.concatenate((one.roll, np.full(2 * sampling, -0.2), -one.roll))
+    release = replace(one, time=np.arange(len(both)) / sampling, roll=both, std=np.full(len(both), 1e-3))
+    with pytest.raises(SysidError, match="explains only") as error:
+        fit_decay([release], INERTIA)
+    assert ("samples a period, too few" in str(error.value)) == said
+
+
 def with_misfit(seed, size):
     """Two releases with an error that follows the motion: five independent values in a period."""
     rng = np.random.default_rng(seed)

@@ -107,6 +107,14 @@ def test_what_is_too_weak_to_bend_a_decay_is_among_what_may_have_moved_k_and_d(t
     assert sizes == sorted(sizes)
 
 
+def test_what_a_record_states_counts_however_it_was_measured(tmp_path):
+    """Stiffness and damping that a user wrote with their deviations, without the peaks that they are from."""
+    model, truth = fitted("clock 1.06", (), tmp_path), BY_NAME["clock 1.06"]
+    board = replace(truths.board_of(truth), decay={}, fit=None)
+    deviation = record_deviation(model, board, look_at_linear=True)
+    assert ("clock",) in (deviation.effects, *deviation.alike)
+
+
 def test_a_support_that_moves_k_and_d_as_nothing_simpler_does_is_told_and_not_named(tmp_path):
     """It has three numbers, and two changed: that they did says as much."""
     truth = truths.Truth("soft", {"second-mode": (0.01, 500.0, 0.3)}, rates=(500.0,), noises=(0.04,))

@@ -3,6 +3,7 @@
 import json
 import math
 import zipfile
+from datetime import datetime, timedelta
 
 import numpy as np
 import pandas as pd
@@ -36,6 +37,11 @@ def check(path, **options):
         ("Gyroscope x (rad/s)", "rate", "x", "rad/s"),
         ("GyroY_dps", "rate", "y", "deg/s"),
         ("gz", "rate", "z", None),
+        ("gyro_x_deg", "rate", "x", "deg/s"),
+        ("gyro_integrated_x [deg]", "angle", "x", "deg"),
+        ("gyroAngleX", "angle", "x", None),
+        ("accAngleY", "angle", "y", None),
+        ("integrated gyro x (rad/s)", "rate", "x", "rad/s"),
         ("/imu.angular_velocity.x", "rate", "x", None),
         ("roll_rate_deg_s", "rate", "x", "deg/s"),
         ("ax", "accel", "x", None),
@@ -111,6 +117,41 @@ def test_without_header_the_angle_is_told_from_its_rate(tmp_path):
     with pytest.raises(SysidError, match="--column"):
         read_roll(tmp_path / "b.csv")
     check(tmp_path / "b.csv", column="3", time_column="1", unit="rad")
+
+
+def test_without_header_time_is_found_beside_the_column_that_the_user_names(tmp_path):
+    other = np.cos(20 * TIME)
+    path = write_csv(tmp_path / "log.csv", None, TIME, other, ROLL)
+    check(path, column="3")
+
+
+def test_seconds_and_nanoseconds_without_names(tmp_path):
+    """`ros2 topic echo --csv` of joint states: no header, and the joints' names among the numbers."""
+    whole, rest = np.divmod(np.round(TIME * 1e9) + 0.7e9, 1e9)
+    names = ["tail"] * TIME.size
+    path = tmp_path / "log.csv"
+    rows = zip(whole + 1778594712, rest, names, ROLL, np.gradient(ROLL, TIME), strict=True)
+    path.write_text("".join(f"{s:.0f},{ns:.0f},,{name},{x:.9g},{v:.9g},0.0\n" for s, ns, name, x, v in rows))
+    check(path, column="5")
+
+
+def test_columns_are_counted_as_in_the_file_where_two_of_them_are_the_clock(tmp_path):
+    whole, rest = np.divmod(np.round(TIME * 1e9) + 0.7e9, 1e9)
+    names = ("stamp_sec", "stamp_nanosec", "roll_rad", "other_rad")
+    path = write_csv(tmp_path / "log.csv", names, whole + 1e6, rest, ROLL, ROLL / 2)
+    check(path, column="3")
+
+
+def test_rate_that_vicon_writes_above_its_frames(tmp_path):
+    """Nexus: the kind of the table, the rate, names of bodies and of columns, units, and frames for a clock."""
+    head = "Model Outputs\n100\n,,rig:Ankle,,,rig:Knee,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n,,deg,deg,deg,deg,deg,deg\n"
+    rows = [f"{n},0,{angle:.9g},0.3,-1.2,5,0.1,0.2\n" for n, angle in enumerate(np.rad2deg(ROLL))]
+    path = tmp_path / "trial.csv"
+    path.write_text(head + "".join(rows))
+    check(path)
+    del rows[40:60]  # frames that were lost are a gap, and no shorter time
+    path.write_text(head + "".join(rows))
+    assert read_roll(path).time[-1] == pytest.approx(TIME[-1])
 
 
 def test_trailing_delimiters_and_blanks_after_commas(tmp_path):
@@ -194,6 +235,20 @@ def test_phyphox_single_table(tmp_path):
     assert roll.origin == "gyro"
     truth = rocking(roll.time, rest=0.0)[0]
     assert np.rad2deg(np.abs(roll.roll - truth).max()) < 0.3
+
+
+def test_matlab_mobile_zip(tmp_path):
+    """Bare axes, stamps with the month in letters, and the gyro called by what it measures."""
+    time, gyro, accel = sensor_files()
+    start, path = datetime(2026, 5, 12, 14, 5, 12), tmp_path / "sensorlog_20260512_140512.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, values in (("Acceleration", accel), ("AngularVelocity", gyro)):
+            lines = ["Timestamp,X,Y,Z"]
+            for t, row in zip(time, values, strict=True):
+                stamp = start + timedelta(milliseconds=round(1000 * t))
+                lines.append(",".join((f"{stamp:%d-%b-%Y %H:%M:%S.%f}"[:-3], *map(str, row))))
+            archive.writestr(f"{name}.csv", "\n".join(lines) + "\n")
+    check_phone(path)
 
 
 @pytest.mark.parametrize("kind", ["total", "gravity-apart", "uncalibrated", "folder"])

@@ -369,3 +369,19 @@ def test_a_gyro_that_gravity_tells_nothing_of_is_warned_of(tmp_path):
         tmp_path / "imu.csv", ("t_s", "gx", "gy", "gz", "ax", "ay", "az"), TIME, *gyro.T, *accel.T
     )
     assert any("names no unit" in text for text in read_roll(path).warnings)
+
+
+@pytest.mark.parametrize("gain", [0.98, 1.0, 1.02])
+@pytest.mark.parametrize("below", [2.0, 2.4])
+def test_at_the_end_of_a_pendulum_the_gyro_keeps_its_scale(below, gain):
+    """A swing seat feels its weight along the ropes at every tilt; the smoother made 0.8 of the gyro's gain of that."""
+    time, rng = np.arange(0, 80, 1 / 50), np.random.default_rng(2)
+    motion = rocking(time, amplitude=0.55, rest=0.0, release=3.0, omega=np.sqrt(9.81 / 2.1), zeta=0.01)
+    gyro, accel = imu(time, *motion, arm=(0.0, 0.0, -below))
+    gyro = gyro * gain + rng.normal(0, 4e-3, gyro.shape)
+    found = smooth_gravity(
+        time, gyro, accel + rng.normal(0, 0.03, accel.shape), offset=np.zeros(3), offset_std=2e-3,
+        rate_noise=4e-3, find_lever_arm=True,
+    )  # fmt: skip
+    scale = float(found.rate[:, 0] @ motion[1] / (motion[1] @ motion[1]))
+    assert abs(scale - 1) < 2.5 * found.scale_std(np.array([1.0, 0.0, 0.0]))

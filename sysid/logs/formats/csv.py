@@ -15,6 +15,7 @@ from sysid.logs.formats import dialect
 from sysid.logs.formats.long_table import by_sensor, sensor_column
 from sysid.logs.formats.registry import Format
 from sysid.logs.table.file import LogFile
+from sysid.logs.table.frame_clock import with_frame_clock
 from sysid.logs.table.names import of_sensor
 from sysid.roll import Array
 
@@ -235,6 +236,8 @@ def open_csv(path: Path) -> LogFile:
         stamped=stamped,
     )
     log = LogFile(path=path, names=names, units=units, dates=dates, notes=tuple(notes), read=table.read)
+    if rate := dialect.rate_above(rows[:first], delimiter, decimal):
+        log = with_frame_clock(log, rate)
     sensor = sensor_column(names)
     if sensor is None or all(
         dialect.is_number(row[names.index(sensor)], decimal) for row in sample if len(row) >= width

@@ -193,6 +193,15 @@ def find_header(
     return _with_names_above(above), []
 
 
+def rate_above(rows: Sequence[tuple[int, str]], delimiter: str, decimal: str) -> float | None:
+    """Return the frames a second that stand alone in a line below the kind of the table, as Vicon writes them above the header."""
+    cells = [[cell for cell in split_line(line, delimiter) if cell] for _, line in rows[:2]]
+    if len(cells) < 2 or [len(row) for row in cells] != [1, 1] or is_number(cells[0][0], decimal):
+        return None
+    rate = read_number(cells[1][0], decimal) if is_number(cells[1][0], decimal) else 0.0
+    return rate if rate > 0 else None
+
+
 def _with_names_above(above: Sequence[list[str]]) -> list[str]:
     """Return the names in the last of some rows; those that are there more than once with the row's above that tell them apart."""
     last = list(above[-1])

@@ -15,7 +15,9 @@ from sysid.roll import Array
 TIME = "time (s)"
 VALUE = ("value", "val", "values")
 """What a table of one quantity calls it, which its own name does better."""
-MOTION = re.compile(r"gyr|acc|orient|attitude|grav|motion|raw|rotation", re.I)
+GYRO = re.compile(r"gyr|angular.?(vel|rate)", re.I)
+"""Names of the gyro's table: phones measure in rad/s."""
+MOTION = re.compile(rf"{GYRO.pattern}|acc|orient|attitude|grav|motion|raw|rotation", re.I)
 """Names of the tables of motion sensors; a GPS or a microphone beside them is left alone."""
 
 
@@ -91,7 +93,7 @@ def _full_name(stem: str, name: str) -> str:
     if column.kind == "unknown" and column.axis:
         name = f"{sensor} {name}"
     bare = name.startswith(f"{sensor} ") and column.unit is None
-    return f"{name} (rad/s)" if bare and re.search("gyr", stem, re.I) else name
+    return f"{name} (rad/s)" if bare and GYRO.search(stem) else name
 
 
 def motion_first(sensors: Iterable[str]) -> list[str]:

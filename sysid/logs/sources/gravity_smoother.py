@@ -9,7 +9,7 @@ misalignment of the gyro, offset of the accelerometer. Filtering accelerations i
 frame is the idea of VQF (Laidig and Seel, Information Fusion 91, 2023); theirs is a low-pass filter.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,8 +37,12 @@ WINDOW_SECONDS = 1.0
 """Over this long the strength of such accelerations is taken as one [s]."""
 GAIN_STD = 0.02
 """Typical gain and misalignment errors of a MEMS gyro, as a share: 1 to 3 % in data sheets."""
+GAIN_MOST = 3 * GAIN_STD
+"""A larger error than any data sheet's is the accelerometer's: at the end of a pendulum it feels hardly any tilt, however long it swings."""
 ACCEL_OFFSET_STD = 0.01
 """Typical offset of a MEMS accelerometer [g]."""
+HELD = 1e-6
+"""Standard deviation of gains that are held [1]; at zero the smoother's covariances have no inverse."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +61,8 @@ class Gravity:
     """Rotation rate in sensor axes without the gyro's offset, gain errors and misalignment [rad/s], shape (n, 3)."""
     lever_arm: Array | None
     """From the axis of rotation to the accelerometer, in sensor axes [m], shape (3,); None where there is none."""
+    gain_error: float
+    """The largest of the gyro's gain errors and misalignments [1] that were taken off."""
     gain_covariance: Array
     """Of the gyro's gain errors and misalignment, row by row [1], shape (9, 9)."""
 
@@ -92,12 +98,33 @@ def smooth_gravity(
     Raises:
         SysidError: The record is too short.
     """
+    first = np.zeros(3) if offset is None else offset
+    known = first, offset_std, rate_noise
+    found = _smooth(time, rate, accel, *known, GAIN_STD, lever_arm, find_lever_arm)
+    if found.gain_error <= GAIN_MOST:
+        return found
+    held = _smooth(time, rate, accel, *known, HELD, lever_arm, find_lever_arm)
+    return replace(held, gain_covariance=GAIN_STD**2 * np.eye(9))
+
+
+def _smooth(
+    time: Array,
+    rate: Array,
+    accel: Array,
+    offset: Array,
+    offset_std: float,
+    rate_noise: float,
+    gain_std: float,
+    lever_arm: Array | None,
+    find_lever_arm: bool,
+) -> Gravity:
+    """Return what `smooth_gravity` does, of a gyro whose gains and misalignment have a standard deviation [1]."""
     size = max(1, round(BLOCK_SECONDS / float(np.median(np.diff(time)))))
     if time.size < 4 * size:
         raise SysidError(f"a record of {time[-1] - time[0]:.3g} s is too short to tell gravity from motion.")
     known = np.zeros(15)
-    known[:3] = 0.0 if offset is None else offset
-    prior = np.repeat((offset_std, GAIN_STD, GAIN_STD, GAIN_STD, ACCEL_OFFSET_STD), 3)
+    known[:3] = offset
+    prior = np.repeat((offset_std, gain_std, gain_std, gain_std, ACCEL_OFFSET_STD), 3)
     errors, arm = known.copy(), lever_arm
     blocks = _Blocks.of(time, size)
     spread = up = np.zeros(0)
@@ -123,6 +150,7 @@ def smooth_gravity(
         offset_std=np.sqrt(np.diagonal(covariance[-1, 3:6, 3:6])),
         rate=(rate - errors[:3]) @ (np.eye(3) - errors[3:12].reshape(3, 3)).T,
         lever_arm=arm,
+        gain_error=float(np.abs(errors[3:12]).max()),
         gain_covariance=covariance[-1, 6:15, 6:15],
     )
 

@@ -64,10 +64,11 @@ def columns_of(log: LogFile, options: LogOptions) -> tuple[Column | None, list[C
     silent = not any(column.kind != "unknown" for column in columns) or (
         len(named) < len(columns) and all(column.kind == "time" for column in named)
     )
-    if silent and options.column is None:
-        from sysid.logs.table.content import name_columns_by_content
+    if silent:
+        from sysid.logs.table.content import find_time_by_content, name_columns_by_content
 
-        columns = name_columns_by_content(log, columns)
+        tell = name_columns_by_content if options.column is None else find_time_by_content
+        columns = tell(log, columns)
     time = time_column(log, columns, options)
     others = sum(column.kind == "time" for column in columns) - 1
     while time and others > 0 and options.time_column is None and not _runs(log.read([time.name])[time.name]):

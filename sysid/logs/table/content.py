@@ -1,6 +1,7 @@
 """Columns without names: their quantity from the numbers themselves."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -20,19 +21,8 @@ def name_columns_by_content(log: LogFile, columns: Sequence[Column]) -> list[Col
     Raises:
         SysidError: The numbers leave it open.
     """
-    data = log.read(log.names)
-    data = {name: column[np.isfinite(column)] for name, column in data.items()}
-    found: dict[str, tuple[Kind, str]] = {}
-    moving: list[str] = []
-    for name in log.names:
-        column = data[name]
-        if column.size < 2 or column.min() == column.max():
-            continue
-        if np.all(np.diff(column) > 0):  # what swings goes back
-            found[name] = ("count" if _counts(column) else "time", "")
-        else:
-            moving.append(name)
-    signals = {name: data[name] for name in moving}
+    found, signals = _told_apart(log)
+    moving = list(signals)
     if len({column.size for column in signals.values()}) > 1:
         signals = {}
     found |= _sensors(moving, signals)
@@ -41,12 +31,48 @@ def name_columns_by_content(log: LogFile, columns: Sequence[Column]) -> list[Col
             f"{log.path}: nothing says which of the columns {', '.join(map(repr, log.names[:12]))} is roll. "
             "Name it with --column (a number counts from 1), and its unit with --unit."
         )
+    return _named(columns, found)
+
+
+def find_time_by_content(log: LogFile, columns: Sequence[Column]) -> list[Column]:
+    """Return the columns with time and the counter of the rows told by their numbers, where the user says which of the others is roll."""
+    return _named(columns, _told_apart(log)[0])
+
+
+def _named(columns: Sequence[Column], found: Mapping[str, tuple[Kind, str]]) -> list[Column]:
     return [
         replace(column, kind=found[column.name][0], axis=found[column.name][1])
         if column.name in found
         else column
         for column in columns
     ]
+
+
+def numbers_of(log: LogFile) -> dict[str, Array]:
+    """Return the columns that hold numbers, shape (n,) each, in their units; words stand in the others."""
+    try:
+        return log.read(log.names)
+    except SysidError:
+        columns: dict[str, Array] = {}
+        for name in log.names:
+            with suppress(SysidError):
+                columns |= log.read([name])
+        return columns
+
+
+def _told_apart(log: LogFile) -> tuple[dict[str, tuple[Kind, str]], dict[str, Array]]:
+    """Return which columns are time or count the rows, and the finite values of those that go up and down, without unit."""
+    found: dict[str, tuple[Kind, str]] = {}
+    moving: dict[str, Array] = {}
+    for name, values in numbers_of(log).items():
+        column = values[np.isfinite(values)]
+        if column.size < 2 or column.min() == column.max():
+            continue
+        if np.all(np.diff(column) > 0):  # what swings goes back
+            found[name] = ("count" if _counts(column) else "time", "")
+        else:
+            moving[name] = column
+    return found, moving
 
 
 def _counts(column: Array) -> bool:

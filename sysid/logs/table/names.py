@@ -66,6 +66,9 @@ _TIME_WORDS = {"t", "time", "times", "timestamp", "timestamps", "stamp", "elapse
                "tick", "ticks"}  # fmt: skip
 _RATE_WORDS = {"gyro", "gyr", "gyroscope", "gyroscopes", "omega", "rate", "speed", "velocity", "vel", "dot", "qvel",
                "angvel", "thetadot", "phidot", "angularvelocity", "angularrate", "rotationrate", "qd", "dq", "qdot"}  # fmt: skip
+_GYRO_WORDS = {"gyro", "gyr", "gyroscope"}
+_COMPUTED_WORDS = {"angle", "angles", "integrated", "integral"}
+"""Words beside the name of a gyro or an accelerometer that say the angle which was made of it: 'gyro_angle_x', 'accAngleY'."""
 _ACCEL_WORDS = {"acc", "accel", "accelerometer", "acceleration", "acceler"}
 _QUATERNION_WORDS = {"q", "quat", "quaternion", "orientation", "attitude"}
 _ROLL_WORDS = {"roll", "phi", "bank", "heel", "tilt", "lean"}
@@ -162,6 +165,7 @@ def parse_column(name: str, unit: str | None = None) -> Column:
         found = None
     axis = _axis(words, kind)
     doubt = 2 * sum(word in _DOUBTFUL for word in words) + bool(_DRIVING & set(words))
+    doubt += 2 * (kind == "angle" and _computed(set(words)))
     group = " ".join(word for word in words if word not in _KNOWN_WORDS)
     return Column(name, kind, axis, found, doubt, group, bool(_ROLL_WORDS & set(words)))
 
@@ -245,6 +249,8 @@ def _kind(words: list[str], unit: str | None) -> Kind:
         return "time"
     if found & _OTHER_WORDS:
         return "other"
+    if _computed(found) and unit_kind(unit) in ("angle", "unknown"):
+        return "angle"
     if unit_kind(unit) == "angle" and found & _RATE_WORDS:
         return "rate"
     if unit_kind(unit) in ("rate", "accel", "angle"):
@@ -257,6 +263,12 @@ def _kind(words: list[str], unit: str | None) -> Kind:
     if found & _TIME_WORDS or unit_kind(unit) == "time":
         return "time"
     return "unknown"
+
+
+def _computed(words: set[str]) -> bool:
+    """Return whether words, each without unit, say an angle that was computed from one sensor."""
+    sensors, others = words & (_GYRO_WORDS | _ACCEL_WORDS), words & (_RATE_WORDS - _GYRO_WORDS)
+    return bool(sensors and words & _COMPUTED_WORDS) and not others
 
 
 def _axis(words: list[str], kind: Kind) -> str:

@@ -1,10 +1,13 @@
 """Clocks in two columns: whole seconds, and the rest of each second beside them, as ROS stamps its messages."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
+from sysid.logs.table.content import numbers_of
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import TIME_UNITS, Column, parse_column, stem_of_clock
 from sysid.roll import Array
@@ -13,7 +16,7 @@ from sysid.roll import Array
 def with_whole_clock(log: LogFile) -> LogFile:
     """Return a log in which one column [s] stands for whole seconds and the fraction beside them; the log itself where it has none."""
     columns = [parse_column(name, log.units.get(name)) for name in log.names]
-    pair = _pair(columns)
+    pair = _pair(columns) or _pair_by_content(log, columns)
     if pair is None:
         return log
     whole, part = pair
@@ -32,7 +35,9 @@ def with_whole_clock(log: LogFile) -> LogFile:
         data = log.read(own) if own else {}
         return {name: seconds + fraction if name == joined else data[name] for name in names}
 
-    names = tuple(joined if name == whole.name else name for name in log.names if name != part.name)
+    names = tuple(
+        joined if name == whole.name else name for name in log.names
+    )  # users count them in the file
     return replace(log, names=names, units={**log.units, joined: "s"}, read=read)
 
 
@@ -43,3 +48,24 @@ def _pair(columns: Sequence[Column]) -> tuple[Column, Column] | None:
     parts = [column for column in times if column.unit in ("ms", "us", "ns")]
     pairs = ((one, other) for one in whole for other in parts if stem_of_clock(one) == stem_of_clock(other))
     return next(pairs, None)
+
+
+def _pair_by_content(log: LogFile, columns: Sequence[Column]) -> tuple[Column, Column] | None:
+    """Return whole seconds and the nanoseconds beside them in a table without names, as `ros2 topic echo --csv` writes it.
+
+    No other two columns do this: both whole, the second below a billion, and back only where the first goes on by one.
+    """
+    if any(not re.fullmatch(r"column \d+", column.name) for column in columns):
+        return None
+    data = numbers_of(log)
+    for one, other in pairwise(column for column in columns if column.name in data):
+        whole, part = data[one.name], data[other.name]
+        if not all(
+            values.size and np.all(values == np.rint(values)) and values.min() >= 0
+            for values in (whole, part)
+        ):
+            continue
+        on, back = np.diff(whole), np.diff(part) < 0
+        if 1e8 < part.max() < 1e9 and back.any() and not on.min() < 0 and bool(np.all(on[back] > 0)):
+            return replace(one, unit="s"), replace(other, unit="ns")
+    return None
