@@ -51,6 +51,7 @@ from sysid.diagnosis.wording import (
     percent,
     size_in_words,
     titles,
+    unfitted_rival,
 )
 from sysid.diagnosis.workers import WorkerPool
 from sysid.effects import effect
@@ -846,7 +847,7 @@ def _experiment(
     unlike = [s for s in alike if families_of(s.model, search.base) != own]
     rival = next(iter([*unlike, *tried.rivals(chosen), *alike]), None)
     if rival is None:
-        return ""
+        return " ".join(unfitted_rival(name) for name in search.added(chosen.model)).strip()
     names = [search.added(s.model) for s in (chosen, rival)]
     limit = widest(chosen.model, board)
     found = deciding(chosen.model, rival.model, tried.best.errors, limit)

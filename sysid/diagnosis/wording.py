@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from sysid.board import Board
 from sysid.diagnosis.experiment import Experiment
 from sysid.diagnosis.importance import Importance
-from sysid.effects import effect
+from sysid.effects import catalogue, effect
 from sysid.text import display
 
 
@@ -71,6 +71,15 @@ def experiment_in_words(
         f"Release {times} from {show.scale * abs(found.angle):.3g}{show.unit} ({right if found.angle > 0 else left}) and record {rounded(found.duration)} s{each}: "
         f"{one} and {other} then differ by up to {show(found.difference, 2)}, which decides at 95 %. {fallback}"
     ).strip()
+
+
+def unfitted_rival(name: str) -> str:
+    """Return what of a sensor's effect may be something that no model has, such as a hand, and how to tell; '' where all is fitted."""
+    part = effect(name)
+    others = [other for other in part.look_alikes if other not in catalogue()]
+    if part.role != "measurement" or not others:
+        return ""
+    return f"What looks like {name} may be {' or '.join(others)}. {part.experiment}"
 
 
 def experiment_for_the_unknown(seen: float, limit: float, board: Board) -> str:

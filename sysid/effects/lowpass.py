@@ -59,7 +59,7 @@ EFFECT = SensorEffect(
     law="T ṁ = φ - m, and m is measured",
     source="first-order lag",
     does="The start is rounded off; afterwards the decay is only late and a little smaller.",
-    look_alikes=("sensor delay",),
+    look_alikes=("a delay of the sensor", "a hand that lets go slowly"),
     experiment="Compare the first 20 ms after release with a film, or with a second sensor.",
     example=(0.01,),
     observe=observe,

@@ -11,7 +11,16 @@ from scipy.signal import lfilter
 
 from sysid.board import load_board
 from sysid.diagnosis.against_record import Deviation
-from sysid.diagnosis.diagnose import Diagnosis, _hints, _judged, _material, _missing, _nothing, _outside
+from sysid.diagnosis.diagnose import (
+    Diagnosis,
+    _experiment,
+    _hints,
+    _judged,
+    _material,
+    _missing,
+    _nothing,
+    _outside,
+)
 from sysid.diagnosis.error_model import Fitted
 from sysid.diagnosis.experiment import DECIDED, deciding, widest
 from sysid.diagnosis.importance import _amplitude_share, _energy_share, importance, reading_share
@@ -431,6 +440,16 @@ def test_a_filter_takes_the_reading_from_the_roll_by_its_lag():
     (lagging,) = (s.model for s in field.scored if s.model.effects)
     assert reading_share(lagging, ["lowpass"]) == pytest.approx(41.1 * 3e-3, rel=0.15)
     assert reading_share(field.base.model, []) == 0.0
+
+
+def test_a_filter_is_never_named_without_the_hand_that_does_the_same(monkeypatch):
+    """No law that is fitted lets go slowly, so none is its rival."""
+    search, field = tried(LAW.with_effect("lowpass", 3e-3), ("lowpass",))
+    (lagging,) = (s for s in field.scored if s.model.effects)
+    monkeypatch.setattr(Field, "rivals", lambda self, one: [])
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    assert "a hand that lets go slowly. Compare the first" in _experiment(search, field, lagging, board)
+    assert _experiment(search, field, field.base, board) == ""
 
 
 @pytest.mark.parametrize(("choices", "status"), [(5, "missing"), (2, "none-missing")])
