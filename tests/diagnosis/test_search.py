@@ -25,6 +25,7 @@ from sysid.effects import catalogue
 from sysid.effects._base import Scales
 from sysid.fitting.cross_validation import _without
 from sysid.fitting.problem import Problem, Record
+from sysid.fitting.search import followed, scouts
 from sysid.joint import JointLaw, simulate
 from sysid.roll import Release
 from sysid.workspace import shipped_data
@@ -194,6 +195,25 @@ def test_what_stands_in_for_another_law_keeps_nobody_out(search):
     assert inside(edged) == edged
     best = min(singles, key=lambda m: m.cost)
     assert {m.effects for m in best_families(singles, 2)} == {m.effects for m in (*own, best)}
+
+
+def test_of_many_records_valleys_are_sought_in_three_and_followed_through_all(search):
+    """The widest, the smallest and one between; what was found there goes to its place."""
+    records = tuple(record_of(angle, n) for n, angle in enumerate((0.05, -0.1, 0.15, 0.02, -0.12)))
+    many = replace(search, records=records)
+    kept = scouts(records)
+    assert kept == [1, 2, 3]
+    problem = many.problem(("coulomb",))
+    whole = problem.start({"stiffness": 10.0, "damping": 0.1, "rest_angle": 0.0, "coulomb.torque": 0.0})
+    some, point = problem.of(kept, whole + 1.0)
+    found = followed(problem, whole, kept, point)
+    assert problem.parameters(found) == some.parameters(point)
+    moved = problem.own(found) - problem.own(whole)
+    assert moved[:, 0] == pytest.approx([0.0, 1.0, 1.0, 1.0, 0.0])
+    with patch.object(Problem, "fitted", autospec=True, side_effect=Problem.fitted) as fits:
+        many.single(("coulomb",))
+    counts = [len(call.args[0].records) for call in fits.call_args_list]
+    assert (counts[0], counts[-1]) == (3, 5)
 
 
 def test_what_is_far_from_the_best_is_not_predicted(search):
