@@ -306,8 +306,6 @@ def diagnose(
         beyond = _beyond(search, models)
         alone = pool.begin(partial(learning, whole=beyond > MATERIAL), ()) if beyond else None
         final = _finalists(search, models)
-        first = Field(final, search.base, period, noise.std)
-        alone = alone or _learning_begun(pool, learning, first)
         left = untouched([*final, *_outside_all(search, final)], search.base, pool, held_still / noise.std)
         if left is not None:
             kept, left_out = left
@@ -316,15 +314,17 @@ def diagnose(
             if min(m.rmse for m in last) < REACHED * held_still:
                 warnings.append(left_out)
                 judged, search, models, final = kept, again, others, last
-                first = Field(final, search.base, period, noise.std)
-                learning = partial(tables, judged, board, signal=signal, fixed=fixed)
-                alone = _learning_begun(pool, learning, first)
+                learning, alone = partial(tables, judged, board, signal=signal, fixed=fixed), None
             else:
                 left = None
+        final = search.foretold(final)
+        first = Field(final, search.base, period, noise.std)
+        alone = alone or _learning_begun(pool, learning, first)
         decided = _decided(search, first, final, board)
         if left is None and (seen := seen_by_hands(search, decided.asked, decided.everything)) is not None:
             kept, left_out = seen
             again, others, last = _searched_anew(started, kept)
+            last = again.foretold(last)
             other = _decided(again, Field(last, again.base, period, noise.std), last, board)
             if other.laws < decided.laws:
                 warnings.append(left_out)
@@ -559,13 +559,13 @@ def _outside_all(search: Search, models: Sequence[Model]) -> list[Model]:
 
 
 def _finalists(search: Search, models: Sequence[Model]) -> list[Model]:
-    """Return those models that may win, refined and predicted."""
+    """Return those models that may win, refined and not predicted yet."""
     linear = next(m for m in models if m.effects == search.base)
     picked = [linear]
     for count in (1, 2):
         extra = [m for m in models if len(m.effects) - len(search.base) == count]
         picked += best_families(extra, FINALISTS)
-    return [m for m in search.finalists(picked) if m.heldout is not None]
+    return search.finalists(picked)
 
 
 def _material(

@@ -474,7 +474,7 @@ class Search:
         return Candidate(effects=effects, problem=problem, minimum=min(found, key=lambda m: m.normal.cost))
 
     def finalists(self, models: Iterable[Candidate]) -> list[Candidate]:
-        """Return models fitted on the fine grid, simple ones first, and what those in the running miss of held-out releases."""
+        """Return those of some models that are in the running, fitted on the fine grid, simple ones first; not predicted yet."""
         done: dict[tuple[str, ...], Candidate] = {}
         models = list(models)
         lost = LOST * _hopeless(models)
@@ -504,14 +504,16 @@ class Search:
         ranked = sorted(done.values(), key=lambda m: m.cost)
         hopeless = _hopeless(ranked)
         # Of coloured noise many numbers more take much away: what the best one holds may be as likely.
-        running = [
-            m
+        running = {
+            m.effects
             for i, m in enumerate(ranked)
             if i < BEATEN or m.misfit < hopeless or set(m.effects) < set(ranked[0].effects)
-        ]
-        for model in self.each("predicting", Search.predicted, [(m,) for m in running], 0.93, 0.98):
-            done[model.effects] = model
-        return list(done.values())
+        }
+        return [m for m in done.values() if m.effects in running]
+
+    def foretold(self, models: Sequence[Candidate]) -> list[Candidate]:
+        """Return models with what they miss of held-out releases."""
+        return self.each("predicting", Search.predicted, [(m,) for m in models], 0.93, 0.98)
 
     def finalist(self, model: Candidate) -> Candidate:
         """Return a model fitted on the fine grid, and its predictions."""

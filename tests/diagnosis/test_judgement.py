@@ -77,7 +77,8 @@ def tried(law, names, noise=white):
     search = Search(records=records, scales=scales_of(records, board), bias="shared")
     linear = search.single(())
     models = [linear, *(search.single((name,), linear) for name in names)]
-    return search, Field(search.finalists(models), (), 2 * np.pi / search.scales.frequency, NOISE)
+    final = search.foretold(search.finalists(models))
+    return search, Field(final, (), 2 * np.pi / search.scales.frequency, NOISE)
 
 
 @pytest.fixture(scope="module")
@@ -484,7 +485,7 @@ def test_what_lifts_the_error_out_of_the_noise_is_noticed(monkeypatch, hidden, n
     search = Search(records=records, scales=scales_of(records, board), bias="shared")
     linear = search.single(())
     one, other = (search.single((name,), linear) for name in ("coulomb", "end-stop"))
-    final = search.finalists([linear, one, other, search.union(one, other)])
+    final = search.foretold(search.finalists([linear, one, other, search.union(one, other)]))
     field = Field(final, (), 2 * np.pi / search.scales.frequency, NOISE)
     monkeypatch.setattr("sysid.diagnosis.diagnose.UNNOTICED", 1.0)
     monkeypatch.setattr("sysid.diagnosis.diagnose.MATERIAL", 1.0)

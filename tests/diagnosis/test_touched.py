@@ -206,7 +206,7 @@ def carried(angle, seconds=0.04):
 
 def named(*rolls, effect, hold=0.0, ends=()):
     search, models = searched(*rolls, hold=hold, effect=effect, ends=ends)
-    asked = search.finalists(models)[::-1]
+    asked = search.foretold(search.finalists(models))[::-1]
     tried = Field(asked, (), 2 * np.pi / search.scales.frequency, NOISE)
     assert tried.winner().model.effects == (effect,)
     return seen_by_hands(search, asked, tried)
