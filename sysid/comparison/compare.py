@@ -18,7 +18,7 @@ from sysid.decay.plausibility import amplitude_warnings
 from sysid.files import sha256
 from sysid.fitting.initial_state import fit_initial_states
 from sysid.fitting.joint import FitOptions, held_parameters
-from sysid.fitting.records import Record, Signal, make_records, signal_of
+from sysid.fitting.records import Record, Signal, make_records, read_at_rest, signal_of
 from sysid.fitting.result import TOLERANCE
 from sysid.joint import JointLaw, simulate
 from sysid.noise.floor import NoiseFloor, noise_floor
@@ -147,7 +147,7 @@ def compare(
     everything = np.concatenate(residuals)
     rmse = float(np.sqrt(np.mean(everything**2)))
     motion = np.concatenate(
-        [r.signal - (0.0 if use_rate else law.posed(r.release.known).rest_angle) for r in records]
+        [r.signal - read_at_rest(r, law.posed(r.release.known).rest_angle, bias) for r in records]
     )
     size = float(np.sqrt(np.mean(motion**2)))
     least, excess, most = (part / size for part in noise.excess(rmse))

@@ -14,6 +14,7 @@ from sysid.diagnosis.pendulum import zero
 from sysid.diagnosis.search import INEXACT, Candidate
 from sysid.diagnosis.surrogates import CHANGED, LAWS
 from sysid.effects import effect
+from sysid.fitting.records import measured_rest
 from sysid.noise.floor import pooled_step
 from sysid.roll import Array
 
@@ -364,8 +365,8 @@ def families_of(model: Candidate, base: Sequence[str]) -> frozenset[str]:
 
 def rest_of(model: Candidate) -> float:
     """Return what the sensor reads at rest, as a model has it [rad]; 0 for a rate."""
-    if model.problem.records[0].is_rate:
-        return 0.0
+    if model.problem.records[0].is_rate or model.problem.bias == "per-release":
+        return measured_rest(model.problem.records)
     return model.parameters.get("rest_angle", 0.0) + model.parameters.get(zero(), 0.0)
 
 

@@ -55,6 +55,16 @@ def measured_rest(records: Sequence[Record]) -> float:
     return 0.0 if records[0].is_rate else float(np.median([r.release.rest for r in records]))
 
 
+def read_at_rest(record: Record, rest_angle: float, bias: Bias) -> float:
+    """Return what the sensor reads while the joint rests at an angle [rad], from which motion counts; 0 of a rate.
+
+    A zero of the release's own may be anywhere, as that of an encoder on a pendulum: there the release says it.
+    """
+    if record.is_rate:
+        return 0.0
+    return record.release.rest if bias == "per-release" else rest_angle
+
+
 def make_records(releases: Sequence[Release], std: float, *, rate: bool) -> tuple[Record, ...]:
     """Cut the tails at rest that say nothing new and return what is to be fitted: the measured rate or the roll.
 

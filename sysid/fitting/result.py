@@ -16,7 +16,7 @@ from sysid.fitting.covariance import (
 )
 from sysid.fitting.cross_validation import heldout_residuals, rms
 from sysid.fitting.problem import Problem
-from sysid.fitting.records import Record
+from sysid.fitting.records import Record, read_at_rest
 from sysid.joint.law import JointLaw
 from sysid.joint.torques import torque_shares
 from sysid.least_squares import Minimum
@@ -74,7 +74,7 @@ class JointFit:
         """RMS of the measured signal about rest, of all records together."""
         total, count = 0.0, 0
         for record in self.records:
-            rest = 0.0 if record.is_rate else self.law.posed(record.release.known).rest_angle
+            rest = read_at_rest(record, self.law.posed(record.release.known).rest_angle, self.problem.bias)
             total += float(np.sum((record.signal - rest) ** 2))
             count += len(record.signal)
         return float(np.sqrt(total / count))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sysid.board import BoardEffect
+from sysid.comparison.compare import compare
 from sysid.diagnosis.diagnose import diagnose
 from sysid.effects import weight
 from sysid.fitting.joint import fit_joint
@@ -51,6 +52,18 @@ def record(off: float, std: float = 0.0):
         pink, name="arm", inertia=Quantity(0.02, 2e-5, "kg*m^2"), tilt={**pink.tilt, **none}, decay={}, fit={},
         effects=(BoardEffect("weight", pull),),
     )  # fmt: skip
+
+
+def test_motion_counts_from_where_an_encoder_reads_a_hanging_pendulum(releases):
+    """An actuator's middle is half a turn from where it hangs: what it missed was then a share of 3 rad."""
+    board = record(0.0)
+    moved = [replace(r, roll=r.roll + 3.0, rest=3.0) for r in releases]
+    here, there = (compare(some, board) for some in (releases, moved))
+    assert not here.passed
+    assert not there.passed
+    assert there.nrmse == pytest.approx(here.nrmse, rel=0.01)
+    fits = [fit_joint(some, board) for some in (releases, moved)]
+    assert fits[1].measured_rms == pytest.approx(fits[0].measured_rms, rel=0.01)
 
 
 def test_a_weight_that_errs_as_scales_do_makes_no_unknown_law_of_friction(releases):
