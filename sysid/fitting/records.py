@@ -60,9 +60,7 @@ def read_at_rest(record: Record, rest_angle: float, bias: Bias) -> float:
 
     A zero of the release's own may be anywhere, as that of an encoder on a pendulum: there the release says it.
     """
-    if record.is_rate:
-        return 0.0
-    return record.release.rest if bias == "per-release" else rest_angle
+    return measured_rest([record]) if record.is_rate or bias == "per-release" else rest_angle
 
 
 def make_records(releases: Sequence[Release], std: float, *, rate: bool) -> tuple[Record, ...]:
