@@ -88,7 +88,7 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
             f"{clip.path}: at {ramp:.2f} s the swing goes on at another pace at once: parts of the film play faster or slower "
             "than others (a speed ramp of slow motion). Give the film as the camera took it, not as it was edited."
         )
-    pace = _refuse_slow(clip.path, time, angle, std)
+    pace = _refuse_slow(clip.path, time, angle, std) if followed.turns else np.inf  # noise has no period
     # When the sensor reads the board of the first frame is its stamp: a delay that all frames share shows nowhere.
     delay = time[0] - track.time[rows[0]]
     notes = [

@@ -22,6 +22,8 @@ MIN_QUALITY = 1e-4
 """Least eigenvalue of brightness' second moments that is more than noise, in OpenCV's unit."""
 MAX_STEP = 12
 """How far a patch may go otherwise than most from one frame to the next [px of the small picture]."""
+SAME_MOTION = 1.0
+"""Distance from the camera's motion within which a patch shows it [px]."""
 CUT_CHANGE = 12.0
 """Mean change of brightness from frame to frame above which a cut is suspected [grey levels]."""
 CUT_LIKENESS = 0.5
@@ -76,6 +78,14 @@ class Background:
         moved = (self._seen[number] - self._seen[0])[self._beside]
         moved = np.sort(moved[np.isfinite(moved[:, 0])], axis=0)  # many times faster than numpy's median
         return moved[len(moved) // 2].astype(np.float64) if len(moved) >= MIN_PATCHES else np.zeros(2)
+
+    def pose(self, number: int) -> Array:
+        """Return what takes still places of the first frame to those in another one [px], shape (2, 3): a shift and a turn."""
+        good = self._beside & np.isfinite(self._seen[number][:, 0])
+        home, there = self._seen[0][good], self._seen[number][good]
+        estimate: Any = cv2.estimateAffinePartial2D  # its stubs do not know that it may find nothing
+        found = estimate(home, there, ransacReprojThreshold=SAME_MOTION)[0] if len(home) >= MIN_PATCHES else None
+        return np.column_stack([np.eye(2), self.shift(number)]) if found is None else found
 
     def leave_out(self, spare: Mask) -> None:
         """Look no longer for patches that reach into the pixels in which the board moves, shape (height, width) [px]."""

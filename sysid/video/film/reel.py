@@ -112,7 +112,7 @@ class Reel:
         motion, size = Motion(), 0
         for number, frame in enumerate(self._source):
             if number % LOOKED_AT == 0:
-                motion.add(frame)
+                motion.add(frame, self.background.pose(number))
             self._frames.append(_cut(frame, part))
             size += self._frames[-1].nbytes
             if size < MEMORY or (part is not None and len(self._frames) < MIN_FRAMES):

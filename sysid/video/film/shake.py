@@ -20,7 +20,7 @@ from sysid.video.types import Complex, Rows
 
 MIN_PATCHES = 4
 """Least number of patches that show a rotation."""
-MAX_SCATTER = 1.5
+MAX_SCATTER = 3.0
 """Scatter of the patches about a common rotation above which they show none [px]."""
 MIN_FRAMES_SEEN = 0.8
 """Share of the frames that must show the background for any of it to count."""

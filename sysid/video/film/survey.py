@@ -53,16 +53,16 @@ class Motion:
     _furthest: float = 0.0
     """How far the camera went [px of the small picture]."""
 
-    def add(self, frame: Frame) -> None:
-        """Take in one more whole frame."""
+    def add(self, frame: Frame, pose: Array) -> None:
+        """Take in one more whole frame, and where the camera's shake has put the first one in it [px], shape (2, 3)."""
         self._shape = frame.picture.shape
         bright, times = halved(frame.picture, SMALL_SIDE)
         small = in_colour(bright, [halved(one, SMALL_SIDE)[0] for one in frame.chroma])
-        shift = frame.shift / times
+        pose = pose / [1, 1, times]
         if self._start is None:
             self._start = self._low = self._high = small
-        self._furthest = max(self._furthest, float(np.abs(shift).max()))
-        still = _held(small, self._start, shift)
+        self._furthest = max(self._furthest, float(np.abs(frame.shift).max()) / times)
+        still = _held(small, self._start, pose)
         self._low, self._high = np.minimum(self._low, still), np.maximum(self._high, still)
 
     @property
@@ -143,12 +143,15 @@ def box_of(clip: Clip, roi: tuple[int, int, int, int]) -> Box:
     return left, top, left + width, top + height
 
 
-def _held(small: Picture, start: Picture, shift: Array) -> Picture:
-    """Shift a small picture onto the first one [px]; a shift that makes the whole less alike is none of the camera's."""
-    if not 0.05 < np.abs(shift).max() < MAX_SHAKE * SMALL_SIDE:
+def _held(small: Picture, start: Picture, pose: Array) -> Picture:
+    """Put a small picture onto the first one, which is in it at a pose; one that makes the whole less alike is none of the camera's."""
+    height, width = small.shape[:2]
+    corners = np.array([[0, 0, 1], [width, 0, 1], [0, height, 1], [width, height, 1]])
+    if not 0.05 < np.abs(corners @ pose.T - corners[:, :2]).max() < 2 * MAX_SHAKE * SMALL_SIDE:
         return small
-    move, size = np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]]), (small.shape[1], small.shape[0])
-    held = cv2.warpAffine(small, move, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    # What it does not show stays as it was.
+    held = cv2.warpAffine(small, pose, (width, height), start.copy(), flags, cv2.BORDER_TRANSPARENT)
     plain, shifted = (
         cv2.norm(np.minimum(cv2.absdiff(one, start), MIN_CHANGE), cv2.NORM_L1) for one in (small, held)
     )
