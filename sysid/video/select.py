@@ -22,7 +22,7 @@ from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import upright
 from sysid.video.pose.view import View
 from sysid.video.registration import BodyPicture, picture_of_body
-from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_at_rest, rests_at
+from sysid.video.trackers._base import DEAD_ZONE, MIN_SWING, Target, Tracker, level_at_rest, rests_at
 from sysid.video.types import Points
 
 MAX_LOST = 0.9
@@ -33,8 +33,6 @@ ADVICE = (
 )
 VAGUE, MAX_STD = np.radians([0.3, 3.0])
 """Standard deviation above which what takes long is tried as well, and above which an angle is none [rad]."""
-MIN_SWING = np.radians(1.0)
-"""What turns by less does not turn [rad]."""
 MAX_STRAY, MIN_STRAY = 0.3, 0.01
 """How far a point may be from a circle about a fixed pivot, as a share of its own motion and of the picture's width: beyond
 both it was carried, not turned."""

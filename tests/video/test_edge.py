@@ -19,7 +19,7 @@ from sysid.video.trackers.edge.body import fit_edges
 from sysid.video.trackers.edge.far_end import LENGTH, axis_vanishes_at
 from sysid.video.trackers.edge.find import find_deck_end
 from sysid.video.trackers.edge.follower import EdgeFollower
-from sysid.video.trackers.edge.turn import fit_direction
+from sysid.video.trackers.edge.turn import _carried, fit_direction
 
 TIME = np.arange(90) / 60
 ROLL = np.where(TIME < 0.3, 0.4, 0.4 * np.exp(-4 * (TIME - 0.3)) * np.cos(25 * (TIME - 0.3)))
@@ -75,6 +75,16 @@ def test_points_count_as_what_is_beside_them_lets_them():
         for doubt in (0.0, np.where(held, 0.3, 0.0))
     )
     assert np.abs(weighed).mean() < 0.5 * np.abs(alike).mean()
+
+
+@pytest.mark.parametrize(("sag", "least", "most"), [(0.0, 0.0, 0.001), (8.0, 0.004, 0.03)])
+def test_bent_edges_say_what_their_pivot_leaves_open(sag, least, most):
+    """An arc that is carried along looks turned, so that as a share of the turn it is open by its curvature times the pivot's deviation."""
+    z = turned_edges(ROLL)
+    x = ((z - PIVOT) * np.exp(-1j * ROLL)[:, None]).real
+    z = z + 1j * np.exp(1j * ROLL)[:, None] * sag * (x / 90) ** 2
+    open_ = np.sqrt(_carried(fit_edges(z, EDGE, np.full(len(EDGE), PIVOT)), EDGE))
+    assert least < open_.max() / np.abs(ROLL).max() <= most
 
 
 def film_of(z):

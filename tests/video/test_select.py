@@ -3,6 +3,7 @@
 import re
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 from drawn_films import FINE, PIVOT, SIZE, decay, dotted, draw_film, marked, plate
@@ -16,7 +17,7 @@ TIME = np.arange(72) / 60
 ROLL = decay(TIME) + np.radians(2.0)
 """The board rests askew, which only something level shows."""
 PLAIN = np.full((SIZE[1], SIZE[0], 3), 160, np.uint8)
-PINK, GREEN = (110, 20, 240), (60, 200, 40)
+PINK, GREEN, PALE = (110, 20, 240), (60, 200, 40), (242, 191, 115)
 
 
 def error_of(roll):
@@ -110,7 +111,7 @@ def test_a_speck_does_not_beat_texture(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("colours", "method"),
-    [((PINK, GREEN), "auto"), ((PINK, PINK), "dots")],
+    [((PINK, GREEN), "auto"), ((PINK, PINK), "dots"), ((PINK, PALE), "dots")],
 )
 def test_two_stickers_may_differ_in_colour(colours, method, tmp_path):
     dots = [(-100, -5, 11, colours[0]), (100, -5, 11, colours[1])]
@@ -119,6 +120,22 @@ def test_two_stickers_may_differ_in_colour(colours, method, tmp_path):
     # Two points do not show the camera's direction well, and with it what is level.
     assert error_of(roll)[0] < 0.3
     assert error_of(roll)[1] < 0.25
+
+
+@pytest.mark.slow
+def test_leaves_of_one_colour_are_no_stickers(tmp_path):
+    """They are larger than the stickers, alike, and move as well, each on its own."""
+    sway = 12 * np.sin(np.outer(2 * np.pi * TIME, [1.3, 2.1]))
+
+    def behind(number):
+        picture = PLAIN.copy()
+        for x, off in ((90, sway[number, 0]), (540, sway[number, 1])):
+            cv2.circle(picture, (round(x + off), 60), 14, GREEN, -1)
+        return picture
+
+    stickers = dotted(plate(300, 60), [(-100, -5, 11, PINK), (100, -5, 11, PALE)])
+    roll = read(draw_film(tmp_path / "leaves.mp4", stickers, ROLL, background=behind), method="dots")
+    assert error_of(roll)[0] < 0.3
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """Shake is the camera's own: a deck that was taken for background is found out."""
 
+import cv2
 import numpy as np
 import pytest
 from drawn_films import SIZE, blotches, decay, draw_film, marked, plate, wall
@@ -8,6 +9,7 @@ from frames import frame_of
 from sysid.errors import SysidError
 from sysid.video.film.background import Background
 from sysid.video.film.camera import Lens
+from sysid.video.film.survey import Motion
 from sysid.video_roll import VideoOptions, roll_from_video
 
 TIME = np.arange(72) / 60
@@ -65,6 +67,30 @@ def test_a_hand_that_goes_away_leaves_the_wall_as_background(tmp_path):
     assert any(note.startswith("shake: ") for note in roll.notes)
     assert not any("background" in warning for warning in roll.warnings)
     assert error_of(roll) < 0.15
+
+
+def test_a_wall_that_a_hand_held_camera_turns_does_not_move():
+    """Its bricks are 6 px beside where a shift alone would put them: only what moves before it moves."""
+    bricks = cv2.resize(blotches((90, 160), 150.0, 60.0, 4), SIZE, interpolation=cv2.INTER_NEAREST)
+    background = Background(Lens(np.diag([600.0, 600.0, 1.0]), np.zeros(5), True, ""))
+    motion = Motion()
+    for number, turn in enumerate(np.sin(np.linspace(0, 6, 13))):
+        move = cv2.getRotationMatrix2D((SIZE[0] / 2, SIZE[1] / 2), turn, 1.0)
+        picture = cv2.warpAffine(bricks, move, SIZE, borderMode=cv2.BORDER_REFLECT)
+        left = 300 + 3 * number
+        picture[150:190, left : left + 40] = 20
+        frame = frame_of(number, number / 60, picture)
+        background.update(frame)
+        motion.add(frame, background.pose(number))
+    rows, columns = np.nonzero(motion.mask(None))
+    assert 140 < rows.min() < 155 and 185 < rows.max() < 200
+    assert 290 < columns.min() < 305 and 370 < columns.max() < 390
+
+
+def test_what_trembles_is_not_refused_for_its_pace(tmp_path):
+    """A marker that trembles by 0.3° at 10 Hz is no board that takes a faster camera."""
+    film = draw_film(tmp_path / "trembles.mp4", marked(plate(), 64), 0.005 * np.sin(2 * np.pi * 10 * TIME))
+    assert any("no measurement of a board" in warning for warning in read(film).warnings)
 
 
 def test_a_fast_pan_over_bricks_is_no_cut():

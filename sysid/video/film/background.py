@@ -84,7 +84,9 @@ class Background:
         good = self._beside & np.isfinite(self._seen[number][:, 0])
         home, there = self._seen[0][good], self._seen[number][good]
         estimate: Any = cv2.estimateAffinePartial2D  # its stubs do not know that it may find nothing
-        found = estimate(home, there, ransacReprojThreshold=SAME_MOTION)[0] if len(home) >= MIN_PATCHES else None
+        found = (
+            estimate(home, there, ransacReprojThreshold=SAME_MOTION)[0] if len(home) >= MIN_PATCHES else None
+        )
         return np.column_stack([np.eye(2), self.shift(number)]) if found is None else found
 
     def leave_out(self, spare: Mask) -> None:

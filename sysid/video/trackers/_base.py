@@ -20,6 +20,8 @@ DIRECTION_STD = np.radians(15.0)
 """Standard deviation of the camera's direction before the film shows it: people stand about square [rad]."""
 UNSEEN_DIRECTION_STD = np.radians(5.0)
 """Standard deviation of the camera's direction where nothing in the film shows it [rad]."""
+MIN_SWING = np.radians(1.0)
+"""What turns by less does not turn [rad]."""
 DEAD_ZONE = 0.15
 """Motion of the outermost points of colour or faint texture that compression may leave out of a film, to either
 side [px]: as found in films of 0.1 bit a pixel. A phone's have two to four times as many. Black on white shows more."""

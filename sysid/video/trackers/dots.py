@@ -21,11 +21,11 @@ from sysid.video.pose.keyframes import keyframes_of
 from sysid.video.pose.prior import POINT_FLOOR, SAME_PICTURE, BodyPrior
 from sysid.video.pose.rectify import project, rectify, smear, unwrap, upright
 from sysid.video.pose.view import View
-from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_angle, level_at_rest
+from sysid.video.trackers._base import DEAD_ZONE, MIN_SWING, Target, Tracker, level_angle, level_at_rest
 from sysid.video.types import Complex, Image, Picture
 
-MIN_CHROMA = 28.0
-"""Distance from grey, in CIELAB units, from which a colour is taken as a sticker's."""
+MIN_CHROMA, PALE_CHROMA = 28.0, 22.0
+"""Distance from grey, in CIELAB units, from which a colour is taken as a sticker's; and where one is, from which paler ones are."""
 MIN_AREA, MAX_AREA_SHARE = 40, 0.02
 """Area of a dot: least [px], and largest as a share of the picture."""
 PLACE_FLOOR = 0.08
@@ -34,6 +34,8 @@ SAME_CHROMA = 18.0
 """Distance below which two dots are of one colour [a film's units]: such a pair is preferred to any other."""
 MAX_AROUND = 0.05
 """Share of dot in the ring about a sticker, up to twice its radius: 0.03 at most in films of stickers, mostly more in prints."""
+MAX_PAIRS, MIN_SEEN, MAX_STRETCH = 8, 0.6, 0.03
+"""Pairs of dots that are tried at most, share of some frames in which both must be seen, and by how much of their distance this may scatter."""
 MAX_ASIDE = np.radians(3.0)
 """How far from straight below, above or beside its pivot a single dot may rest and still show level by that [rad]."""
 CIRCLE_SCALE = 3.0
@@ -54,28 +56,47 @@ class Dot:
     """Radius of the circle of the same area [px]."""
     chroma: Array
     """What blue and red have beyond grey, in a film's units, shape (2,)."""
+    pale: bool = False
+    """Whether it is much paler than what is brightest."""
     alone: bool = True
     """Whether nothing about it has its colour, as about a sticker; a blob of a print fades into others like it."""
 
 
 def find_dots(look: Survey) -> tuple[Dot, ...]:
-    """Return the two dots, or the one, that move; nothing where no colour stands out."""
+    """Return the two dots that turn as one, or the one that moves; nothing where no colour stands out."""
     dots = _patches(look.frames[0].cut(look.box), look)
-    pairs = [
-        (
-            (a.alone and b.alone, np.linalg.norm(a.chroma - b.chroma) < SAME_CHROMA, _worth(a) + _worth(b)),
-            a,
-            b,
-        )
-        for number, a in enumerate(dots)
-        for b in dots[number + 1 :]
-        if 0.65 < a.radius / b.radius < 1.55
-        and np.linalg.norm(a.place - b.place) > 4 * max(a.radius, b.radius)
-    ]
-    if pairs:
-        _, a, b = max(pairs, key=lambda pair: pair[0])
-        return (a, b) if a.place[0] < b.place[0] else (b, a)
-    return tuple(sorted(dots, key=_worth)[-1:])
+    pairs = [(a, b) for a in dots for b in dots if a.place[0] < b.place[0] and _alike(a, b)]
+    pairs = sorted(pairs, key=_likely, reverse=True)[:MAX_PAIRS]
+    bright = [pair for pair in pairs if not (pair[0].pale or pair[1].pale)]
+    single = tuple(sorted((dot for dot in dots if not dot.pale), key=_worth)[-1:])
+    return next((pair for pair in pairs if _turn_as_one(pair, look)), bright[0] if bright else single)
+
+
+def _alike(a: Dot, b: Dot) -> bool:
+    """Whether two dots may be stickers of one deck: about as large, well apart, and a pale one only beside a bright one, if both stand alone."""
+    apart = np.linalg.norm(a.place - b.place) > 4 * max(a.radius, b.radius)
+    clear = not (a.pale or b.pale) or (a.pale != b.pale and a.alone and b.alone)
+    return bool(0.65 < a.radius / b.radius < 1.55 and apart and clear)
+
+
+def _likely(pair: tuple[Dot, Dot]) -> tuple[bool, bool, bool, float]:
+    """What tells that two dots are stickers: they are bright, nothing about them has their colour, they have the same one, and stand out."""
+    a, b = pair
+    same = bool(np.linalg.norm(a.chroma - b.chroma) < SAME_CHROMA)
+    return not (a.pale or b.pale), a.alone and b.alone, same, _worth(a) + _worth(b)
+
+
+def _turn_as_one(pair: tuple[Dot, Dot], look: Survey) -> bool:
+    """Whether two dots keep their distance in most frames, and turn."""
+    follower = DotFollower(pair, look.box)
+    seen = np.array([points for frame in look.frames if (points := follower.update(frame)) is not None])
+    if len(seen) < MIN_SEEN * len(look.frames):
+        return False
+    arm = (seen[:, 1] - seen[:, 0]) @ np.array([1, 1j])
+    return bool(
+        np.std(np.abs(arm)) < MAX_STRETCH * np.mean(np.abs(arm))
+        and np.ptp(np.unwrap(np.angle(arm))) > MIN_SWING
+    )
 
 
 def _worth(dot: Dot) -> float:
@@ -267,6 +288,7 @@ def _dot_share(colour: Picture, dot: Dot) -> Image:
 
 
 def _patches(part: Frame, look: Survey) -> list[Dot]:
+    """Return the patches that stand out from most of a picture by their colour, as round as stickers, where something moves."""
     # In whole units: a hundredth of a sticker's colour.
     smooth = cv2.cvtColor(cv2.GaussianBlur(part.colour, (0, 0), 1.0), cv2.COLOR_BGR2LAB)
     chroma = smooth[..., 1:].astype(np.float32)
@@ -274,24 +296,27 @@ def _patches(part: Frame, look: Survey) -> list[Dot]:
     strong = strength[strength > MIN_CHROMA]
     if len(strong) < MIN_AREA:
         return []
-    # Relative to the strongest colour, so that a wooden deck is no dot where a sticker shines.
-    level = max(MIN_CHROMA, 0.6 * float(np.sort(strong)[-MIN_AREA]))
-    mask = cv2.morphologyEx((strength > level).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    count, labels, stats, centres = cv2.connectedComponentsWithStats(mask)
     colour = np.dstack(part.chroma)
     dots: list[Dot] = []
-    for label in range(1, count):
-        _, _, width, height, area = stats[label]
-        if not MIN_AREA <= area <= MAX_AREA_SHARE * look.moving.size or not 0.5 < width / height < 2:
-            continue
-        if area < 0.55 * width * height:  # a disc fills 0.79 of its box
-            continue
-        place = centres[label] + part.corner
-        if not look.moving[round(place[1]), round(place[0])]:
-            continue
-        own = np.median(colour[labels[::2, ::2] == label], axis=0) - GREY
-        dot = Dot(place, float(np.sqrt(area / np.pi)), own)
-        dots.append(replace(dot, alone=_stands_alone(colour, (centres[label] - 0.5) / 2, dot)))
+    # First by the strongest colour, so that a wooden deck is no dot where a sticker shines; then paler ones.
+    for level in (bright := max(MIN_CHROMA, 0.6 * float(np.sort(strong)[-MIN_AREA])), PALE_CHROMA):
+        mask = (strength > level).astype(np.uint8)
+        mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+        count, labels, stats, centres = cv2.connectedComponentsWithStats(mask)
+        for label in range(1, count):
+            _, _, width, height, area = stats[label]
+            if not MIN_AREA <= area <= MAX_AREA_SHARE * look.moving.size or not 0.5 < width / height < 2:
+                continue
+            if area < 0.55 * width * height:  # a disc fills 0.79 of its box
+                continue
+            place = centres[label] + part.corner
+            if not look.moving[round(place[1]), round(place[0])]:
+                continue
+            if any(np.linalg.norm(dot.place - place) < dot.radius for dot in dots):
+                continue
+            own = np.median(colour[labels[::2, ::2] == label], axis=0) - GREY
+            dot = Dot(place, float(np.sqrt(area / np.pi)), own, level < bright)
+            dots.append(replace(dot, alone=_stands_alone(colour, (centres[label] - 0.5) / 2, dot)))
     return dots
 
 

@@ -110,7 +110,8 @@ def _carried(body: EdgeBody, edge: Edge) -> Array:
     along = (body.weight * body.along).sum(axis=0) / np.maximum(seen, 1e-9)
     trust = seen @ (edge[:, None] == np.arange(edge.max() + 1))
     bent = [
-        2 * np.polyfit(along[edge == one], body.height[edge == one], 2, w=np.sqrt(seen[edge == one]) + 1e-9)[0]
+        2
+        * np.polyfit(along[edge == one], body.height[edge == one], 2, w=np.sqrt(seen[edge == one]) + 1e-9)[0]
         for one in range(edge.max() + 1)
     ]
     pivot = body.pivot[::PIECES]
