@@ -5,9 +5,8 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from sysid.errors import SysidError
 from sysid.roll import Array
-from sysid.video.film.frames import Clip, Frame, halved, in_colour
+from sysid.video.film.frames import Frame, halved, in_colour
 from sysid.video.types import Box, Image, Mask, Picture
 
 SMALL_SIDE = 640
@@ -31,7 +30,7 @@ class Survey:
     frames: tuple[Frame, ...]
     """Some, spread over what was looked at, the first one first."""
     box: Box
-    """Left, top, right and bottom [px] of where something moves, or what the user gave."""
+    """Left, top, right and bottom [px] of where something moves, as far as the user wants it to be looked at."""
     moving: Mask
     """Pixels in which something changes, as large as the picture."""
 
@@ -82,40 +81,6 @@ class Motion:
         return everywhere and (self._furthest > MAX_SHAKE * SMALL_SIDE or not self.mask(None).any())
 
 
-def survey(clip: Clip, frames: tuple[Frame, ...], motion: Motion, moving: Mask, roi: Box | None) -> Survey:
-    """Say where it moves.
-
-    Args:
-        clip: The film.
-        frames: Some of it.
-        motion: What changes in it.
-        moving: Pixels that do so inside the region that the user gave, if any, shape (height, width).
-        roi: That region, left, top, right and bottom [px].
-
-    Raises:
-        SysidError: Nothing moves, or all of it outside that region.
-    """
-    if motion.pans:
-        raise SysidError(
-            f"{clip.path}: the whole picture moves: the camera pans, zooms or is carried. Put it on a tripod, and film from "
-            "before the release until the board rests."
-        )
-    if moving.any():
-        return Survey(frames, box_around(moving, BOX_MARGIN) if roi is None else roi, moving)
-    if roi is None:
-        raise SysidError(
-            f"{clip.path}: nothing moves in it. Is the board in the picture? Film the whole release, or give the "
-            "region of the board with --roi LEFT TOP WIDTH HEIGHT."
-        )
-    left, top, right, bottom = roi
-    if motion.mask(None).any():
-        raise SysidError(
-            f"{clip.path}: what moves is all outside --roi {left} {top} {right - left} {bottom - top}. Give the region in which "
-            f"the board moves (left, top, width and height in px of {clip.width}x{clip.height}), or leave it out."
-        )
-    return Survey(frames, roi, moving)
-
-
 def box_around(mask: Mask, margin: int) -> Box:
     """Return left, top, right and bottom [px] of what is set, shape (height, width), and a margin as far as the picture reaches."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
@@ -125,22 +90,6 @@ def box_around(mask: Mask, margin: int) -> Box:
         min(int(columns[-1]) + margin, mask.shape[1]),
         min(int(rows[-1]) + margin, mask.shape[0]),
     )
-
-
-def box_of(clip: Clip, roi: tuple[int, int, int, int]) -> Box:
-    """Turn left, top, width, height into left, top, right, bottom.
-
-    Raises:
-        SysidError: The region is empty or outside the picture.
-    """
-    left, top, width, height = roi
-    inside = min(left, top) >= 0 and left + width <= clip.width and top + height <= clip.height
-    if not inside or min(width, height) < MIN_REGION:
-        raise SysidError(
-            f"--roi {left} {top} {width} {height}: left, top, width and height in px, at least {MIN_REGION}x{MIN_REGION}, inside the "
-            f"picture of {clip.width}x{clip.height}."
-        )
-    return left, top, left + width, top + height
 
 
 def _held(small: Picture, start: Picture, shift: Array) -> Picture:

@@ -88,9 +88,6 @@ class DotFollower:
     """Follows dots by their colour; the centre of each is a mean weighted by how much dot a pixel holds."""
 
     dots: tuple[Dot, ...]
-    box: tuple[int, int, int, int]
-    confined: bool = False
-    """Whether dots outside the box are not looked at: the user gave it."""
     _places: Array = field(init=False)
     _step: Array = field(init=False)
     """How far they went from the last but one frame to the last one [px]."""
@@ -122,8 +119,6 @@ class DotFollower:
             if len(self.dots) == 2:
                 reach = min(reach, 0.6 * float(np.linalg.norm(self._places[1] - self._places[0])))
             found = self._near(frame, predicted[number], reach, dot)
-            if found is not None and self.confined and not self._inside(found[0]):
-                continue
             # A hand in front of a part of a dot moves the middle of what is left; blur only spreads it.
             if found is not None and not found[1] < MIN_UNCOVERED * self._size[number]:
                 places[number], sizes[number] = found
@@ -134,10 +129,6 @@ class DotFollower:
         self._places, self._lost = places, 0
         self._size = np.where(np.isfinite(self._size), 0.9 * self._size + 0.1 * sizes, sizes)
         return places
-
-    def _inside(self, place: Array) -> bool:
-        left, top, right, bottom = self.box
-        return bool(left <= place[0] < right and top <= place[1] < bottom)
 
     def _plausible(self, places: Array) -> bool:
         if len(places) == 1:
@@ -314,7 +305,7 @@ def _find(reel: Reel) -> Target | None:
     dots = find_dots(look)
     if not dots:
         return None
-    follower = DotFollower(dots, look.box, confined=options.roi is not None)
+    follower = DotFollower(dots)
     size = ", ".join(f"{2 * dot.radius:.0f} px wide at {dot.place[0]:.0f},{dot.place[1]:.0f}" for dot in dots)
     if len(dots) == 2:
         if options.pivot is not None:
