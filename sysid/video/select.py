@@ -258,7 +258,7 @@ def _fault(one: Followed) -> str | None:
 
 def _strays(track: Track, angle: Array) -> bool:
     """Return whether the point that is seen most leaves the circle about any fixed pivot, as it turns by an angle (n,) [rad]."""
-    points = track.shake.undo(track.points.astype(np.float64), np.arange(len(angle)))
+    points = track.shake.undo(track.points.astype(np.float64))
     path = points[:, int(np.argmax(np.isfinite(points[..., 0]).sum(axis=0)))] @ np.array([1, 1j])
     seen = np.isfinite(path) & np.isfinite(angle)
     circle = np.stack([np.ones(seen.sum()), np.exp(1j * angle[seen])], axis=1)
