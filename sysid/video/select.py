@@ -371,16 +371,9 @@ def find_targets(reel: Reel) -> Iterator[list[Target]]:
 def _asked_for(options: VideoOptions) -> dict[str, Tracker]:
     """Return the trackers that may be used, by name."""
     known = trackers.ranked()
+    if options.pivot is not None:
+        known = {name: one for name, one in known.items() if one.takes_pivot}
     if options.method not in ("auto", *known):
-        raise SysidError(f"--method {options.method}: known are auto, {', '.join(known)}.")
-    asked = {name: one for name, one in known.items() if options.method in ("auto", name)}
-    if options.pivot is None:
-        return asked
-    turning = {name: one for name, one in asked.items() if one.takes_pivot}
-    if not turning:
-        takes = ", ".join(name for name, one in known.items() if one.takes_pivot)
-        raise SysidError(
-            f"--pivot {options.pivot[0]:g} {options.pivot[1]:g}: --method {options.method} takes none, only {takes} "
-            "does. Leave out one of the two."
-        )
-    return turning
+        pivot = "" if options.pivot is None else f" --pivot {options.pivot[0]:g} {options.pivot[1]:g}"
+        raise SysidError(f"--method {options.method}{pivot}: known are auto, {', '.join(known)}.")
+    return {name: one for name, one in known.items() if options.method in ("auto", name)}
