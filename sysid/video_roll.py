@@ -69,7 +69,7 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
         SysidError: There are fewer than 8 frames for each period of the oscillation.
     """
     from sysid.video.film.pace import frames_per_period, speed_ramp
-    from sysid.video.notes import faults, inferred, shutter_note
+    from sysid.video.notes import faults, inferred
     from sysid.video.pose.view import View
 
     target, track, found = followed.target, followed.track, followed.found
@@ -98,10 +98,7 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
         )
     # When the sensor reads the board of the first frame is its stamp: a delay that all frames share shows nowhere.
     delay = time[0] - track.time[rows[0]]
-    notes = [
-        *inferred(clip, lens, target, track, found, options),
-        shutter_note(followed.before, found.camera_state, given=options.readout is not None),
-    ]
+    notes = list(inferred(clip, lens, target, track, followed.before, found, options))
     warnings = list(faults(clip, target, track, found))
     if lone.any():
         notes.append(f"frames: {np.sum(lone)} that those before and after do not bear out are left out")

@@ -180,8 +180,6 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
     """
     if not path.is_file():
         raise SysidError(f"{path}: no such file. Check the name.")
-    if path.stat().st_size == 0:
-        raise SysidError(f"{path}: the file is empty. Copy it again from the camera.")
     try:
         with av.open(str(path)) as film:
             stream = next(iter(film.streams.video), None)
@@ -203,7 +201,7 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
     except FFmpegError as error:
         raise SysidError(
             f"{path}: not a film that can be read: no pictures in it, cut off before its index, or "
-            "another kind of file. Copy it again from the camera, or convert it to MP4."
+            "another kind of file, or empty. Copy it again from the camera, or convert it to MP4."
         ) from error
     if plays_ramps(path):
         raise SysidError(
