@@ -36,7 +36,7 @@ def half_swings(time: Array, roll: Array, std: Array) -> tuple[Array, Array]:
 def frames_per_period(time: Array, roll: Array, std: Array) -> float:
     """Return the frames in one period of the free swing, infinite where nothing swings: of the longest row of swings that die away.
 
-    A deck that is held turns nowhere, and so never makes a film look too slow. The rest as for `half_swings`.
+    A deck that is held turns nowhere, and so never makes a film look too slow. Times [s], roll and its deviation [rad], all of shape (n,).
     """
     turns, size = half_swings(time, roll, std)
     runs = np.split(np.arange(len(size)), np.flatnonzero(np.diff(size) > 0) + 1)
@@ -49,7 +49,8 @@ def frames_per_period(time: Array, roll: Array, std: Array) -> float:
 def speed_ramp(time: Array, roll: Array, std: Array) -> float | None:
     """Return when a film changes its speed [s]: where a free decay swings of a sudden at another pace; None if it never does.
 
-    Two half periods or more before and after are compared, in swings that die away: a hand moves otherwise. The rest as for `half_swings`.
+    Two half periods or more before and after are compared, in swings that die away: a hand moves otherwise. Times [s], roll and its
+    deviation [rad], all of shape (n,).
     """
     turns, size = half_swings(time, roll, std)
     half = np.diff(turns)

@@ -44,10 +44,9 @@ class Survey:
 class Motion:
     """How far each pixel of small pictures changes; shake of the camera is no motion."""
 
-    _start: Picture | None = None
-    """The first picture, in colour, shape (h, w, 3)."""
-    _low: Picture = field(default_factory=lambda: np.zeros(0, np.uint8))
-    _high: Picture = field(default_factory=lambda: np.zeros(0, np.uint8))
+    _low: Picture = field(default_factory=lambda: np.array(255, np.uint8))
+    """Least and most that each pixel has shown, in colour, shape (h, w, 3)."""
+    _high: Picture = field(default_factory=lambda: np.array(0, np.uint8))
     _shape: tuple[int, ...] = ()
     _furthest: float = 0.0
     """How far the camera went [px of the small picture]."""
@@ -58,10 +57,8 @@ class Motion:
         bright, times = halved(frame.picture, SMALL_SIDE)
         small = in_colour(bright, [halved(one, SMALL_SIDE)[0] for one in frame.chroma])
         shift = frame.shift / times
-        if self._start is None:
-            self._start = self._low = self._high = small
         self._furthest = max(self._furthest, float(np.abs(shift).max()))
-        still = _held(small, self._start, shift)
+        still = _held(small, shift)
         self._low, self._high = np.minimum(self._low, still), np.maximum(self._high, still)
 
     @property
@@ -92,16 +89,13 @@ def box_around(mask: Mask, margin: int) -> Box:
     )
 
 
-def _held(small: Picture, start: Picture, shift: Array) -> Picture:
-    """Shift a small picture onto the first one [px]; a shift that makes the whole less alike is none of the camera's."""
+def _held(small: Picture, shift: Array) -> Picture:
+    """Shift a small picture back onto the first one [px], if that is more than noise and no pan."""
     if not 0.05 < np.abs(shift).max() < MAX_SHAKE * SMALL_SIDE:
         return small
     move, size = np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]]), (small.shape[1], small.shape[0])
     held = cv2.warpAffine(small, move, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    plain, shifted = (
-        cv2.norm(np.minimum(cv2.absdiff(one, start), MIN_CHANGE), cv2.NORM_L1) for one in (small, held)
-    )
-    return np.asarray(held, np.uint8) if shifted < plain else small
+    return np.asarray(held, np.uint8)
 
 
 def _moving(change: Image, shape: tuple[int, ...], box: Box | None) -> Mask:
