@@ -12,7 +12,7 @@ import numpy as np
 
 from sysid.errors import SysidError
 from sysid.noise.outliers import lone_outliers
-from sysid.roll import Array, Roll
+from sysid.roll import Roll
 from sysid.video.options import VideoOptions as VideoOptions
 
 if TYPE_CHECKING:
@@ -68,8 +68,8 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
     Raises:
         SysidError: There are fewer than 8 frames for each period of the oscillation.
     """
-    from sysid.video.film.pace import speed_ramp
-    from sysid.video.notes import faults, inferred, shutter_note
+    from sysid.video.film.pace import frames_per_period, speed_ramp
+    from sysid.video.notes import faults, inferred
     from sysid.video.pose.view import View
 
     target, track, found = followed.target, followed.track, followed.found
@@ -88,13 +88,18 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
             f"{clip.path}: at {ramp:.2f} s the swing goes on at another pace at once: parts of the film play faster or slower "
             "than others (a speed ramp of slow motion). Give the film as the camera took it, not as it was edited."
         )
-    pace = _refuse_slow(clip.path, time, angle, std) if followed.turns else np.inf  # noise has no period
+    rate = 1 / float(np.median(np.diff(track.time)))
+    pace = frames_per_period(time, angle, std) if followed.turns else np.inf  # noise has no period
+    if round(pace, 1) < MIN_FRAMES_PER_PERIOD:
+        needed = rate * MIN_FRAMES_PER_PERIOD / pace
+        raise SysidError(
+            f"{clip.path}: {pace:.1f} frames a period ({rate:.3g} frames/s for an oscillation of {rate / pace:.3g} Hz); "
+            f"{MIN_FRAMES_PER_PERIOD} are needed. Film at {min((one for one in RATES if one >= needed), default=round(needed))} "
+            "frames/s or more (slow motion), or use an IMU."
+        )
     # When the sensor reads the board of the first frame is its stamp: a delay that all frames share shows nowhere.
     delay = time[0] - track.time[rows[0]]
-    notes = [
-        *inferred(clip, lens, target, track, found, options),
-        shutter_note(followed.before, found.camera_state, given=options.readout is not None),
-    ]
+    notes = list(inferred(clip, lens, target, track, followed.before, found, options))
     warnings = list(faults(clip, target, track, found))
     if lone.any():
         notes.append(f"frames: {np.sum(lone)} that those before and after do not bear out are left out")
@@ -108,7 +113,6 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
             f"{len(lost)} of {len(track.time)} frames, between {lost[0]:.4g} and {lost[-1]:.4g} s, show too little of what is followed "
             "and are left out; look at --overlay for what hides it"
         )
-    rate = 1 / float(np.median(np.diff(track.time)))
     if options.rate is None and rate < SLOW_RATE and SLOW_PERIOD < pace / rate < np.inf:
         warnings.append(
             f"it plays at {rate:.3g} frames/s and swings in {pace / rate:.2g} s, slower than a board: if it was filmed in "
@@ -127,19 +131,3 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
         warnings=tuple(warnings),
     )
     return roll, rows
-
-
-def _refuse_slow(path: Path, time: Array, angle: Array, std: Array) -> float:
-    """Return the frames a period (infinite where nothing swings), or refuse; all but the path are of shape (n,)."""
-    from sysid.video.film.pace import frames_per_period
-
-    count = frames_per_period(time, angle, std)
-    if count is not None and count < MIN_FRAMES_PER_PERIOD:
-        rate = 1 / float(np.median(np.diff(time)))
-        needed = rate * MIN_FRAMES_PER_PERIOD / count
-        raise SysidError(
-            f"{path}: {count:.1f} frames a period ({rate:.3g} frames/s for an oscillation of {rate / count:.3g} Hz); "
-            f"{MIN_FRAMES_PER_PERIOD} are needed. Film at {min((one for one in RATES if one >= needed), default=round(needed))} "
-            "frames/s or more (slow motion), or use an IMU."
-        )
-    return np.inf if count is None else count

@@ -25,9 +25,15 @@ OLD_CODECS = frozenset(
 
 
 def inferred(
-    clip: Clip, lens: Lens, target: Target, track: Track, found: AngleTrack, options: VideoOptions
+    clip: Clip,
+    lens: Lens,
+    target: Target,
+    track: Track,
+    before: CameraState,
+    found: AngleTrack,
+    options: VideoOptions,
 ) -> Iterator[str]:
-    """Yield what was inferred."""
+    """Yield what was inferred; `before` is what was known of the camera beforehand."""
     intervals = np.diff(track.time)
     spread = float(np.std(intervals) / np.mean(intervals))
     stamps = "the given rate" if options.rate is not None else "the container's stamps"
@@ -59,6 +65,15 @@ def inferred(
         )
     if track.shake.found and track.shake.significant:
         yield f"shake: {np.degrees(track.shake.size):.2g}° of the camera's, taken out by the background"
+    if not before.std[READOUT]:
+        source = "given" if options.readout is not None else "the phone notes in the file"
+        yield f"read-out: {camera.readout * 1e3:.3g} ms, as {source}"
+    elif camera.std[READOUT] < SHUTTER_SEEN * before.std[READOUT]:
+        doubt = 2 * camera.std[READOUT] * 1e3
+        yield f"read-out: {camera.readout * 1e3:.3g} ± {doubt:.2g} ms, from how moving points are sheared"
+    else:
+        most = before.readout_limit * 1e3
+        yield f"read-out: not seen in the film, anything up to {most:.2g} ms is within the uncertainty (--readout)"
 
 
 def _stands_still(track: Track) -> bool:
@@ -66,18 +81,6 @@ def _stands_still(track: Track) -> bool:
     end = track.points[-max(10, len(track.points) // 10) :].astype(np.float64)
     seen = end[:, np.isfinite(end).all(axis=(0, 2))]
     return seen.size > 0 and float(np.std(seen.mean(axis=1), axis=0).max()) < STILL_CAMERA
-
-
-def shutter_note(before: CameraState, after: CameraState, *, given: bool) -> str:
-    """Say where the read-out time comes from."""
-    if not before.std[READOUT]:
-        return f"read-out: {after.readout * 1e3:.3g} ms, as {'given' if given else 'the phone notes in the file'}"
-    if after.std[READOUT] < SHUTTER_SEEN * before.std[READOUT]:
-        return f"read-out: {after.readout * 1e3:.3g} ± {2 * after.std[READOUT] * 1e3:.2g} ms, from how moving points are sheared"
-    return (
-        f"read-out: not seen in the film, anything up to {before.readout_limit * 1e3:.2g} ms is within the "
-        "uncertainty (--readout)"
-    )
 
 
 def faults(clip: Clip, target: Target, track: Track, found: AngleTrack) -> Iterator[str]:

@@ -92,7 +92,7 @@ class BodyPicture:
 
 def seen_upright(frame: Frame, box: Box, upright: Array) -> tuple[Image, Array]:
     """Return a part of a frame, small and smoothed [grey levels], and the map to it of places along the axis, shape (3, 3)."""
-    part, corner = frame.bright(box)
+    part, corner = frame.part(box)
     small, times = halved(part, MAX_SIDE)
     # Pixels are squares: one that is made of several has their middle for its own.
     left, top = 0.5 * (1 / times - 1) - np.array(corner) / times

@@ -256,7 +256,7 @@ def _fault(one: Followed) -> str | None:
 
 def _strays(track: Track, angle: Array) -> bool:
     """Return whether the point that is seen most leaves the circle about any fixed pivot, as it turns by an angle (n,) [rad]."""
-    points = track.shake.undo(track.points.astype(np.float64), np.arange(len(angle)))
+    points = track.shake.undo(track.points.astype(np.float64))
     path = points[:, int(np.argmax(np.isfinite(points[..., 0]).sum(axis=0)))] @ np.array([1, 1j])
     seen = np.isfinite(path) & np.isfinite(angle)
     circle = np.stack([np.ones(seen.sum()), np.exp(1j * angle[seen])], axis=1)
@@ -369,16 +369,9 @@ def find_targets(reel: Reel) -> Iterator[list[Target]]:
 def _asked_for(options: VideoOptions) -> dict[str, Tracker]:
     """Return the trackers that may be used, by name."""
     known = trackers.ranked()
+    if options.pivot is not None:
+        known = {name: one for name, one in known.items() if one.takes_pivot}
     if options.method not in ("auto", *known):
-        raise SysidError(f"--method {options.method}: known are auto, {', '.join(known)}.")
-    asked = {name: one for name, one in known.items() if options.method in ("auto", name)}
-    if options.pivot is None:
-        return asked
-    turning = {name: one for name, one in asked.items() if one.takes_pivot}
-    if not turning:
-        takes = ", ".join(name for name, one in known.items() if one.takes_pivot)
-        raise SysidError(
-            f"--pivot {options.pivot[0]:g} {options.pivot[1]:g}: --method {options.method} takes none, only {takes} "
-            "does. Leave out one of the two."
-        )
-    return turning
+        pivot = "" if options.pivot is None else f" --pivot {options.pivot[0]:g} {options.pivot[1]:g}"
+        raise SysidError(f"--method {options.method}{pivot}: known are auto, {', '.join(known)}.")
+    return {name: one for name, one in known.items() if options.method in ("auto", name)}

@@ -112,7 +112,7 @@ def test_a_dot_that_is_covered_in_part_is_not_seen():
     shown = frame_of(0, 0.0, picture(0))
     chroma = np.array([plane[50, 40] for plane in shown.chroma]) - 128.0
     dots = tuple(Dot(np.array([x, 100.0]), 12.0, chroma) for x in (80, 240))
-    tracker = DotFollower(dots, (0, 0, 320, 200))
+    tracker = DotFollower(dots)
     assert tracker.update(shown) is not None
     # Half of it is hidden: the middle of what is left is 5 px off.
     assert tracker.update(frame_of(1, 0.02, picture(60))) is None

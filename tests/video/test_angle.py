@@ -104,12 +104,14 @@ def test_texture_on_a_slanted_side_of_the_deck_is_as_far_off_as_is_stated(slope)
     tail = np.array([[-0.08, -0.09], [0.08, -0.09], [0.08, -0.04], [-0.08, -0.04]])
     depth = slope * (tail[:, 1] + 0.065)
     points = picture(angle, 0.07, 0.02, tail, depth, distance=0.75, shift=-0.75 * (0.07 + 0.02j) + 0.06j)
-    noisy = points + PLACE_FLOOR * np.random.default_rng(1).normal(size=points.shape)
-    turning = fit_angle(view(noisy), MATRIX, known(), TEXTURE)
-    error = turning.angle - angle
-    error, swinging = error - np.median(error[-60:]), np.abs(angle) > 0.07
-    assert np.sqrt(np.mean((error / turning.std)[swinging] ** 2)) < 2.0
-    assert np.median((turning.std / np.abs(angle))[swinging]) < (0.12 if slope else 0.03)
+    swinging, scores = np.abs(angle) > 0.07, []
+    for seed in range(4):
+        noisy = points + PLACE_FLOOR * np.random.default_rng(seed).normal(size=points.shape)
+        turning = fit_angle(view(noisy), MATRIX, known(), TEXTURE)
+        error = turning.angle - angle
+        scores.append(((error - np.median(error[-60:])) / turning.std)[swinging])
+        assert np.median((turning.std / np.abs(angle))[swinging]) < (0.12 if slope else 0.03)
+    assert np.sqrt(np.mean(np.square(scores))) < 2.0
 
 
 def test_shifts_of_the_body_are_no_angle():

@@ -86,7 +86,7 @@ def test_a_pivot_is_for_one_dot(film):
     with pytest.raises(SysidError, match=r"--pivot 360 120: .* two dots move here"):
         roll_from_video(film, VideoOptions(pivot=(360.0, 120.0), roi=RIGHT))
     for method in ("marker", "features", "edge"):
-        with pytest.raises(SysidError, match=f"--method {method} takes none, only dots does"):
+        with pytest.raises(SysidError, match=f"--method {method} --pivot 360 120: known are auto, dots"):
             roll_from_video(film, VideoOptions(method=method, pivot=(360.0, 120.0)))
     # One dot of the pair, about the middle between both; the marker beside it is not what a pivot is for.
     note, likeness = followed(film, pivot=(360.0, 120.0), roi=(370, 0, 110, 240))

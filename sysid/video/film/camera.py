@@ -14,7 +14,7 @@ from sysid.files import regular
 from sysid.roll import Array
 from sysid.video.film.frames import Clip, open_clip
 from sysid.video.options import is_film
-from sysid.video.types import Picture, Points
+from sysid.video.types import Points
 
 Places = TypeVar("Places", Array, Points)
 USUAL_FOCAL = 0.9
@@ -23,8 +23,8 @@ FOCAL_SPREAD = 0.25
 """Standard deviation of its logarithm [1]: zoom, crop and stabilisation."""
 CHESSBOARD = (9, 6)
 """Inner corners of the chessboard that is looked for."""
-VIEWS = 30
-"""Views of the chessboard that are used at most."""
+FRAMES = 30
+"""About so many frames are looked through for the chessboard: each takes 0.1 s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,24 +110,23 @@ def _from_file(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
 
 def _from_chessboard(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
     clip = open_clip(path)
-    every = max(1, clip.announced // (3 * VIEWS))
-    views: list[Array] = []
+    every = max(1, clip.announced // FRAMES)
+    views: list[Points] = []
     for frame in islice(clip.frames(), 0, None, every):
-        corners = _chessboard(frame.picture)
-        if corners is not None and (not views or np.abs(corners - views[-1]).mean() > 0.01 * clip.width):
-            views.append(corners)
+        seen, corners = cv2.findChessboardCornersSB(frame.picture, CHESSBOARD)
+        if seen and (not views or np.abs(corners - views[-1]).mean() > 0.01 * clip.width):
+            views.append(np.asarray(corners, np.float32))
     if len(views) < 5:
         raise SysidError(
             f"{path}: a chessboard is seen in {len(views)} different attitudes; 5 are needed. Film a printed one "
             "(9x6 inner corners) slowly from all sides, filling the picture."
         )
-    views = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, min(len(views), VIEWS)).astype(int))]
     across, down = CHESSBOARD
     grid = np.zeros((across * down, 3), np.float32)
     grid[:, :2] = np.mgrid[0:across, 0:down].T.reshape(-1, 2)
     size = (clip.width, clip.height)
     error, matrix, distortion, _, _ = cv2.calibrateCamera(
-        [grid] * len(views), [view.astype(np.float32) for view in views], size, np.eye(3), np.zeros(5)
+        [grid] * len(views), views, size, np.eye(3), np.zeros(5)
     )
     note = f"from {len(views)} views of a {across}x{down} chessboard, {error:.2f} px"
     if error > 1.5:
@@ -135,12 +134,3 @@ def _from_chessboard(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
             f"{path}: the lens {note} off on average: the board is bent or the film blurred. Film it again."
         )
     return np.asarray(matrix, float), np.ravel(np.asarray(distortion, float)), size, note
-
-
-def _chessboard(dark: Picture) -> Array | None:
-    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
-    good, corners = cv2.findChessboardCorners(dark, CHESSBOARD, flags=flags)
-    if not good:
-        return None
-    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.01)
-    return np.asarray(cv2.cornerSubPix(dark, corners, (7, 7), (-1, -1), criteria), float).reshape(-1, 2)

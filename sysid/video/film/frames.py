@@ -38,8 +38,8 @@ READOUT = "com.apple.quicktime.camera.framereadouttimeinmicroseconds"
 """What phones note: the rate at which a film was taken [Hz], and the time for reading a frame [µs]."""
 MAX_RATE, MAX_READOUT = 1e5, 0.1
 """What no camera reaches: frames a second [Hz], and time for reading a frame [s]."""
-PLANES, BLACK, WHITE = "yuv420p", 16, 235
-"""How nearly all films hold pictures: 8 bits of brightness within this range, and chroma at half the resolution."""
+PLANES, BLACK = "yuv420p", 16
+"""How nearly all films hold pictures: 8 bits of brightness from this to 235, and chroma at half the resolution."""
 TO_COLOUR = np.array([[1.164, 2.018, 0.0], [1.164, -0.391, -0.813], [1.164, 0.0, 1.596]])
 """Blue, green and red of brightness beyond `BLACK` and chroma beyond `GREY` (ITU-R BT.601)."""
 GREY = 128
@@ -56,7 +56,7 @@ class Frame:
     time: float
     """The container's stamp since the film's first frame [s], of a film that plays slowly as it was filmed; NaN where there is none."""
     picture: Picture
-    """Brightness as films hold it, from `BLACK` to `WHITE`, shape (height, width)."""
+    """Brightness as films hold it, from `BLACK` to 235, shape (height, width)."""
     chroma: tuple[Picture, Picture]
     """What blue and red have beyond it in squares of 2x2 pixels, shape (height / 2, width / 2), rounded up."""
     corner: tuple[int, int] = (0, 0)
@@ -75,18 +75,11 @@ class Frame:
         """Memory that it takes [bytes]."""
         return sum(plane.nbytes for plane in (self.picture, *self.chroma))
 
-    def bright(self, box: Box) -> tuple[Picture, tuple[int, int]]:
+    def part(self, box: Box) -> tuple[Picture, tuple[int, int]]:
         """Return the brightness in a box [px], as far as it was kept, and its corner in the film's picture; shape (height, width)."""
         left, top, right, bottom = self.within(box)
         x, y = self.corner
         return self.picture[top - y : bottom - y, left - x : right - x], (left, top)
-
-    def part(self, box: Box) -> tuple[Picture, tuple[int, int]]:
-        """Return the same in grey, black 0 and white 255, shape (height, width), and its corner [px]."""
-        seen, corner = self.bright(box)
-        gain = 255 / (WHITE - BLACK)
-        grey = cv2.addWeighted(seen, gain, seen, 0, -BLACK * gain) if seen.size else seen
-        return np.asarray(grey, np.uint8), corner
 
     def cut(self, box: Box) -> "Frame":
         """Return what was kept of a box [px], or up to a pixel more of it: whole squares."""
@@ -187,8 +180,6 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
     """
     if not path.is_file():
         raise SysidError(f"{path}: no such file. Check the name.")
-    if path.stat().st_size == 0:
-        raise SysidError(f"{path}: the file is empty. Copy it again from the camera.")
     try:
         with av.open(str(path)) as film:
             stream = next(iter(film.streams.video), None)
@@ -210,7 +201,7 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
     except FFmpegError as error:
         raise SysidError(
             f"{path}: not a film that can be read: no pictures in it, cut off before its index, or "
-            "another kind of file. Copy it again from the camera, or convert it to MP4."
+            "another kind of file, or empty. Copy it again from the camera, or convert it to MP4."
         ) from error
     if plays_ramps(path):
         raise SysidError(

@@ -1,6 +1,6 @@
 """A film that is decoded once: kept in memory until it shows what moves, from then on frame by frame."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -12,7 +12,7 @@ from sysid.errors import SysidError
 from sysid.video.film.background import Background
 from sysid.video.film.camera import Lens
 from sysid.video.film.frames import BYTES_AHEAD, Clip, Frame, ahead
-from sysid.video.film.survey import Motion, Survey, box_around, box_of, survey
+from sysid.video.film.survey import BOX_MARGIN, MIN_REGION, Motion, Survey, box_around
 from sysid.video.options import VideoOptions
 from sysid.video.types import Box, Mask
 
@@ -63,10 +63,23 @@ class Reel:
         count = max(2, BYTES_AHEAD // (3 * self.clip.width * self.clip.height // 2))
         self._source = ahead(self._held(ahead(self._stamped(), count)), 1)
 
-    @property
+    @cached_property
     def region(self) -> Box | None:
-        """Left, top, right and bottom [px] of where the user says the board moves."""
-        return None if self.options.roi is None else box_of(self.clip, self.options.roi)
+        """Left, top, right and bottom [px] of where the user says the board moves: all that is kept of the frames.
+
+        Raises:
+            SysidError: It is too small or outside the picture.
+        """
+        if self.options.roi is None:
+            return None
+        left, top, width, height = self.options.roi
+        inside = min(left, top) >= 0 and left + width <= self.clip.width and top + height <= self.clip.height
+        if not inside or min(width, height) < MIN_REGION:
+            raise SysidError(
+                f"--roi {left} {top} {width} {height}: left, top, width and height in px, at least {MIN_REGION}x{MIN_REGION}, "
+                f"inside the picture of {self.clip.width}x{self.clip.height}."
+            )
+        return left, top, left + width, top + height
 
     @property
     def kept(self) -> list[Frame]:
@@ -81,39 +94,48 @@ class Reel:
         Raises:
             SysidError: Nothing does, or the film is damaged or cut.
         """
-        region = self.region
         motion, part = self._fill(None, 1)
-        moving = motion.mask(region)
+        moving = motion.mask(self.region)
         if part is not None and moving[part[1] : part[3], part[0] : part[2]].sum() < MOST * moving.sum():
             self._source.close()
             self._begin()
             motion, _ = self._fill(_with_margin(moving), round(BEGUN * moving.sum()))
-            moving = motion.mask(region)
+            moving = motion.mask(self.region)
         if not self._frames:
             raise SysidError(
                 f"{self.clip.path}: no frame can be decoded. Copy the file again from the camera."
             )
-        if moving.any():
-            self.background.leave_out(moving)
+        if motion.pans:
+            raise SysidError(
+                f"{self.clip.path}: the whole picture moves: the camera pans, zooms or is carried. Put it on a tripod, and film "
+                "from before the release until the board rests."
+            )
+        if not moving.any():
+            outside = f"what moves is all outside --roi {' '.join(map(str, self.options.roi or ()))}"
+            raise SysidError(
+                f"{self.clip.path}: {outside if motion.mask(None).any() else 'nothing moves in it'}. Film the whole release, with "
+                f"the board in the picture of {self.clip.width}x{self.clip.height}, or give its region with --roi LEFT TOP WIDTH HEIGHT."
+            )
+        self.background.leave_out(moving)
         self._frames = [
             replace(frame, shift=self.background.shift(self.skipped + row))
             for row, frame in enumerate(self._frames)
         ]
         some = np.unique(np.linspace(0, len(self._frames) - 1, SURVEY_FRAMES).astype(int))
-        return survey(self.clip, tuple(self._frames[number] for number in some), motion, moving, region)
+        return Survey(tuple(self._frames[number] for number in some), box_around(moving, BOX_MARGIN), moving)
 
     def _fill(self, part: Box | None, least: int) -> tuple[Motion, Box | None]:
         """Keep frames until memory is full of what moves; return the motion in them, and the part [px] that was kept.
 
         Args:
-            part: The part, where it is known; else it follows from what moves by the time that whole frames fill the memory.
+            part: The part, where it is known; else it follows from what moves by the time that all that is looked at fills the memory.
             least: Pixels that change where the board has been seen to move.
         """
         motion, size = Motion(), 0
         for number, frame in enumerate(self._source):
             if number % LOOKED_AT == 0:
                 motion.add(frame, self.background.pose(number))
-            self._frames.append(_cut(frame, part))
+            self._frames.append(_cut(frame, part or self.region))
             size += self._frames[-1].nbytes
             if size < MEMORY or (part is not None and len(self._frames) < MIN_FRAMES):
                 continue
@@ -129,9 +151,9 @@ class Reel:
             size = sum(frame.nbytes for frame in self._frames)
         return motion, part
 
-    def others(self) -> Generator[Frame]:
+    def others(self) -> Iterator[Frame]:
         """Yield the frames after those in memory, as they are decoded."""
-        return self._source
+        return (frame if self.region is None else frame.cut(self.region) for frame in self._source)
 
     def close(self) -> None:
         """Stop decoding."""

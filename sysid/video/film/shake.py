@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.types import Complex, Rows
+from sysid.video.types import Complex
 
 MIN_PATCHES = 4
 """Least number of patches that show a rotation."""
@@ -71,10 +71,10 @@ class Shake:
         shifted = float(np.std(self.motion[:, :2], axis=0).max()) > 2.5 * self.shift_std + 0.1
         return self.found and (turned or shifted)
 
-    def undo(self, points: Array, rows: Rows) -> Array:
-        """Return points (m, N, 2) [px] of the frames `rows` (m,) where they would be with the camera still."""
+    def undo(self, points: Array) -> Array:
+        """Return the points of all frames, shape (n, N, 2) [px], where they would be with the camera still."""
         place = points[..., 0] + 1j * points[..., 1] - self.centre
-        still = still_places(place, self.motion[rows, None], self.focal) + self.centre
+        still = still_places(place, self.motion[:, None], self.focal) + self.centre
         return np.stack([still.real, still.imag], axis=-1)
 
 

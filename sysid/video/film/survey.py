@@ -5,9 +5,8 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from sysid.errors import SysidError
 from sysid.roll import Array
-from sysid.video.film.frames import Clip, Frame, halved, in_colour
+from sysid.video.film.frames import Frame, halved, in_colour
 from sysid.video.types import Box, Image, Mask, Picture
 
 SMALL_SIDE = 640
@@ -31,7 +30,7 @@ class Survey:
     frames: tuple[Frame, ...]
     """Some, spread over what was looked at, the first one first."""
     box: Box
-    """Left, top, right and bottom [px] of where something moves, or what the user gave."""
+    """Left, top, right and bottom [px] of where something moves, as far as the user wants it to be looked at."""
     moving: Mask
     """Pixels in which something changes, as large as the picture."""
 
@@ -45,10 +44,9 @@ class Survey:
 class Motion:
     """How far each pixel of small pictures changes; shake of the camera is no motion."""
 
-    _start: Picture | None = None
-    """The first picture, in colour, shape (h, w, 3)."""
-    _low: Picture = field(default_factory=lambda: np.zeros(0, np.uint8))
-    _high: Picture = field(default_factory=lambda: np.zeros(0, np.uint8))
+    _low: Picture = field(default_factory=lambda: np.array(255, np.uint8))
+    """Least and most that each pixel has shown, in colour, shape (h, w, 3)."""
+    _high: Picture = field(default_factory=lambda: np.array(0, np.uint8))
     _shape: tuple[int, ...] = ()
     _furthest: float = 0.0
     """How far the camera went [px of the small picture]."""
@@ -58,11 +56,8 @@ class Motion:
         self._shape = frame.picture.shape
         bright, times = halved(frame.picture, SMALL_SIDE)
         small = in_colour(bright, [halved(one, SMALL_SIDE)[0] for one in frame.chroma])
-        pose = pose / [1, 1, times]
-        if self._start is None:
-            self._start = self._low = self._high = small
         self._furthest = max(self._furthest, float(np.abs(frame.shift).max()) / times)
-        still = _held(small, self._start, pose)
+        still = _held(small, pose / [1, 1, times], np.broadcast_to(self._low, small.shape))
         self._low, self._high = np.minimum(self._low, still), np.maximum(self._high, still)
 
     @property
@@ -82,40 +77,6 @@ class Motion:
         return everywhere and (self._furthest > MAX_SHAKE * SMALL_SIDE or not self.mask(None).any())
 
 
-def survey(clip: Clip, frames: tuple[Frame, ...], motion: Motion, moving: Mask, roi: Box | None) -> Survey:
-    """Say where it moves.
-
-    Args:
-        clip: The film.
-        frames: Some of it.
-        motion: What changes in it.
-        moving: Pixels that do so inside the region that the user gave, if any, shape (height, width).
-        roi: That region, left, top, right and bottom [px].
-
-    Raises:
-        SysidError: Nothing moves, or all of it outside that region.
-    """
-    if motion.pans:
-        raise SysidError(
-            f"{clip.path}: the whole picture moves: the camera pans, zooms or is carried. Put it on a tripod, and film from "
-            "before the release until the board rests."
-        )
-    if moving.any():
-        return Survey(frames, box_around(moving, BOX_MARGIN) if roi is None else roi, moving)
-    if roi is None:
-        raise SysidError(
-            f"{clip.path}: nothing moves in it. Is the board in the picture? Film the whole release, or give the "
-            "region of the board with --roi LEFT TOP WIDTH HEIGHT."
-        )
-    left, top, right, bottom = roi
-    if motion.mask(None).any():
-        raise SysidError(
-            f"{clip.path}: what moves is all outside --roi {left} {top} {right - left} {bottom - top}. Give the region in which "
-            f"the board moves (left, top, width and height in px of {clip.width}x{clip.height}), or leave it out."
-        )
-    return Survey(frames, roi, moving)
-
-
 def box_around(mask: Mask, margin: int) -> Box:
     """Return left, top, right and bottom [px] of what is set, shape (height, width), and a margin as far as the picture reaches."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
@@ -127,35 +88,15 @@ def box_around(mask: Mask, margin: int) -> Box:
     )
 
 
-def box_of(clip: Clip, roi: tuple[int, int, int, int]) -> Box:
-    """Turn left, top, width, height into left, top, right, bottom.
-
-    Raises:
-        SysidError: The region is empty or outside the picture.
-    """
-    left, top, width, height = roi
-    inside = min(left, top) >= 0 and left + width <= clip.width and top + height <= clip.height
-    if not inside or min(width, height) < MIN_REGION:
-        raise SysidError(
-            f"--roi {left} {top} {width} {height}: left, top, width and height in px, at least {MIN_REGION}x{MIN_REGION}, inside the "
-            f"picture of {clip.width}x{clip.height}."
-        )
-    return left, top, left + width, top + height
-
-
-def _held(small: Picture, start: Picture, pose: Array) -> Picture:
-    """Put a small picture onto the first one, which is in it at a pose; one that makes the whole less alike is none of the camera's."""
+def _held(small: Picture, pose: Array, other: Picture) -> Picture:
+    """Put a small picture onto the first one, which is in it at a pose, if that is more than noise and no pan; what it does not show is another one's."""
     height, width = small.shape[:2]
     corners = np.array([[0, 0, 1], [width, 0, 1], [0, height, 1], [width, height, 1]])
     if not 0.05 < np.abs(corners @ pose.T - corners[:, :2]).max() < 2 * MAX_SHAKE * SMALL_SIDE:
         return small
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    # What it does not show stays as it was.
-    held = cv2.warpAffine(small, pose, (width, height), start.copy(), flags, cv2.BORDER_TRANSPARENT)
-    plain, shifted = (
-        cv2.norm(np.minimum(cv2.absdiff(one, start), MIN_CHANGE), cv2.NORM_L1) for one in (small, held)
-    )
-    return np.asarray(held, np.uint8) if shifted < plain else small
+    held = cv2.warpAffine(small, pose, (width, height), other.copy(), flags, cv2.BORDER_TRANSPARENT)
+    return np.asarray(held, np.uint8)
 
 
 def _moving(change: Image, shape: tuple[int, ...], box: Box | None) -> Mask:

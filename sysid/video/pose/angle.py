@@ -23,8 +23,6 @@ from sysid.video.types import Complex
 
 DRAWN = 2.0
 """Motion of which compression leaves out half as much as of the smallest [px/frame], as found in films of a phone's kind."""
-MIRRORED_STEPS = 20
-"""Steps of the search from the mirrored slant: by then it is in a valley of its own, or on its long way back to the other one."""
 LASTING_FRAMES = 4
 """Frames for which a motion drawn is good [1]: those about the turn of a swing."""
 
@@ -65,18 +63,10 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
     prior = prior or BodyPrior()
     some = keyframes_of(view, prior.still)
     found = fit_circles(view, some, matrix, before, prior, before.value)
-    others: list[
-        tuple[Found, float]
-    ] = []  # what fits almost as well, and the share of its distance that counts
-    if {0, 1} <= set(before.free):
-        # From afar, a slant to one side and to the other look alike: the search may have ended in the wrong one.
-        away = found.camera_state.value * [-1, -1, 1, 1] + before.value * [2, 2, 0, 0]
-        other = fit_circles(view, some, matrix, before, prior, away, MIRRORED_STEPS)
-        found, other = (other, found) if other.cost < found.cost else (found, other)
-        others = [(other, float(1 / (1 + np.exp(min((other.cost - found.cost) / 2, 50.0)))))]
-        if prior.slanted:
-            deep = replace(prior, centre_std=DEEP_CENTRES)
-            others.append((fit_circles(view, some, matrix, before, deep, found.camera_state.value), 0.5))
+    deep = None  # what fits as well
+    if prior.slanted and {0, 1} <= set(before.free):
+        slanted = replace(prior, centre_std=DEEP_CENTRES)
+        deep = fit_circles(view, some, matrix, before, slanted, found.camera_state.value)
 
     def angle_of(one: Found, x: Array) -> Array:
         return one.unknowns.body(x).placed(view.points, view.shear)[0]
@@ -91,9 +81,9 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
     variance += (prior.dead_zone / np.sqrt(3) / arm.max()) ** 2 * _left_out(speed)
     clock = (view.time(found.camera_state.readout), view.share, before.place_of(READOUT))
     common = spread_by(found.x, found.covariance, angle, lambda x: angle_of(found, x), *clock)
-    for other, share in others:
-        change = np.exp(1j * (angle_of(other, other.x) - angle))
-        common += share * np.nan_to_num(np.angle(change * np.exp(-1j * np.nanmedian(np.angle(change))))) ** 2
+    if deep is not None:
+        change = np.exp(1j * (angle_of(deep, deep.x) - angle))
+        common += np.nan_to_num(np.angle(change * np.exp(-1j * np.nanmedian(np.angle(change))))) ** 2 / 2
     own = np.where(np.isfinite(angle), np.sqrt(variance), np.nan)
     return AngleTrack(
         unwrap(angle),

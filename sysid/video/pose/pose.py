@@ -36,7 +36,7 @@ def principal_corners(places: Array, weight: Array) -> tuple[Array, Array]:
 
 
 def attitude_share(turn: Array, step: float) -> Array:
-    """Return one over how many of n frames show about the same attitude [1], shape (n,), by their turns and a step of it, both [rad].
+    """Return one over how many of n frames show about the same attitude [1], shape (n,), by their turns and a step, of one unit.
 
     A film keeps what stands still as it is, its noise as well: many frames of one attitude count as one.
     """

@@ -33,7 +33,7 @@ class View:
         track, filmed = self.track, self.track.points.astype(np.float64)
         points = self.straighten(filmed)
         if track.shake.significant:
-            points = track.shake.undo(points, np.arange(len(points)))
+            points = track.shake.undo(points)
         when = self.row_share(filmed)
         seen = np.isfinite(when)
         count = seen.sum(axis=1)

@@ -88,7 +88,7 @@ def _likely(pair: tuple[Dot, Dot]) -> tuple[bool, bool, bool, float]:
 
 def _turn_as_one(pair: tuple[Dot, Dot], look: Survey) -> bool:
     """Whether two dots keep their distance in most frames, and turn."""
-    follower = DotFollower(pair, look.box)
+    follower = DotFollower(pair)
     seen = np.array([points for frame in look.frames if (points := follower.update(frame)) is not None])
     if len(seen) < MIN_SEEN * len(look.frames):
         return False
@@ -109,9 +109,6 @@ class DotFollower:
     """Follows dots by their colour; the centre of each is a mean weighted by how much dot a pixel holds."""
 
     dots: tuple[Dot, ...]
-    box: tuple[int, int, int, int]
-    confined: bool = False
-    """Whether dots outside the box are not looked at: the user gave it."""
     _places: Array = field(init=False)
     _step: Array = field(init=False)
     """How far they went from the last but one frame to the last one [px]."""
@@ -133,22 +130,20 @@ class DotFollower:
     def update(self, frame: Frame) -> Array | None:
         """Return the dots' centres [px], shape (N, 2); None unless all are seen."""
         # What moves on is expected further on, what was lost is looked for where it was.
-        predicted = self._places + self._step * (1 + self._lost) * (self._lost < 2)
-        places = np.full_like(self._places, np.nan)
-        sizes = self._size.copy()
-        for number, dot in enumerate(self.dots):
-            reach = (3.0 + 2.0 * min(self._lost, 5)) * dot.radius + 0.5 * float(
-                np.linalg.norm(predicted[number] - self._places[number])
-            )
-            if len(self.dots) == 2:
-                reach = min(reach, 0.6 * float(np.linalg.norm(self._places[1] - self._places[0])))
-            found = self._near(frame, predicted[number], reach, dot)
-            if found is not None and self.confined and not self._inside(found[0]):
-                continue
-            # A hand in front of a part of a dot moves the middle of what is left; blur only spreads it.
-            if found is not None and not found[1] < MIN_UNCOVERED * self._size[number]:
-                places[number], sizes[number] = found
-        if not np.isfinite(places).all() or not self._plausible(places):
+        ahead = self._step * (1 + self._lost) * (self._lost < 2)
+        apart = float(np.linalg.norm(np.ptp(self._places, axis=0))) or np.inf
+        reach = np.array([(3.0 + 2.0 * min(self._lost, 5)) * dot.radius for dot in self.dots])
+        reach = np.minimum(reach + 0.5 * np.linalg.norm(ahead, axis=1), 0.6 * apart).tolist()
+        found = [
+            self._near(frame, *each) for each in zip(self._places + ahead, reach, self.dots, strict=True)
+        ]
+        places, sizes = np.array([place for place, _ in found]), np.array([size for _, size in found])
+        length, usual = (
+            np.linalg.norm(np.ptp(both, axis=0)) for both in (places, [dot.place for dot in self.dots])
+        )
+        # A hand in front of a part of a dot moves the middle of what is left; blur only spreads it.
+        covered = np.isnan(sizes).any() or np.any(sizes < MIN_UNCOVERED * self._size)
+        if covered or not 0.75 * usual <= length <= 1.35 * usual:
             self._lost += 1
             return None
         self._step = (places - self._places) * (self._lost == 0)
@@ -156,32 +151,23 @@ class DotFollower:
         self._size = np.where(np.isfinite(self._size), 0.9 * self._size + 0.1 * sizes, sizes)
         return places
 
-    def _inside(self, place: Array) -> bool:
-        left, top, right, bottom = self.box
-        return bool(left <= place[0] < right and top <= place[1] < bottom)
-
-    def _plausible(self, places: Array) -> bool:
-        if len(places) == 1:
-            return True
-        length = np.linalg.norm(self.dots[1].place - self.dots[0].place)
-        return bool(0.75 < np.linalg.norm(places[1] - places[0]) / length < 1.35)
-
-    def _near(self, frame: Frame, place: Array, reach: float, dot: Dot) -> tuple[Array, float] | None:
-        """Find a dot; return its centre [px] and how much of it there is [px]."""
+    def _near(self, frame: Frame, place: Array, reach: float, dot: Dot) -> tuple[Array, float]:
+        """Find a dot; return its centre [px] and how much of it there is [px]; NaN where it is not seen."""
+        nothing = np.full(2, np.nan), np.nan
         low, high = np.floor(place - reach), np.ceil(place + reach) + 1
         part = frame.cut((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
         if min(part.picture.shape) < 4:
-            return None
+            return nothing
         weight = _dot_share(np.dstack(part.chroma), dot)
         count, labels, stats, centres = cv2.connectedComponentsWithStats((weight > 0.5).astype(np.uint8))
         if count < 2:
-            return None
+            return nothing
         area = 4 * stats[1:, cv2.CC_STAT_AREA] / (np.pi * dot.radius**2)
         distance = np.linalg.norm(_in_film(np.asarray(centres[1:], np.float64), part) - place, axis=1)
         score = distance / reach + np.abs(np.log(np.maximum(area, 1e-3)))
         best = int(np.argmin(score))
         if not 0.4 < area[best] < 2.5:
-            return None
+            return nothing
         left, top, width, height = stats[best + 1, : cv2.CC_STAT_AREA].tolist()
         rows, columns = (
             slice(max(low - RIM, 0), low + size + RIM) for low, size in ((top, height), (left, width))
@@ -191,7 +177,7 @@ class DotFollower:
         begin = np.array([columns.start, rows.start])
         first, end = part.corner + 2 * begin, part.corner + 2 * (begin + soft.shape[::-1])
         if np.any(first == frame.box[:2]) or np.any(end >= frame.box[2:]):
-            return None  # it is cut by the picture's border
+            return nothing  # it is cut by the picture's border
         across, down = soft.sum(axis=0, dtype=np.float64), soft.sum(axis=1, dtype=np.float64)
         total = float(across.sum())
         middle = np.array([across @ np.arange(len(across)), down @ np.arange(len(down))]) / total
@@ -339,7 +325,7 @@ def _find(reel: Reel) -> Target | None:
     dots = find_dots(look)
     if not dots:
         return None
-    follower = DotFollower(dots, look.box, confined=options.roi is not None)
+    follower = DotFollower(dots)
     size = ", ".join(f"{2 * dot.radius:.0f} px wide at {dot.place[0]:.0f},{dot.place[1]:.0f}" for dot in dots)
     if len(dots) == 2:
         if options.pivot is not None:

@@ -39,7 +39,7 @@ AS_EXPECTED = np.radians(1.0)
 SAME_ERRORS = 3.0
 """Motion up to which patches of texture err alike [px]: as the deck turns they are seen at another slant, of which
 the reference knows nothing."""
-MAX_UNLIKE = 40.0
+MAX_UNLIKE = 35.0
 """Mean difference of brightness up to which a patch is the same [grey levels]."""
 PLACE_FLOOR = 0.04
 """Least standard deviation of the body's points [px]: neighbouring patches err alike."""
@@ -147,11 +147,11 @@ def _moves(frames: Sequence[Frame], place: Array) -> bool:
     """Whether a patch of the first of some frames is not where it was in a tenth of the others, or more."""
     half = WINDOW // 2
     x, y = np.round(place).astype(int)
-    patch = frames[0].bright((x - half, y - half, x + half + 1, y + half + 1))[0]
+    patch = frames[0].part((x - half, y - half, x + half + 1, y + half + 1))[0]
     likeness: list[float] = []
     for other in frames[1:]:
         u, v = np.round(place + other.shift - frames[0].shift).astype(int)
-        around = other.bright((u - half - 3, v - half - 3, u + half + 4, v + half + 4))[0]
+        around = other.part((u - half - 3, v - half - 3, u + half + 4, v + half + 4))[0]
         if min(around.shape) >= WINDOW:
             likeness.append(float(cv2.matchTemplate(around, patch, cv2.TM_CCOEFF_NORMED).max()))
     if not likeness:

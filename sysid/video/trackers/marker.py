@@ -84,8 +84,6 @@ class MarkerFollower:
     """Follows one marker: its four edges from frame to frame, found anew where that fails."""
 
     marker: Marker
-    region: Box
-    """Left, top, right and bottom [px]: it is followed inside only."""
     aliasing: Aliasing = field(default_factory=Aliasing)
     """Of its edges; what is known of it grows from frame to frame."""
     points: int = 4
@@ -113,7 +111,7 @@ class MarkerFollower:
             margin = 0.8 * np.ptp(self._corners, axis=0).max() * (1 + self._lost)
             found = self._search(frame, box_about(np.concatenate([predicted, self._corners]), margin))
         if found is None and self._lost % FULL_SEARCH_EVERY == 0:
-            found = self._search(frame, self.region)
+            found = self._search(frame, frame.box)
         if found is None:
             self._lost, self._step = self._lost + 1, np.zeros((4, 2))
             return None
@@ -133,7 +131,7 @@ class MarkerFollower:
         if side.min() < MIN_SIDE / 2 or side.max() > 3 * side.min():
             return None
         cell = side.mean() / len(self.cells)
-        limits = np.reshape(frame.within(self.region), (2, 2))
+        limits = np.reshape(frame.box, (2, 2))
         if np.any(rough < limits[0] + 2) or np.any(rough > limits[1] - 3):
             return None
         place, reach = rough, min(0.75 * cell, 3.0 + 3.0 * self._miss, 12.0)
@@ -195,21 +193,21 @@ def marker_cells(number: int, kind: str = PRINTED) -> Picture:
 
 
 def _find(reel: Reel) -> Target | None:
-    region, look = reel.region or (0, 0, reel.clip.width, reel.clip.height), reel.look
-    around = look.frames[0].cut(region).within(box_about(np.reshape(look.box, (2, 2)), SEARCH_MARGIN))
+    look = reel.look
+    around = box_about(np.reshape(look.box, (2, 2)), SEARCH_MARGIN)
     # Where something moves, or anywhere at last: a board may hardly do so.
     places = [(frame, around) for frame in look.frames[:: max(1, len(look.frames) // SEARCH_FRAMES)]]
-    markers = (find_marker(*place) for place in [*places, (look.frames[0], region)])
+    markers = (find_marker(*place) for place in [*places, (look.frames[0], look.frames[0].box)])
     marker = next((one for one in markers if one is not None), None)
     if marker is None or marker.kind != PRINTED:  # in a mirror, it may pass for another maker's
         _refuse_mirrored(reel, places)
     if marker is None:
         return None
-    first = MarkerFollower(marker, region)
+    first = MarkerFollower(marker)
     for frame in look.frames:  # what they tell of aliasing
         first.update(frame)
     return Target(
-        follower=MarkerFollower(marker, region, first.aliasing),
+        follower=MarkerFollower(marker, first.aliasing),
         what=f"{marker.kind} marker {marker.number}",
         why=f"{marker.kind} marker {marker.number}",
         solve=partial(fit_angle, prior=BodyPrior(square=True, dead_zone=CORNER_DEAD_ZONE)),
