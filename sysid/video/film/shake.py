@@ -7,8 +7,8 @@ middle, with focal length f in pixels and κ = 1/f²,
 
 to first order: a and b are the shift of the middle, θ the turn and z a breathing of the focus. The terms
 with κ bend the picture. Without them a pan would pass for a turn and a turn for a zoom, so that a few
-patches on one side tell another rotation than those on the other. Where the focal length is not
-known, what κ leaves open of θ is within its deviation.
+patches on one side tell another rotation than those on the other. Where the focal length is not known,
+κ is found from how all frames bend.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.camera import FOCAL_SPREAD
 from sysid.video.types import Complex
 
 MIN_PATCHES = 4
@@ -27,10 +26,17 @@ MIN_FRAMES_SEEN = 0.8
 """Share of the frames that must show the background for any of it to count."""
 POOLED_FREEDOM = 20.0
 """Degrees of freedom [1] that the clip's mean scatter counts for beside each frame's own."""
+KAPPA_SPREAD = 0.5
+"""Standard deviation of κ, as a share of it: twice that of the logarithm of a phone's focal length."""
+DISTORTION_DOUBT = 0.1
+"""Standard deviation of the logarithm of the focal length, as a lens that bends the picture itself hides it:
+what a first coefficient of 0.03, usual in phones, does."""
+CORRELATED_FRAMES = 10.0
+"""[frames] In a row, whose patches err alike, so that they count as one where κ is concerned."""
 ROUNDS = 6
 """Times that patches are weighed anew by how far they are off."""
 BATCH_FRAMES = 100
-"""Frames that are worked out at once: that takes little longer than one."""
+"""Frames that are worked out at once: that takes little longer than one; and that tell κ at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +51,8 @@ class Shake:
     """Standard deviation of a and b [px], typical."""
     focal: float
     """Focal length with which the picture bends [px]."""
+    focal_std: float
+    """Standard deviation of its logarithm."""
     centre: complex
     """Middle of the picture [px]."""
     found: bool
@@ -104,44 +112,61 @@ def _turned(place: Complex, motion: Array, focal: float) -> Complex:
 
 
 def find_shake(home: Complex, seen: Complex, focal: float, centre: complex, *, known: bool) -> Shake:
-    """Fit the camera's motion to patches of background.
+    """Fit the camera's motion to patches of background, with one focal length for all frames.
 
     Args:
         home: Places of the patches in the first frame of the film, about the picture's middle [px], shape (m,).
         seen: Their places in n frames [px], shape (n, m); NaN where one is not found.
         focal: Focal length, as far as it is known beforehand [px].
         centre: Middle of the picture [px].
-        known: The lens is calibrated: the focal length leaves nothing open.
+        known: The lens is calibrated: the focal length is not to be found.
     """
 
-    def fitted(focal: float) -> list[Array]:
+    def fitted(kappa: float) -> list[Array]:
         parts = [seen[at : at + BATCH_FRAMES] for at in range(0, len(seen), BATCH_FRAMES)]
-        found = [fit_rotations(home, part, focal) for part in parts]
+        found = [fit_rotations(home, part, kappa**-0.5) for part in parts]
         return [np.concatenate(each) for each in zip(*found, strict=True)]
 
-    motion, square, freedom, spread = fitted(focal)
+    kappa, doubt = (1 / focal**2, 0.0) if known else _bending(home, seen, 1 / focal**2)
+    motion, square, freedom, spread, _ = fitted(kappa)
     good = np.asarray(np.isfinite(motion).all(axis=1), np.bool_)
     if good.mean() <= MIN_FRAMES_SEEN:
         return still(len(seen), focal, centre)
     mean = max(float(square[good].sum() / freedom[good].sum()), 1e-4)
     std = np.sqrt((square + POOLED_FREEDOM * mean) / (freedom + POOLED_FREEDOM) * spread[:, 1])
-    if not known:
-        std = np.hypot(std, np.abs(fitted(focal * np.exp(FOCAL_SPREAD))[0][:, 2] - motion[:, 2]))
+    if doubt:
+        std = np.hypot(std, np.abs(fitted(kappa + doubt)[0][:, 2] - motion[:, 2]))
     # Where the background is hidden: carried on, and as uncertain as the camera is restless.
     good &= np.isfinite(std)
     std[~good] = np.hypot(std[good].max(), np.std(motion[good, 2]))
     number, known_at = np.arange(len(seen)), np.flatnonzero(good)
     motion = np.stack([np.interp(number, known_at, column[good]) for column in motion.T], axis=1)
     shift_std = float(np.sqrt(mean * np.median(spread[good, 0])))
-    return Shake(motion, std, shift_std, focal, centre, True)
+    focal_std = 0.0 if known else float(np.hypot(doubt / kappa / 2, DISTORTION_DOUBT))
+    return Shake(motion, std, shift_std, float(kappa**-0.5), focal_std, centre, True)
 
 
 def still(count: int, focal: float, centre: complex, *, found: bool = False) -> Shake:
     """Return the shake of a film whose background shows none, or of a camera that is known to stand still."""
-    return Shake(np.zeros((count, 4)), np.zeros(count), 0.0, focal, centre, found)
+    return Shake(np.zeros((count, 4)), np.zeros(count), 0.0, focal, np.inf, centre, found)
 
 
-def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Array, Array, Array]:
+def _bending(home: Complex, seen: Complex, before: float) -> tuple[float, float]:
+    """Find κ by how all frames bend, with its standard deviation, both [1/px²]."""
+    some = seen[np.unique(np.linspace(0, len(seen) - 1, BATCH_FRAMES).astype(int))]
+    kappa, doubt, prior = before, KAPPA_SPREAD * before, (KAPPA_SPREAD * before) ** -2
+    for _ in range(3):  # the scatter about the right bend is less
+        motion, square, freedom, _, tells = fit_rotations(home, some, kappa**-0.5)
+        if not (good := np.isfinite(motion[:, 0])).any():
+            break
+        unit = CORRELATED_FRAMES * max(float(square[good].sum() / freedom[good].sum()), 1e-4)
+        information, pull = tells[good].sum(axis=0) / unit
+        step = (pull - prior * (kappa - before)) / (information + prior)
+        kappa, doubt = float(np.clip(kappa + step, 0.1 * before, 4 * before)), (information + prior) ** -0.5
+    return kappa, doubt
+
+
+def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Array, Array, Array, Array]:
     """Fit a camera's motion to each of n frames, ignoring patches that move on their own.
 
     Args:
@@ -151,7 +176,8 @@ def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Ar
 
     Returns:
         Motion, shape (n, 4), NaN where too few patches agree; sum of squares that is left [px²], and degrees of freedom behind
-        it, shape (n,); variance of a and of θ for patches of variance 1 px², shape (n, 2).
+        it, shape (n,); variance of a and of θ for patches of variance 1 px², shape (n, 2); information on a change of κ, and that
+        times the change, for such patches, shape (n, 2).
     """
     found = np.isfinite(seen)
     seen = np.where(found, seen, home)
@@ -174,10 +200,13 @@ def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Ar
         step = (inverse @ (weighted @ gap[:, :, None]).real)[..., 0]
         motion = motion + step
     rest = weight * (gap - (design @ step[:, :, None])[..., 0])
+    bent = (motion[:, :1] * home.real + motion[:, 1:2] * home.imag) * home
+    own = weight * (bent - (design @ (inverse @ (weighted @ bent[:, :, None]).real))[..., 0])
+    tells = np.stack([(np.abs(own) ** 2).sum(axis=1), (own.conj() * rest).real.sum(axis=1)], axis=1)
     motion[(weight.sum(axis=1) < MIN_PATCHES) | (scale > MAX_SCATTER)] = np.nan
     freedom = np.maximum(2 * weight.sum(axis=1) - 4, 1)
     spread = np.stack([inverse[:, 0, 0], inverse[:, 2, 2]], axis=1)
-    return motion, (np.abs(rest) ** 2).sum(axis=1), freedom, spread
+    return motion, (np.abs(rest) ** 2).sum(axis=1), freedom, spread, tells
 
 
 def _middle(values: Array) -> Array:

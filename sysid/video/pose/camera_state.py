@@ -121,7 +121,7 @@ def before_looking(
     """Return what is known of camera, lens and shutter before the board's points are looked at.
 
     Args:
-        track: Its stamps limit the read-out.
+        track: Its shake shows the focal length, its stamps limit the read-out.
         lens: The lens.
         direction_std: Standard deviation of yaw and pitch where they are not given [rad].
         readout: Read-out [s], if it is given.
@@ -132,9 +132,11 @@ def before_looking(
     """
     if readout is not None and not 0 <= readout <= 0.2:
         raise SysidError(f"--readout {readout}: a read-out takes 0 to 0.2 s; typical is 0.01 to 0.02.")
-    focal_std = 0.0 if lens.known else FOCAL_SPREAD
+    focal, focal_std = 0.0, 0.0 if lens.known else FOCAL_SPREAD
+    if track.shake.significant and track.shake.focal_std < focal_std:  # a camera that turns shows its lens
+        focal, focal_std = float(np.log(track.shake.focal / lens.matrix[0, 0])), track.shake.focal_std
     ceiling = min(float(np.median(np.diff(track.time))), READOUT_CEILING)
     direction = direction_std if angle is None else 0.0
     std = np.array([direction, direction, focal_std, ceiling / np.sqrt(12) if readout is None else 0.0])
     first, limit = (ceiling / 2, ceiling) if readout is None else (readout, np.inf)
-    return CameraState(np.array([*(angle or (0.0, 0.0)), 0.0, first]), np.diag(std**2), limit)
+    return CameraState(np.array([*(angle or (0.0, 0.0)), focal, first]), np.diag(std**2), limit)
