@@ -19,7 +19,7 @@ from sysid.video.trackers.edge.body import fit_edges
 from sysid.video.trackers.edge.far_end import LENGTH, axis_vanishes_at
 from sysid.video.trackers.edge.find import find_deck_end
 from sysid.video.trackers.edge.follower import EdgeFollower
-from sysid.video.trackers.edge.turn import _carried, fit_direction
+from sysid.video.trackers.edge.turn import fit_direction
 
 TIME = np.arange(90) / 60
 ROLL = np.where(TIME < 0.3, 0.4, 0.4 * np.exp(-4 * (TIME - 0.3)) * np.cos(25 * (TIME - 0.3)))
@@ -77,14 +77,18 @@ def test_points_count_as_what_is_beside_them_lets_them():
     assert np.abs(weighed).mean() < 0.5 * np.abs(alike).mean()
 
 
-@pytest.mark.parametrize(("sag", "least", "most"), [(0.0, 0.0, 0.001), (8.0, 0.004, 0.03)])
-def test_bent_edges_say_what_their_pivot_leaves_open(sag, least, most):
-    """An arc that is carried along looks turned, so that as a share of the turn it is open by its curvature times the pivot's deviation."""
-    z = turned_edges(ROLL)
-    x = ((z - PIVOT) * np.exp(-1j * ROLL)[:, None]).real
-    z = z + 1j * np.exp(1j * ROLL)[:, None] * sag * (x / 90) ** 2
-    open_ = np.sqrt(_carried(fit_edges(z, EDGE, np.full(len(EDGE), PIVOT)), EDGE))
-    assert least < open_.max() / np.abs(ROLL).max() <= most
+def test_a_part_of_a_concave_edge_tells_level_and_turn_though_points_slide_along_it():
+    """Where the pivot was taken to be 30 px too high, the same points are elsewhere on the edge as the deck turns."""
+    taken = PIVOT - 4 - 30j
+    slid = ((PIVOT - taken) * np.exp(-1j * ROLL)).real[:, None]
+    along = np.linspace(-130, 20, PIECES) - slid
+    z = PIVOT + (along - 1j * (90 + 0.0012 * along**2 / 2)) * np.exp(1j * ROLL)[:, None]
+    z = z + 0.1j * np.exp(1j * ROLL)[:, None] * np.random.default_rng(0).normal(size=z.shape)
+    body = fit_edges(z, np.zeros(PIECES, int), np.full(PIECES, taken))
+    gain, level = np.polyfit(ROLL, body.angle, 1)
+    assert abs(gain - 1) < 0.01
+    assert abs(gain - 1) < 2 * body.scale_std < 0.03
+    assert abs(np.degrees(level)) < 0.05
 
 
 def film_of(z):

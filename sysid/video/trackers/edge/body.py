@@ -4,9 +4,10 @@ In the picture of a camera along the axis, a point of an edge lies at
 
     Im(exp(-i φ) (z - q)) = h + s + c
 
-where φ is the turn, q what the body turns about, h the point's own distance from there, s a shift of the whole
-body and c one of its edge. Every point has one h, whatever the turn: that tells the points of the deck's edges from
-those that something else has lent them, the outline of a long side or a wheel.
+where φ is the turn, q what the body turns about, h the edge's distance from there at that place along it, s a shift of the
+whole body and c one of its edge. Every place has one h, whatever the turn: that tells the points of the deck's edges from
+those that something else has lent them, the outline of a long side or a wheel. Points slide along their edge as the deck
+turns, the more, the less well q was known when they were taken: of a concave deck's edge h changes on the way.
 """
 
 from dataclasses import dataclass
@@ -27,13 +28,15 @@ SHIFT_STD = 0.7
 """Standard deviation of what shake and soft trucks shift the body by [px]."""
 EDGE_SHIFT_STD = 0.3
 """Standard deviation of what shade and compression shift one edge by [px]."""
-PIVOT_STD = 12.0
-"""Standard deviation of where the pivot is taken to be, which is learned from small turns on to large ones [px]."""
+PIVOT_SHARE = 0.15
+"""Standard deviation of where the pivot is taken to be, in lengths of the longest edge [1]."""
 ATTITUDE_BINS = 12
 """Attitudes that count alike, over the range of turns, when the body is learned."""
 LEAST_SPREADS = (1.0, 1.0, 0.75, 0.5, 0.35, 0.25, 0.2, 0.2, 0.2, 0.2)
 """Usual distance of a point from where the body has it that is not told from a smaller one, round by round [px]: what compression and
 shade do to an edge is common to its points."""
+SHAPE_ROUNDS = 8
+"""Times that the parabola of an edge is drawn, each time with less trust in what is beside it: a piece of another edge."""
 OUTLYING = 2.5
 """Distance at which points count half, in their usual one [1]."""
 
@@ -58,6 +61,8 @@ class EdgeBody:
     """Distance of each point from there, across its edge where that is level [px], shape (M,)."""
     along: Array
     """Place of each point along the edges, from the pivot [px], shape (n, M)."""
+    scale_std: float
+    """By which share turns may be off [1]: an arc about its pivot looks like one that turns less about a farther one."""
 
 
 def fit_edges(z: Complex, edge: Edge, pivot: Complex, doubt: Array | float = 0.0) -> EdgeBody:
@@ -77,24 +82,34 @@ def fit_edges(z: Complex, edge: Edge, pivot: Complex, doubt: Array | float = 0.0
     shift = np.zeros(len(z))
     turned = np.exp(-1j * angle)[:, None] * place
     centre, height = np.zeros(len(edge), np.complex128), np.nan_to_num(_medians(turned.imag, seen))
-    pivot_std = np.full(edge.max() + 1, PIVOT_STD)
     along, rest, weight = turned.real, turned.imag - height, seen.astype(np.float64)
     spread = np.ones(len(edge))
+    middle = _usual(along, weight)
+    known = PIVOT_SHARE * max(float(np.ptp(middle[edge == one])) for one in np.unique(edge))
+    shape = _shape(middle, height, weight.sum(axis=0), edge)
     for least in (*LEAST_SPREADS, LEAST_SPREADS[-1]):
         spread = np.maximum(_spread(rest / vague, seen, attitudes(angle)), least)
         trust, usual = seen * (least / spread / vague) ** 2, spread * vague
+        middle = _usual(along, weight)
+        height = height + shape.below(middle)
+        shape = _shape(middle, height, weight.sum(axis=0), edge)
         for _ in range(3):
             weight = trust / (1 + (rest / (OUTLYING * usual)) ** 2) ** 2
-            centre, height, pivot_std = _body(np.exp(-1j * angle)[:, None] * place, angle, weight, edge)
+            turned = np.exp(-1j * angle)[:, None] * place
+            level = turned.imag - shape.below(along) - shape.slope * (turned.real - along)
+            centre, height = _body(level, shape.slope, angle, weight, edge, known)
             for _ in range(2):
                 turned = np.exp(-1j * angle)[:, None] * (place - centre)
                 along = turned.real
-                rest = turned.imag - shift[:, None] - height
+                rest = turned.imag - shape.below(along) - shift[:, None] - height
                 weight = trust / (1 + (rest / (OUTLYING * usual)) ** 2) ** 2
-                more, further = _turn_step(rest, along, shift, weight, edge)
+                lever = along + shape.slope * turned.imag
+                more, further = _turn_step(rest, lever, shift, weight, edge)
                 angle, shift = angle + more, shift + further
-                rest = rest - more[:, None] * along - further[:, None]
-    slope = _slope(along, height, weight, edge)
+                rest = rest - more[:, None] * lever - further[:, None]
+    shape = _shape(shape.middle, height, weight.sum(axis=0), edge)
+    slope = shape.level
+    pivot_std, scale_std = _doubt(shape, angle, weight, edge, known)
     return EdgeBody(
         angle + slope,
         pivot + centre,
@@ -102,8 +117,9 @@ def fit_edges(z: Complex, edge: Edge, pivot: Complex, doubt: Array | float = 0.0
         weight,
         np.where(seen, rest, 0.0),
         spread,
-        (np.exp(-1j * slope) * (_usual(along, weight) + 1j * height)).imag,
+        (np.exp(-1j * slope) * (shape.middle + 1j * height)).imag,
         np.where(seen, along, 0.0),
+        scale_std,
     )
 
 
@@ -152,26 +168,102 @@ def _medians(values: Array, seen: npt.NDArray[np.bool_]) -> Array:
     return middle
 
 
-def _body(turned: Complex, angle: Array, weight: Array, edge: Edge) -> tuple[Complex, Array, Array]:
-    """What each point's edge turns about, its distance from there, and the first's standard deviation, shape (E,), by how far it is from the origin at each turn."""
-    design = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
+@dataclass(frozen=True, slots=True)
+class _Shape:
+    """Edges as curves."""
+
+    level: float
+    """Slope of all where they are straight above or below their pivot [rad]: decks are symmetrical, and concave."""
+    middle: Array
+    """Usual place of each point along its edge, from the pivot [px], shape (M,)."""
+    slope: Array
+    """Slope of the edge there [1], shape (M,)."""
+    curvature: Array
+    """And its curvature [1/px], shape (M,)."""
+
+    def below(self, along: Array) -> Array:
+        """Return how far the edge is below each point's usual place at places along it, (n, M), both in px."""
+        off = np.nan_to_num(along - self.middle)
+        return off * (self.slope + off * self.curvature / 2)
+
+
+def _shape(along: Array, height: Array, weight: Array, edge: Edge) -> _Shape:
+    """Return the parabolas through the usual places of points, along and across their edges [px], both of shape (M,)."""
+    count = edge.max() + 1
+    belongs = (edge[:, None] == np.arange(count)).astype(np.float64)
+    bow = belongs * along[:, None] ** 2 / 2
+    trust, lean, fit = weight, np.ones(len(edge)), np.zeros(1 + 2 * count)
+    for _ in range(SHAPE_ROUNDS):
+        root = np.sqrt(trust)
+        design = np.hstack([(lean * along)[:, None], belongs, bow])
+        fit = np.linalg.lstsq(design * root[:, None], height * root, rcond=None)[0]
+        off = np.abs(height - design @ fit)
+        order = np.argsort(off)
+        middle = off[order][np.searchsorted(np.cumsum(weight[order]), weight.sum() / 2)]
+        trust = weight / (1 + (off / max(OUTLYING * 1.48 * middle, POINT_STD)) ** 2) ** 2
+        # An edge that turns about its pivot is another part of itself above it.
+        lean = 1 + (fit[1 : 1 + count] * fit[1 + count :])[edge]
+    curvature = np.asarray(fit[1 + count :][edge], np.float64)
+    return _Shape(float(np.arctan(fit[0])), along, fit[0] * lean + curvature * along, curvature)
+
+
+def _body(
+    level: Array, slope: Array, angle: Array, weight: Array, edge: Edge, known: float
+) -> tuple[Complex, Array]:
+    """What each point's edge turns about, and its distance from there [px], both of shape (M,).
+
+    Args:
+        level: How far each point is from the origin across its edge, where it usually is along that [px], shape (n, M).
+        slope: Slope of the edge there [1], shape (M,).
+        angle: Turns [rad], shape (n,).
+        weight: Of the points, shape (n, M).
+        edge: Number of the edge of each point, shape (M,).
+        known: Standard deviation of the first beforehand [px].
+    """
+    sine, cosine = np.sin(angle)[:, None], np.cos(angle)[:, None]
+    design = np.stack([-sine - slope * cosine, cosine - slope * sine], axis=-1)
     weight = weight * attitudes(angle)[:, None] + 1e-9
     total = weight.sum(axis=0)
-    mean = (weight.T @ design) / total[:, None]
-    y = (weight * turned.imag).sum(axis=0) / total
-    centre, doubt = np.zeros(len(edge), np.complex128), np.zeros(edge.max() + 1)
+    mean = np.einsum("nm,nmk->mk", weight, design) / total[:, None]
+    y = (weight * level).sum(axis=0) / total
+    centre = np.zeros(len(edge), np.complex128)
     for one in range(edge.max() + 1):
         own = edge == one
-        w, some, there = weight[:, own], total[own], mean[own]
-        normal = (design * w.sum(axis=1)[:, None]).T @ design - (there * some[:, None]).T @ there
-        pull = design.T @ (w * turned.imag[:, own]).sum(axis=1) - there.T @ (some * y[own])
-        prior = (
-            w.shape[1] * (POINT_STD / PIVOT_STD) ** 2 * np.eye(2)
-        )  # all points of an attitude may err alike
-        covariance = np.linalg.inv(normal + prior)
-        centre[own] = complex(*(covariance @ pull))
-        doubt[one] = POINT_STD * np.sqrt(w.shape[1] * np.diag(covariance).max())
-    return centre, y + mean[:, 0] * -centre.real - mean[:, 1] * centre.imag, doubt
+        w, way = weight[:, own], design[:, own] - mean[own]
+        normal = np.einsum("nm,nmk,nml->kl", w, way, way)
+        pull = np.einsum("nm,nmk,nm->k", w, way, level[:, own] - y[own])
+        prior = w.shape[1] * (POINT_STD / known) ** 2 * np.eye(2)  # all points of an attitude may err alike
+        centre[own] = complex(*np.linalg.solve(normal + prior, pull))
+    return centre, y - mean[:, 0] * centre.real - mean[:, 1] * centre.imag
+
+
+def _doubt(shape: _Shape, angle: Array, weight: Array, edge: Edge, known: float) -> tuple[Array, float]:
+    """Return the standard deviations of what edges turn about [px], shape (E,), and of the scale of their turns [1].
+
+    The first as edges differ in it, whatever the turn and shift that are common to all; the second as far as points tell all of it at
+    once: a bent edge looks the same about a farther pivot, if it turns more and is shifted a little. All points of an attitude may err alike.
+
+    Args:
+        shape: The edges.
+        angle: Turns [rad], shape (n,).
+        weight: Of the points, shape (n, M).
+        edge: Number of the edge of each point, shape (M,).
+        known: Standard deviation of the pivots beforehand [px].
+    """
+    sine, cosine = np.sin(angle)[:, None], np.cos(angle)[:, None]
+    belongs = (edge[:, None] == np.arange(edge.max() + 1)).astype(np.float64)
+    ways = [-sine - shape.slope * cosine, cosine - shape.slope * sine]
+    design = np.concatenate(
+        [way[..., None] * belongs for way in ways] + [(angle[:, None] * shape.middle)[..., None]], axis=-1
+    )
+    weight = weight * attitudes(angle)[:, None] / (belongs.sum(axis=0) * POINT_STD**2)[edge] + 1e-9
+    design -= np.einsum("nm,nmk->mk", weight, design) / weight.sum(axis=0)[:, None]
+    normal = np.einsum("nm,nmk,nml->kl", weight, design, design)
+    normal += np.diag(np.append(np.full(len(normal) - 1, known**-2.0), 0.0))
+    pivot = np.diag(np.linalg.inv(normal[:-1, :-1])).reshape(2, -1).max(axis=0)
+    common = np.einsum("nm,nmk->nk", weight, design)
+    normal -= np.einsum("nk,nl,n->kl", common, common, 1 / (weight.sum(axis=1) + SHIFT_STD**-2.0))
+    return np.sqrt(pivot), float(np.sqrt(np.linalg.inv(normal)[-1, -1]))
 
 
 def _turn_step(rest: Array, along: Array, shift: Array, weight: Array, edge: Edge) -> tuple[Array, Array]:
@@ -192,11 +284,3 @@ def _turn_step(rest: Array, along: Array, shift: Array, weight: Array, edge: Edg
 def _usual(along: Array, weight: Array) -> Array:
     """Return the mean place of each point along the edges [px], shape (M,)."""
     return (weight * along).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-9)
-
-
-def _slope(along: Array, height: Array, weight: Array, edge: Edge) -> float:
-    """Common slope of the edges where the angle is zero."""
-    x = _usual(along, weight)[None]
-    total, sx, sy, sxx, sxy = moments(weight.sum(axis=0)[None], edge, x, height[None], x**2, x * height)
-    total = np.maximum(total, 1e-9)
-    return float((sxy - sx * sy / total).sum() / (sxx - sx**2 / total).sum())

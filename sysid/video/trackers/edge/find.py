@@ -76,7 +76,7 @@ MAX_SPREAD, MIN_SEEN = 0.6, 0.4
 """A piece is of the edge if it is usually this near to where the body has it [px], in this share of the pictures or more."""
 MIN_GOOD = 0.5
 """Share of an edge's pieces that must be of it."""
-MAX_SLANT = np.radians(1.5)
+MAX_SLANT = np.radians(8.0)
 """Slope against level beyond which a ridge is no edge of the deck's end: the outline of a long side [rad]."""
 MIDDLES = (np.arange(PIECES) + 0.5) / PIECES
 """Middles of the pieces, as shares of an edge's length."""

@@ -65,8 +65,8 @@ def fit_direction(
 
     seen = angle_at(before.value)
     unknown = spread_by(before.value, before.covariance, seen, angle_at, time, view.share, READOUT)
+    unknown += (body.scale_std * (seen - np.nanmedian(seen))) ** 2
     noise = _variance(body, edge)
-    unknown = unknown + _carried(body, edge)
     trusted = body.weight.sum(axis=1)
     wrong = trusted < max(MIN_POINTS, MIN_USUAL_SHARE * float(np.median(trusted)))
     angle = np.where(wrong, np.nan, body.angle)
@@ -98,26 +98,6 @@ def _turned(z: Complex, edge: Edge, body: EdgeBody) -> Array:
     )
     total = np.maximum(total, 1e-9)
     return (xy - x * y / total).sum(axis=1) / np.maximum((xx - x**2 / total).sum(axis=1), 1e-9)
-
-
-def _carried(body: EdgeBody, edge: Edge) -> Array:
-    """What is left open of the turn [rad²], shape (n,), by where the pivot is, if the edges are bent.
-
-    An arc that is carried along itself is where it was, but turned: by its curvature, times as far as the pivot is off, times
-    the sine of the turn. Arcs leave their pivots open themselves, so that these differ.
-    """
-    seen = body.weight.sum(axis=0)
-    along = (body.weight * body.along).sum(axis=0) / np.maximum(seen, 1e-9)
-    trust = seen @ (edge[:, None] == np.arange(edge.max() + 1))
-    bent = [
-        2
-        * np.polyfit(along[edge == one], body.height[edge == one], 2, w=np.sqrt(seen[edge == one]) + 1e-9)[0]
-        for one in range(edge.max() + 1)
-    ]
-    pivot = body.pivot[::PIECES]
-    apart = np.average(np.abs(pivot - np.average(pivot, weights=trust)) ** 2, weights=trust)
-    off = np.average(np.abs(bent) * np.sqrt(body.pivot_std**2 + apart), weights=trust)
-    return (off * np.sin(body.angle - np.median(body.angle))) ** 2
 
 
 def _variance(body: EdgeBody, edge: Edge) -> Array:
