@@ -9,7 +9,8 @@ from sysid.video.film.frames import Clip
 from sysid.video.film.track import Track
 from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import AngleTrack
-from sysid.video.pose.camera_state import READOUT, CameraState
+from sysid.video.pose.camera_state import DIFFERENCE_STEP, READOUT, CameraState
+from sysid.video.pose.rectify import rectify
 from sysid.video.trackers._base import Target, rests_at
 
 SHUTTER_SEEN = 0.5
@@ -53,8 +54,9 @@ def inferred(
         )
     yield f"follows: {target.why}"
     yield f"lens: {lens.note}"
-    yield f"zero: {target.zero_note}"
     camera = found.camera_state
+    doubt = f" (± {2 * np.degrees(_level_std(track, lens, camera)):.1f}° if the camera is level)"
+    yield f"zero: {target.zero_note}{doubt if target.shows_level else ''}"
     if options.camera_angle is not None:
         yield "axis: its direction as given"
     elif target.direction_from:
@@ -74,6 +76,19 @@ def inferred(
     else:
         most = before.readout_limit * 1e3
         yield f"read-out: not seen in the film, anything up to {most:.2g} ms is within the uncertainty (--readout)"
+
+
+def _level_std(track: Track, lens: Lens, camera: CameraState) -> float:
+    """Return how well it is known what is level where the body is in the picture [rad].
+
+    Above and below the picture's middle, a camera that looks aside of the axis sees level lines at a slope.
+    """
+    place = np.nanmedian(lens.straighten(track.points.astype(np.float64)), axis=(0, 1))
+    line = place + np.array([[-1.0, 0.0], [1.0, 0.0]])
+    values = camera.value + DIFFERENCE_STEP * np.vstack([np.zeros(4), np.eye(4)])
+    slope = np.angle(np.diff([rectify(line, lens.matrix, value) for value in values])[:, 0])
+    change = (slope[1:] - slope[0]) / DIFFERENCE_STEP
+    return float(np.sqrt(change @ camera.covariance @ change))
 
 
 def _stands_still(track: Track) -> bool:
