@@ -294,7 +294,9 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
     """
     points = led.found
     camera = replace(points.camera_state, covariance=np.zeros((4, 4)))
-    found = fit_angle(view, matrix, camera, BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE))
+    found = fit_angle(
+        view, matrix, camera, BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE, slopes=(points.slope,))
+    )
     theirs, own = points.own, found.own
     common = np.maximum(points.std**2 - theirs**2, 0)
     # The body may be made out where the points contradict each other, as in a blurred frame.

@@ -284,3 +284,20 @@ def test_level_is_as_vague_as_a_level_line_slopes_for_cameras_that_look_aside():
     camera = CameraState(np.zeros(4), np.diag([0.08, 0.0, 0.0, 0.0]) ** 2)
     stated = _level_std(view(picture(np.zeros(9), 0.0, 0.0, line)).track, lens, camera)
     assert abs(stated / np.std(slopes) - 1) < 0.1
+
+
+@pytest.mark.parametrize("slope", [2.0, -1.5])
+def test_points_on_a_slanted_side_tell_their_slope_by_how_they_turn(slope):
+    """An upturned tail from below or an upper side, 15 by 8 cm, of a deck whose axis is 12 cm below the line of sight."""
+    shape = np.stack(np.meshgrid(np.linspace(-0.075, 0.075, 5), np.linspace(-0.12, -0.04, 4)), -1).reshape(
+        -1, 2
+    )
+    angle, depth = swing(), slope * (shape[:, 1] - shape[:, 1].mean())
+    points = picture(angle, 0.05, -0.03, shape, depth, shift=0.12j)
+    points += 0.05 * np.random.default_rng(0).normal(size=points.shape)
+    found = fit_angle(view(points), MATRIX, known(), TEXTURE)
+    assert found.slope * slope > 0
+    error = found.angle - angle
+    error -= np.median(error)
+    assert abs(np.polyfit(angle, error, 1)[0]) < 0.01
+    assert np.mean(np.abs(error) < 1.96 * found.std) > 0.95

@@ -6,7 +6,7 @@ direction and the focal length; in that picture points run on circles. Direction
 and read-out of the shutter are what makes the circles round, with what is known beforehand (`circles`).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -16,13 +16,15 @@ from sysid.video.pose.camera_state import READOUT, CameraState, spread_by
 from sysid.video.pose.circles import Found, fit_circles
 from sysid.video.pose.keyframes import keyframes_of, point_speed
 from sysid.video.pose.point_noise import BLUR_SHARE
-from sysid.video.pose.prior import DEEP_CENTRES, POINT_FLOOR, BodyPrior
+from sysid.video.pose.prior import POINT_FLOOR, BodyPrior
 from sysid.video.pose.rectify import smear, unwrap
 from sysid.video.pose.view import View
 from sysid.video.types import Complex
 
 DRAWN = 2.0
 """Motion of which compression leaves out half as much as of the smallest [px/frame], as found in films of a phone's kind."""
+UNLIKELY = 0.05
+"""Chance up to which points do not lie across the axis [1]."""
 LASTING_FRAMES = 4
 """Frames for which a motion drawn is good [1]: those about the turn of a swing."""
 
@@ -46,6 +48,8 @@ class AngleTrack:
     """The body's points at angle zero, as a camera along the axis sees them, about their middle."""
     own: Array
     """Share of `std` that is not common to all frames [rad], shape (n,)."""
+    slope: float = 0.0
+    """Which of the slopes its points have: 0 unless that is unlikely [1]."""
 
 
 def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior | None = None) -> AngleTrack:
@@ -62,11 +66,10 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
     """
     prior = prior or BodyPrior()
     some = keyframes_of(view, prior.still)
-    found = fit_circles(view, some, matrix, before, prior, before.value)
-    deep = None  # what fits as well
-    if prior.slanted and {0, 1} <= set(before.free):
-        slanted = replace(prior, centre_std=DEEP_CENTRES)
-        deep = fit_circles(view, some, matrix, before, slanted, found.camera_state.value)
+    fits = [fit_circles(view, some, matrix, before, prior, before.value, slope) for slope in prior.slopes]
+    odds = np.exp(np.array([one.likelihood for one in fits]) - max(one.likelihood for one in fits))
+    chance = odds / odds.sum()
+    found = fits[0 if chance[0] > UNLIKELY else int(np.argmax(chance))]
 
     def angle_of(one: Found, x: Array) -> Array:
         return one.unknowns.body(x).placed(view.points, view.shear)[0]
@@ -81,18 +84,22 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
     variance += (prior.dead_zone / np.sqrt(3) / arm.max()) ** 2 * _left_out(speed)
     clock = (view.time(found.camera_state.readout), view.share, before.place_of(READOUT))
     common = spread_by(found.x, found.covariance, angle, lambda x: angle_of(found, x), *clock)
-    if deep is not None:
-        change = np.exp(1j * (angle_of(deep, deep.x) - angle))
-        common += np.nan_to_num(np.angle(change * np.exp(-1j * np.nanmedian(np.angle(change))))) ** 2 / 2
+    apart = np.exp(1j * (np.array([angle_of(one, one.x) for one in fits]) - angle))
+    apart = np.nan_to_num(
+        np.angle(apart * np.exp(-1j * np.nanmedian(np.angle(apart), axis=1, keepdims=True)))
+    )
+    mean = chance @ apart
+    common += chance @ (apart - mean) ** 2
     own = np.where(np.isfinite(angle), np.sqrt(variance), np.nan)
     return AngleTrack(
-        unwrap(angle),
+        unwrap(angle + mean),
         np.hypot(own, np.sqrt(common)),
         found.camera_state,
         float(np.sqrt(found.noise.rest)),
         int(wrong.sum()),
         found.body.shape,
         own,
+        found.unknowns.slope,
     )
 
 

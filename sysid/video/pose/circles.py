@@ -6,14 +6,19 @@ picture coordinates,
     z_ij = τ_i + c_j + exp(i φ_i) q_j.
 
 φ_i is the roll in frame i, τ_i a shift of the whole body (a truck that gives way; never an angle), q_j the body's shape and c_j the
-centres of its points' circles, which differ if their depths do and the axis is not in the middle of the picture.
+centres of its points' circles, which differ if their depths do and the axis is not in the middle of the picture. The picture of a
+plane is as large as it is near, and how near it is grows evenly across that picture: of a plane whose depth grows by g with height,
+
+    c_j = -P g Im(q_j),
+
+where P is the place at which the axis passes the plane's middle, and q_j is in focal lengths.
 
 A bundle adjustment: what all frames have in common (the camera, and the body's shape and circles) is found by least squares
 of the distances in the pictures, with what is known beforehand; where a body lies in a frame follows from that frame.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,13 +27,15 @@ from sysid.roll import Array
 from sysid.video.pose.camera_state import DIFFERENCE_STEP, READOUT, CameraState
 from sysid.video.pose.keyframes import Keyframes
 from sysid.video.pose.point_noise import BLUR_SHARE, PointNoise, point_noise
-from sysid.video.pose.prior import BodyPrior
+from sysid.video.pose.prior import SLOPE_SPREAD, BodyPrior
 from sysid.video.pose.rectify import project, upright
 from sysid.video.pose.view import View
 from sysid.video.types import Complex
 
 NOISE_ROUNDS = 3
 """Times that the noise is found anew."""
+STEPS, SLANTED_STEPS = 60, 8
+"""Steps of each search at most: most bodies have no slanted side, and the search for one then leads nowhere, slowly."""
 SQUARE_SQUEEZE = 0.0075
 """Standard deviation of a printed square's squareness: one that stands 7 degrees off looks 0.75 % narrower."""
 LEAST_COST = 1e-5
@@ -48,8 +55,8 @@ class Body:
     centre: Complex
     """c, shape (..., N)."""
 
-    def placed(self, points: Array, shear: Array) -> tuple[Array, Array]:
-        """Return where the body fits best: its angle [rad], shape (..., n), and what does not fit [px], (..., n, N, 2).
+    def upright(self, points: Array, shear: Array) -> tuple[Array, Complex]:
+        """Return points with the shutter's part, shape (..., n, N, 2), and as a camera along the axis sees them [px], (..., n, N).
 
         Args:
             points: Points as a straight lens shows them [px], shape (n, N, 2).
@@ -58,18 +65,43 @@ class Body:
         seen = points + self.camera[..., READOUT, None, None, None] * shear
         # All frames at once: products of many small matrices take long.
         there = project(self.flat, seen.reshape(*seen.shape[:-3], -1, 2))
-        place = (there[..., 0] + 1j * there[..., 1]).reshape(seen.shape[:-1]) - self.centre[..., None, :]
+        return seen, (there[..., 0] + 1j * there[..., 1]).reshape(seen.shape[:-1])
+
+    def pivot(self, points: Array, shear: Array, share: Array) -> Array:
+        """Return where the axis is seen [px], shape (2,): about there the middle of the points turns, as `share`, shape (n,), weighs frames."""
+        turn = np.exp(1j * self.placed(points, shear)[0])
+        middle = self.upright(points, shear)[1].mean(axis=-1)
+        mean_turn, mean_middle = np.average(turn, weights=share), np.average(middle, weights=share)
+        spread = max(float(share @ np.abs(turn - mean_turn) ** 2), 1e-12)
+        place = (
+            mean_middle - mean_turn * (share @ ((middle - mean_middle) * (turn - mean_turn).conj())) / spread
+        )
+        aside = np.asarray(np.linalg.inv(self.flat), np.float64)
+        return project(aside, np.array([[place.real, place.imag]]))[0]
+
+    def placed(self, points: Array, shear: Array) -> tuple[Array, Array]:
+        """Return where the body fits best: its angle [rad], shape (..., n), and what does not fit [px], (..., n, N, 2).
+
+        Args:
+            points: Points as a straight lens shows them [px], shape (n, N, 2).
+            shear: What to add to them for each second of read-out [px/s], shape (n, N, 2).
+        """
+        seen, place = self.upright(points, shear)
+        place = place - self.centre[..., None, :]
         shift = place.mean(axis=-1, keepdims=True)
         angle = np.angle(((place - shift) @ self.shape.conj()[..., None])[..., 0])
         model = self.centre[..., None, :] + shift + np.exp(1j * angle)[..., None] * self.shape[..., None, :]
         aside = np.asarray(np.linalg.inv(self.flat), np.float64)
-        again = project(aside, np.stack([model.real, model.imag], axis=-1).reshape(there.shape))
+        again = project(aside, np.stack([model.real, model.imag], axis=-1).reshape(*seen.shape[:-3], -1, 2))
         return angle, seen - again.reshape(seen.shape)
 
 
 @dataclass(frozen=True, slots=True)
 class Unknowns:
-    """How what all frames have in common stands in a row of numbers: the camera's free ones, then c and q."""
+    """How what all frames have in common stands in a row of numbers.
+
+    The camera's free ones, c and q, and for a slanted side the logarithm of its slope against the usual one.
+    """
 
     before: CameraState
     matrix: Array
@@ -77,6 +109,10 @@ class Unknowns:
     home: Array
     """The body in one of the frames, as filmed [px], shape (N, 2): q is counted from what a camera along the axis sees of it, so that
     another axis bends the body as it does the picture, and leaves little to the other numbers."""
+    slope: float = 0.0
+    """How depth grows with height, as usual where its points are [1]; 0 across the axis, where that is not unknown."""
+    pivot: Array = field(default_factory=lambda: np.zeros(2))
+    """Where the axis is seen on a slanted side [px], shape (2,): c is counted from what the slope makes of it."""
 
     @property
     def focal(self) -> float:
@@ -84,15 +120,19 @@ class Unknowns:
         return float(self.matrix[0, 0])
 
     def body(self, x: Array) -> Body:
-        """Return camera and body of numbers [rad, rad, 1, s; focal lengths], shape (p + 4N,), or of rows of them."""
-        free = self.before.free
+        """Return camera and body of numbers [rad, rad, 1, s; focal lengths; logarithm], shape (P,), or of rows of them."""
+        free, size = self.before.free, len(self.home)
         camera = np.broadcast_to(self.before.value, (*x.shape[:-1], 4)).copy()
         camera[..., free] = x[..., : len(free)]
         flat = upright(self.matrix, camera)
-        parts = self.focal * x[..., len(free) :].reshape(*x.shape[:-1], 4, len(self.home))
+        parts = self.focal * x[..., len(free) : len(free) + 4 * size].reshape(*x.shape[:-1], 4, size)
         shape = project(flat, self.home) @ np.array([1, 1j]) + parts[..., 2, :] + 1j * parts[..., 3, :]
         shape = shape - shape.mean(axis=-1, keepdims=True)
-        return Body(camera, flat, shape, parts[..., 0, :] + 1j * parts[..., 1, :])
+        centre = parts[..., 0, :] + 1j * parts[..., 1, :]
+        if self.slope:
+            aside = (project(flat, self.pivot[None]) - self.matrix[:2, 2]) @ np.array([1, 1j])
+            centre = centre - aside * self.slope * np.exp(x[..., -1:]) * shape.imag / self.focal
+        return Body(camera, flat, shape, centre)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +147,8 @@ class Found:
     camera_state: CameraState
     body: Body
     noise: PointNoise
-    cost: float
-    """Sum of squares that is left, weighed as usual noise would have it, and of what is known beforehand."""
+    likelihood: float
+    """Logarithm of how likely it is: of a noise that is at least the usual one."""
 
 
 def fit_circles(
@@ -118,7 +158,7 @@ def fit_circles(
     before: CameraState,
     prior: BodyPrior,
     start: Array,
-    steps: int = 60,
+    slope: float = 0.0,
 ) -> Found:
     """Find body and camera, three times, as the noise weighs the frames.
 
@@ -129,11 +169,13 @@ def fit_circles(
         before: What is known of the camera beforehand.
         prior: What is known of the body.
         start: Camera from which the search sets out, shape (4,).
-        steps: Steps of each search at most.
+        slope: How depth grows with height, as usual where the points are [1]; 0 across the axis.
     """
     points, shear = view.points[some.rows], view.shear[some.rows]
-    unknowns = Unknowns(before, matrix, points[len(points) // 2])
+    unknowns = Unknowns(before, matrix, points[len(points) // 2], slope)
     x = np.concatenate([start[before.free], np.zeros(4 * points.shape[1])])
+    if slope:
+        x = np.append(x, 0.0)
     beforehand = _priors(unknowns, prior)
 
     def residuals(x: Array, weight: Array) -> Array:
@@ -147,6 +189,8 @@ def fit_circles(
         low[at], high[at], width[at] = 0.0, before.readout_limit, before.std[READOUT]
     information = np.zeros((0, 0))
     for _ in range(NOISE_ROUNDS):
+        if slope:
+            unknowns = replace(unknowns, pivot=unknowns.body(x).pivot(points, shear, some.share))
         weight = some.share * doubt / noise.variance(some.speed)
 
         def normal(x: Array, weight: Array = weight) -> Normal:
@@ -154,7 +198,9 @@ def fit_circles(
             slopes = (rows[1:] - rows[0]) / DIFFERENCE_STEP
             return Normal(float(0.5 * rows[0] @ rows[0]), slopes @ rows[0], slopes @ slopes.T)
 
-        found = minimise(normal, x, low, high, iterations=steps, tolerance=LEAST_COST)
+        found = minimise(
+            normal, x, low, high, iterations=SLANTED_STEPS if slope else STEPS, tolerance=LEAST_COST
+        )
         x, information = found.point, found.normal.hessian
         noise, doubt = point_noise(unknowns.body(x).placed(points, shear)[1], some, len(before.free), prior)
     covariance = np.asarray(np.linalg.inv(information + np.diag(width**-2.0)), np.float64)
@@ -165,8 +211,9 @@ def fit_circles(
     # One noise for all solutions, so that they can be compared.
     usual = PointNoise(prior.floor**2, BLUR_SHARE**2).variance(some.speed)
     cost = float(np.sum(residuals(x, some.share / usual) ** 2))
+    count = float(some.share.sum() * (2 * points.shape[1] - 3))
     state = replace(before, value=body.camera, covariance=unknown)
-    return Found(unknowns, x, covariance, state, body, noise, cost)
+    return Found(unknowns, x, covariance, state, body, noise, -count / 2 * np.log1p(cost / count))
 
 
 def _priors(unknowns: Unknowns, prior: BodyPrior) -> Callable[[Array, Body], Array]:
@@ -177,15 +224,18 @@ def _priors(unknowns: Unknowns, prior: BodyPrior) -> Callable[[Array, Body], Arr
     ideal = np.exp(1j * np.pi / 2 * np.arange(len(home))) / np.sqrt(len(home))
 
     def at(x: Array, body: Body) -> Array:
-        own = x[..., -2 * len(home) :] * unknowns.focal / size
+        centre, own = np.split(x[..., len(before.free) : len(before.free) + 4 * len(home)], 2, axis=-1)
         # The body's own size says nothing of its shape, but that shift and turn are not to be told from it.
-        both = [body.centre / (prior.centre_std * unknowns.focal)]
+        known = [
+            (body.camera[..., told] - before.value[told]) / before.std[told],
+            own * unknowns.focal / size,
+            centre / prior.centre_std,
+        ]
         if prior.square:
             off = body.shape - (body.shape @ ideal.conj())[..., None] * ideal
-            both.append(off / (SQUARE_SQUEEZE * size))
-        parts = [part for one in both for part in (one.real, one.imag)]
-        return np.concatenate(
-            [(body.camera[..., told] - before.value[told]) / before.std[told], own, *parts], axis=-1
-        )
+            known += [part / (SQUARE_SQUEEZE * size) for part in (off.real, off.imag)]
+        if unknowns.slope:
+            known.append(x[..., -1:] / SLOPE_SPREAD)
+        return np.concatenate(known, axis=-1)
 
     return at

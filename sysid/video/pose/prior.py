@@ -7,9 +7,10 @@ POINT_FLOOR = 0.02
 PLANE_CENTRES = 0.0005
 """Standard deviation of the circles' centres of points in one plane across the axis, in focal lengths: a
 twentieth of a focal length aside, at depths that differ by 1 %."""
-DEEP_CENTRES = 0.01
-"""The same [focal lengths] of points on a side of the deck that is seen at a slant, its upper side or an upturned tail from below: a
-tenth of one aside, at depths that differ by a tenth."""
+SLOPE = 2.0
+"""How depth grows downwards on an upturned tail from below, and upwards on the deck's upper side: 27 degrees to the axis [1]."""
+SLOPE_SPREAD = 0.5
+"""Standard deviation of its logarithm: 17 to 40 degrees to the axis."""
 SAME_PICTURE = 0.25
 """Motion up to which a picture is still the same one, with the same errors [px]."""
 
@@ -28,5 +29,5 @@ class BodyPrior:
     """Motion that compression may leave out of the film, to either side [px]: the less contrast, the more."""
     still: float = SAME_PICTURE
     """Motion up to which its points keep their errors [px]."""
-    slanted: bool = False
-    """Whether its points may as well lie on a slanted side, which a film hardly tells from one across the axis (`DEEP_CENTRES`)."""
+    slopes: tuple[float, ...] = (0.0,)
+    """How depth may grow with height (`SLOPE`), 0 across the axis: each as likely as the others [1]."""

@@ -33,9 +33,11 @@ def rectify(points: Array, matrix: Array, camera: Array) -> Complex:
 
 def project(homography: Array, points: Array) -> Array:
     """Return where homographies, shape (..., 3, 3), take points, shape (n, 2) or (m, n, 2), to [their own unit]; NaN stays NaN."""
-    there = points @ np.swapaxes(homography[..., :2], -1, -2) + homography[..., None, :, 2]
+    there = (
+        homography[..., :2] @ np.swapaxes(points, -1, -2) + homography[..., 2:]
+    )  # long rows: half the time
     with np.errstate(invalid="ignore"):
-        return there[..., :2] / there[..., 2:]
+        return np.swapaxes(there[..., :2, :] / there[..., 2:, :], -1, -2)
 
 
 def smear(angle: Array) -> Array:
