@@ -40,6 +40,12 @@ def picture(angle, yaw, pitch, shape=SQUARE, depth=None, distance=1.2, shift=0.0
     return seen[..., :2] / seen[..., 2:] * 1000 + [640, 360]
 
 
+def as_affine(points):
+    """Points as one follows them who lays an affine motion through them, shape (n, N, 2)."""
+    flat = np.column_stack([np.ones(points.shape[1]), points[len(points) // 2]])
+    return flat @ np.linalg.pinv(flat) @ points
+
+
 def view(points, fps=60.0, rows=720):
     """Points as a straight lens shows them to a still camera."""
     n = len(points)
@@ -74,7 +80,10 @@ def test_a_camera_at_a_slant_matters_and_is_found():
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_shutter_that_is_not_known_does_not_turn_a_slant_to_the_other_side(seed):
-    """Two points show little of the read-out: one in the middle of its limits went with the mirrored slant, 0.5 % off."""
+    """Two points show little of the read-out: one in the middle of its limits went with the mirrored slant, 0.5 % off.
+
+    Nor do they tell much of the slant's side: what both sides differ by is shared.
+    """
     time = np.arange(96) / 60 - 0.25
     angle = 0.35 * np.where(time < 0, 1.0, np.exp(-4 * time) * np.cos(20 * time))
     ends, ceiling = np.array([[-0.09, -0.014], [0.09, -0.014]]), 1 / 60
@@ -85,7 +94,7 @@ def test_a_shutter_that_is_not_known_does_not_turn_a_slant_to_the_other_side(see
     points = points + 0.03 * np.random.default_rng(seed).normal(size=points.shape)
     turning = fit_angle(view(points), MATRIX, before)
     assert np.degrees(turning.camera_state.value[:2]) == pytest.approx([5.2, -3.4], abs=1.5)
-    assert np.polyfit(angle, turning.angle, 1)[0] == pytest.approx(1.0, abs=0.002)
+    assert np.polyfit(angle, turning.angle, 1)[0] == pytest.approx(1.0, abs=0.003)
 
 
 def test_points_at_different_depths_still_turn_about_one_axis():
@@ -98,21 +107,25 @@ def test_points_at_different_depths_still_turn_about_one_axis():
     assert np.abs(error - np.median(error)).max() < 4e-3
 
 
-@pytest.mark.parametrize("slope", [0.0, 1.5, 2.7, -4.0])
-def test_texture_on_a_slanted_side_of_the_deck_is_as_far_off_as_is_stated(slope):
-    """An upturned tail from below, or the upper side: taken for a plane across the axis it seems to turn 4 % further, sure to 0.5 %."""
+@pytest.mark.parametrize("given", [False, True])
+@pytest.mark.parametrize(("yaw", "pitch"), [(0.07, 0.02), (0.07, -0.1), (-0.03, 0.08)])
+@pytest.mark.parametrize("slope", [0.0, 1.5, 2.7, -2.7, -4.0])
+def test_texture_on_a_slanted_side_of_the_deck_tells_how_far_it_turns(slope, yaw, pitch, given):
+    """An upturned tail from below, or the upper side: taken for a plane across the axis it seems to turn up to 26 % further or less far."""
     time = np.arange(150) / 60
     angle = 0.25 * np.exp(-1.5 * time) * np.cos(20 * time)
     tail = np.array([[-0.08, -0.09], [0.08, -0.09], [0.08, -0.04], [-0.08, -0.04]])
     depth = slope * (tail[:, 1] + 0.065)
-    points = picture(angle, 0.07, 0.02, tail, depth, distance=0.75, shift=-0.75 * (0.07 + 0.02j) + 0.06j)
+    points = picture(angle, yaw, pitch, tail, depth, distance=0.75, shift=-0.75 * (yaw + 1j * pitch) + 0.06j)
+    known_before = known(yaw, pitch) if given else known()
     swinging, scores = np.abs(angle) > 0.07, []
-    for seed in range(4):
+    for seed in range(2):
         noisy = points + PLACE_FLOOR * np.random.default_rng(seed).normal(size=points.shape)
-        turning = fit_angle(view(noisy), MATRIX, known(), TEXTURE)
+        turning = fit_angle(view(as_affine(noisy)), MATRIX, known_before, TEXTURE)
         error = turning.angle - angle
         scores.append(((error - np.median(error[-60:])) / turning.std)[swinging])
-        assert np.median((turning.std / np.abs(angle))[swinging]) < (0.12 if slope else 0.03)
+        assert np.polyfit(angle, turning.angle, 1)[0] == pytest.approx(1, abs=0.03)
+        assert np.median((turning.std / np.abs(angle))[swinging]) < 0.04
     assert np.sqrt(np.mean(np.square(scores))) < 2.0
 
 
@@ -286,18 +299,19 @@ def test_level_is_as_vague_as_a_level_line_slopes_for_cameras_that_look_aside():
     assert abs(stated / np.std(slopes) - 1) < 0.1
 
 
-@pytest.mark.parametrize("slope", [2.0, -1.5])
-def test_points_on_a_slanted_side_tell_their_slope_by_how_they_turn(slope):
-    """An upturned tail from below or an upper side, 15 by 8 cm, of a deck whose axis is 12 cm below the line of sight."""
-    shape = np.stack(np.meshgrid(np.linspace(-0.075, 0.075, 5), np.linspace(-0.12, -0.04, 4)), -1).reshape(
-        -1, 2
-    )
-    angle, depth = swing(), slope * (shape[:, 1] - shape[:, 1].mean())
-    points = picture(angle, 0.05, -0.03, shape, depth, shift=0.12j)
-    points += 0.05 * np.random.default_rng(0).normal(size=points.shape)
-    found = fit_angle(view(points), MATRIX, known(), TEXTURE)
-    assert found.slope * slope > 0
-    error = found.angle - angle
-    error -= np.median(error)
-    assert abs(np.polyfit(angle, error, 1)[0]) < 0.01
-    assert np.mean(np.abs(error) < 1.96 * found.std) > 0.95
+@pytest.mark.parametrize(("yaw", "pitch"), [(0.24, 0.0), (0.1, 0.17), (0.05, -0.24)])
+def test_a_slant_that_may_as_well_be_the_mirrored_one_is_as_vague_as_both(yaw, pitch):
+    """Two points, by a camera that looks 14 degrees past the axis: one search ended on the other side, and was sure of it."""
+    time, ceiling = np.arange(83) / 60 - 0.3, 1 / 60
+    angle = 0.4 * np.where(time < 0, 1.0, np.exp(-10 * time) * np.cos(25 * time))
+    ends = np.array([[-0.09, -0.014], [0.09, -0.014]])
+    std = [np.radians(15), np.radians(15), 0.25, ceiling / np.sqrt(12)]
+    before = CameraState(np.array([0, 0, 0, ceiling / 2]), np.diag(np.square(std)), ceiling)
+    points = picture(angle, yaw, pitch, ends, distance=0.8, shift=-0.8 * (yaw + 1j * pitch))
+    for seed in (3, 5):
+        noisy = points + 0.08 * np.random.default_rng(seed).normal(size=points.shape)
+        found = fit_angle(view(noisy), MATRIX, before)
+        off = found.camera_state.value[:2] - [yaw, pitch]
+        assert np.all(np.abs(off) < 3 * found.camera_state.std[:2])
+        error = found.angle - angle
+        assert np.mean(np.abs(error - np.median(error[-30:])) < 1.96 * found.std) > 0.85
