@@ -23,9 +23,8 @@ from sysid.video.types import Complex
 
 DRAWN = 2.0
 """Motion of which compression leaves out half as much as of the smallest [px/frame], as found in films of a phone's kind."""
-UNLIKELY = 0.001
-"""Chance up to which points do not lie across the axis [1]: 30 films of points that do, by three renderers, prefer a slope by up to e^3.4,
-four of slanted sides by e^6.6 to e^46."""
+UNLIKELY = 1e-5
+"""Chance up to which points do not lie across the axis [1]."""
 LASTING_FRAMES = 4
 """Frames for which a motion drawn is good [1]: those about the turn of a swing."""
 
