@@ -25,7 +25,7 @@ DRAWN = 2.0
 """Motion of which compression leaves out half as much as of the smallest [px/frame], as found in films of a phone's kind."""
 SEEM_SLANTED, ALIKE = 14.0, 4.0
 """Logarithm of the likelihood [1] by which points across the axis may seem to lie on a slanted side, as their affine motions show no
-perspective: up to 13.8 in 96 rendered films, 17 to 46 in three of slanted sides; and how many points err alike [1]."""
+perspective: up to 13.8 in 96 rendered films, 17 to 46 in three films of slanted sides; and how many points err alike [1]."""
 LASTING_FRAMES = 4
 """Frames for which a motion drawn is good [1]: those about the turn of a swing."""
 

@@ -30,4 +30,4 @@ class BodyPrior:
     still: float = SAME_PICTURE
     """Motion up to which its points keep their errors [px]."""
     slopes: tuple[float, ...] = (0.0,)
-    """How depth may grow with height (`SLOPE`), 0 across the axis: each as likely as the others [1]."""
+    """How depth may grow with height (`SLOPE`), 0 across the axis [1]."""

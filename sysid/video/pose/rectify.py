@@ -33,9 +33,8 @@ def rectify(points: Array, matrix: Array, camera: Array) -> Complex:
 
 def project(homography: Array, points: Array) -> Array:
     """Return where homographies, shape (..., 3, 3), take points, shape (n, 2) or (m, n, 2), to [their own unit]; NaN stays NaN."""
-    there = (
-        homography[..., :2] @ np.swapaxes(points, -1, -2) + homography[..., 2:]
-    )  # long rows: half the time
+    # Long rows: half the time.
+    there = homography[..., :2] @ np.swapaxes(points, -1, -2) + homography[..., 2:]
     with np.errstate(invalid="ignore"):
         return np.swapaxes(there[..., :2, :] / there[..., 2:, :], -1, -2)
 
