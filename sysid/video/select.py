@@ -18,7 +18,7 @@ from sysid.video.follow import MIN_SEEN_SHARE, follow, follow_all, track_of
 from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import CameraState, before_looking
-from sysid.video.pose.prior import BodyPrior
+from sysid.video.pose.prior import ANY_SIDE, BodyPrior
 from sysid.video.pose.rectify import upright
 from sysid.video.pose.view import View
 from sysid.video.registration import BodyPicture, picture_of_body
@@ -251,7 +251,11 @@ def _fault(one: Followed) -> str | None:
         return f"{what} turns about an axis that no camera behind a board looks along"
     if one.target.shows_body and _strays(one.track, one.found.angle):
         return f"{what} moves along rather than turns about a point: a foot, a hand, or a camera that moves"
-    return f"{what} tells the angle to ±{2 * np.degrees(one.std):.2g}° only" if one.std > MAX_STD else None
+    if one.std > MAX_STD:
+        return f"{what} tells the angle to ±{2 * np.degrees(one.std):.2g}° only"
+    # A marker or stickers on a board may stand still; patches and lines may be of anything.
+    placed = one.target.shows_body and one.target.shows_turn
+    return None if placed or one.turns else f"{what} does not turn, as what is behind the board"
 
 
 def _strays(track: Track, angle: Array) -> bool:
@@ -288,31 +292,37 @@ def _whole_body(reel: Reel, led: Followed, corners: list[Points]) -> Followed | 
 def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) -> AngleTrack:
     """Return the angle of the whole body, with zero where the target that led to it has it.
 
-    Where the camera stands is for the target to tell: the body's points err alike, which looks like a slant. So is how far it
-    turned, by places on the board, where the body contradicts them: pixels at several depths, made upright by a wrong slant,
+    Its points err less than patches of texture do, so that they take their place. Where places on the board led to it, they tell where
+    the camera stands, and how far it turned where the body contradicts them: pixels at several depths, made upright by a wrong slant,
     seem to turn up to 2 % further.
     """
-    points = led.found
-    camera = replace(points.camera_state, covariance=np.zeros((4, 4)))
-    found = fit_angle(
-        view, matrix, camera, BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE, slopes=(points.slope,))
-    )
-    theirs, own = points.own, found.own
-    common = np.maximum(points.std**2 - theirs**2, 0)
-    # The body may be made out where the points contradict each other, as in a blurred frame.
-    std = np.sqrt(own**2 + np.where(np.isfinite(common), common, np.nanmax(common)))
+    points, prior = led.found, BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE)
+    if led.target.shows_turn:
+        camera = replace(points.camera_state, covariance=np.zeros((4, 4)))
+        found = _as_places_have_it(fit_angle(view, matrix, camera, prior), points)
+    else:
+        found = fit_angle(view, matrix, before, replace(prior, slopes=ANY_SIDE))
     # Where the body is not made out, for a hand before it say, the points may be.
     whole = np.isfinite(found.angle)
-    if led.target.shows_turn:
-        swing = np.nanmax(np.abs(points.angle - np.nanmedian(points.angle)))
-        doubt = float(np.sqrt(np.nanmax(common)) / swing)
-        found = replace(found, angle=_as_far(found.angle, points.angle, theirs, doubt))
+    return replace(
+        found,
+        angle=np.where(whole, found.angle + _level_of(led.level, found), led.level),
+        std=np.where(whole, found.std, points.std),
+        own=np.where(whole, found.own, points.own),
+    )
+
+
+def _as_places_have_it(found: AngleTrack, points: AngleTrack) -> AngleTrack:
+    """Return the angle of a body as far as places on it turn, and with what they leave open of the camera."""
+    common = np.maximum(points.std**2 - points.own**2, 0)
+    swing = np.nanmax(np.abs(points.angle - np.nanmedian(points.angle)))
+    doubt = float(np.sqrt(np.nanmax(common)) / swing)
     return replace(
         found,
         camera_state=points.camera_state,
-        angle=np.where(whole, found.angle + _level_of(led.level, found), led.level),
-        std=np.where(whole, std, points.std),
-        own=np.where(whole, own, theirs),
+        angle=_as_far(found.angle, points.angle, points.own, doubt),
+        # The body may be made out where the points contradict each other, as in a blurred frame.
+        std=np.sqrt(found.own**2 + np.where(np.isfinite(common), common, np.nanmax(common))),
     )
 
 

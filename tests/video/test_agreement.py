@@ -128,6 +128,7 @@ def test_an_angle_that_contradicts_itself_or_is_vague_is_none():
                 found=SimpleNamespace(angle=angle, camera_state=CameraState(np.zeros(4), np.zeros((4, 4)))),
                 before=CameraState(np.zeros(4), np.zeros((4, 4))),
                 std=std,
+                turns=True,
             )
         )
 
@@ -148,7 +149,7 @@ def test_what_is_carried_past_is_no_board():
     ):
         track = Track(TIME, places(path, 640 + 360j), still(90, 1000.0, 640 + 360j), np.arange(90), 0)
         one = Followed(
-            SimpleNamespace(what="texture", shows_body=True),
+            SimpleNamespace(what="stickers", shows_body=True, shows_turn=True),
             track,
             CAMERA,
             SimpleNamespace(angle=ROLL, std=np.full(90, 0.01), camera_state=CAMERA),
@@ -163,7 +164,9 @@ def test_an_axis_that_no_camera_looks_along_is_none_of_a_board():
             SimpleNamespace(what="texture", shows_body=False),
             SimpleNamespace(angle=ROLL, camera_state=state),
         )
-        return _fault(SimpleNamespace(target=target, track=None, before=CAMERA, found=found, std=0.01))
+        return _fault(
+            SimpleNamespace(target=target, track=None, before=CAMERA, found=found, std=0.01, turns=True)
+        )
 
     assert fault(35.0) is None
     assert "no camera behind a board" in fault(-99.0)

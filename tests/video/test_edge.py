@@ -254,17 +254,3 @@ def test_a_picture_without_the_deck_shows_no_edge(swing):
     tracker = EdgeFollower(end, look.frames[0].box)
     wall = np.random.default_rng(2).normal(120, 4, (HEIGHT, WIDTH, 3)).clip(0, 255).astype(np.uint8)
     assert tracker.update(frame_of(0, 0.0, wall)) is None
-
-
-@pytest.mark.parametrize("hidden", [(9,), (9, 10), (3, 9)])
-def test_a_line_that_a_passer_by_hides_is_no_deck(swing, hidden):
-    """It is not in all pictures, as what stands still is, but it does not turn."""
-    frames = []
-    for number in range(20):
-        seen = np.full((HEIGHT, WIDTH), 120.0)
-        seen[:180] = 200
-        if number in hidden:
-            seen[100:260] = 60
-        seen += np.random.default_rng(number).normal(0, 2, seen.shape)
-        frames.append(frame_of(number, number / 60, np.clip(seen, 0, 255).astype(np.uint8)))
-    assert find_deck_end(replace(swing[1], frames=tuple(frames))) is None

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from drawn_films import FINE, PIVOT, SIZE, decay, dotted, draw_film, marked, plate
 
+from sysid.errors import SysidError
 from sysid.video import select
 from sysid.video.pose.angle import AngleTrack
 from sysid.video.pose.camera_state import CameraState
@@ -72,8 +73,8 @@ def test_a_frame_that_only_the_body_shows_has_a_deviation_as_well(monkeypatch):
         np.array([0.2, 0.1, 0.0]), np.full(3, 0.001), camera, 0.1, 0, np.ones(4), np.full(3, 0.001)
     )
     monkeypatch.setattr(select, "fit_angle", lambda *_: body)
-    texture = SimpleNamespace(found=points, level=angle, target=SimpleNamespace(shows_turn=False))
-    whole = select._solve_whole(texture, None, None, camera)
+    marker = SimpleNamespace(found=points, level=angle, target=SimpleNamespace(shows_turn=True))
+    whole = select._solve_whole(marker, None, None, camera)
     np.testing.assert_allclose(whole.angle, body.angle)
     assert whole.std[1] >= max(whole.std[0], whole.std[2]) > 0.003
 
@@ -215,3 +216,20 @@ def test_a_better_one_that_moves_otherwise_is_not_the_board(tmp_path):
     roll = read(film)
     assert error_of(roll)[0] < 0.2
     assert PIVOT[1] > 140  # the poster passes above the deck
+
+
+@pytest.mark.parametrize("hidden", [range(18, 22), range(12, 20)])
+def test_a_line_that_a_passer_by_hides_is_no_deck(tmp_path, hidden):
+    """It is not in all pictures, as what stands still is, but it does not turn."""
+    line = np.full((SIZE[1], SIZE[0], 3), 120, np.uint8)
+    line[: SIZE[1] // 2] = 200
+
+    def behind(number):
+        seen = line.copy()
+        if number in hidden:
+            seen[SIZE[1] // 4 : 3 * SIZE[1] // 4] = 60
+        return seen
+
+    film = draw_film(tmp_path / "line.mp4", plate(2, 2), np.zeros(48), background=behind)
+    with pytest.raises(SysidError, match="does not turn"):
+        read(film, method="edge")

@@ -23,9 +23,6 @@ from sysid.video.types import Complex
 
 DRAWN = 2.0
 """Motion of which compression leaves out half as much as of the smallest [px/frame], as found in films of a phone's kind."""
-SEEM_SLANTED, ALIKE = 14.0, 4.0
-"""Logarithm of the likelihood [1] by which points across the axis may seem to lie on a slanted side, as their affine motions show no
-perspective: up to 13.8 in 96 rendered films, 17 to 46 in three films of slanted sides; and how many points err alike [1]."""
 LASTING_FRAMES = 4
 """Frames for which a motion drawn is good [1]: those about the turn of a swing."""
 
@@ -49,8 +46,6 @@ class AngleTrack:
     """The body's points at angle zero, as a camera along the axis sees them, about their middle."""
     own: Array
     """Share of `std` that is not common to all frames [rad], shape (n,)."""
-    slope: float = 0.0
-    """Which of the slopes its points most likely have [1]."""
 
 
 def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior | None = None) -> AngleTrack:
@@ -71,10 +66,8 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
     if {0, 1} <= set(before.free):  # from the other side a body looks nearly the same
         mirrored = fits[0].camera_state.value * [-1, -1, 1, 1]
         fits.append(fit_circles(view, some, matrix, before, prior, mirrored))
-    across = [one.likelihood for one in fits if not one.unknowns.slope]
-    likelier = np.array([one.likelihood for one in fits]) - max(across, default=fits[0].likelihood)
-    slanted = np.array([one.unknowns.slope != 0 for one in fits])
-    odds = np.exp(np.where(slanted, (likelier - SEEM_SLANTED) / ALIKE, likelier))
+    likelihood = np.array([one.likelihood for one in fits])
+    odds = np.exp(likelihood - likelihood.max())
     chance = odds / odds.sum()
     found = fits[int(np.argmax(chance))]
 
@@ -110,7 +103,6 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
         int(wrong.sum()),
         found.body.shape,
         own,
-        found.unknowns.slope,
     )
 
 

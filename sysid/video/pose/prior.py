@@ -11,6 +11,8 @@ SLOPE = 2.0
 """How depth grows downwards on an upturned tail from below, and upwards on the deck's upper side: 27 degrees to the axis [1]."""
 SLOPE_SPREAD = 0.5
 """Standard deviation of its logarithm: 17 to 40 degrees to the axis."""
+ANY_SIDE = (0.0, SLOPE, -SLOPE)
+"""Slopes of what may lie on any side of the deck [1]."""
 SAME_PICTURE = 0.25
 """Motion up to which a picture is still the same one, with the same errors [px]."""
 

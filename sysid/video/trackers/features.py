@@ -20,7 +20,7 @@ from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import fit_angle
 from sysid.video.pose.pose import pose_between, principal_corners, shifted, turn_of
-from sysid.video.pose.prior import SLOPE, BodyPrior
+from sysid.video.pose.prior import ANY_SIDE, BodyPrior
 from sysid.video.pose.rectify import project
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_at_rest
 from sysid.video.types import Picture
@@ -45,7 +45,7 @@ PLACE_FLOOR = 0.04
 """Least standard deviation of the body's points [px]: neighbouring patches err alike."""
 INLIER_DISTANCE = 2.0
 """Distance from the common motion within which a patch takes part in it [px]."""
-TEXTURE = BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE, still=SAME_ERRORS, slopes=(0.0, SLOPE, -SLOPE))
+TEXTURE = BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE, still=SAME_ERRORS, slopes=ANY_SIDE)
 """What is known of patches on the deck: they may lie on any side of it."""
 
 

@@ -15,7 +15,6 @@ from sysid.roll import Array
 from sysid.video.film.frames import Frame
 from sysid.video.film.survey import Survey
 from sysid.video.pose.pose import attitude_share
-from sysid.video.trackers._base import MIN_SWING
 from sysid.video.trackers._edge_profile import PIECES, find_steps
 from sysid.video.trackers.edge.body import fit_edges
 from sysid.video.trackers.edge.brightness_steps import (
@@ -84,7 +83,7 @@ MIDDLES = (np.arange(PIECES) + 0.5) / PIECES
 
 
 def find_deck_end(look: Survey) -> DeckEnd | None:
-    """Return the edges of the deck's end in pictures of a film; None where there are none that turn."""
+    """Return the edges of the deck's end in pictures of a film; None where there are none."""
     shifts = np.array([frame.shift - look.frames[0].shift for frame in look.frames])
     scale = scale_of(look.frames[0].box)
     every = [steps_of(frame, scale) for frame in look.frames]
@@ -94,8 +93,7 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
     if box is None or box[2] - box[0] < MIN_LENGTH * width:
         return None
     near = _found(look, every, shifts, slopes, box, anywhere=False)
-    end = near or _found(look, every, shifts, slopes, box, anywhere=True)
-    return end if end is not None and np.ptp(end.turns) > MIN_SWING else None
+    return near or _found(look, every, shifts, slopes, box, anywhere=True)
 
 
 def _found(
