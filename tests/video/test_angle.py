@@ -1,5 +1,7 @@
 """The angle from points: exact without noise, honest with it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -15,6 +17,7 @@ from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import project, rectify, upright
 from sysid.video.pose.view import View
+from sysid.video.select import _solve_whole
 from sysid.video.trackers.dots import fit_pivot
 from sysid.video.trackers.features import PLACE_FLOOR, TEXTURE
 
@@ -127,6 +130,18 @@ def test_texture_on_a_slanted_side_of_the_deck_tells_how_far_it_turns(slope, yaw
         assert np.polyfit(angle, turning.angle, 1)[0] == pytest.approx(1, abs=0.03)
         assert np.median((turning.std / np.abs(angle))[swinging]) < 0.04
     assert np.sqrt(np.mean(np.square(scores))) < 2.0
+
+
+def test_the_whole_body_tells_the_camera_where_patches_of_texture_have_put_it_elsewhere():
+    angle = swing()
+    seen = view(picture(angle, 0.25, 0.15))
+    patches = fit_angle(seen, MATRIX, known(0.0, 0.0))
+    led = SimpleNamespace(found=patches, level=patches.angle, target=SimpleNamespace(shows_turn=False))
+    whole = _solve_whole(led, seen, MATRIX, known())
+    off = [np.degrees(np.std(one.angle - angle)) for one in (patches, whole)]
+    assert off[0] > 0.1
+    assert off[1] < 0.01
+    assert whole.camera_state.value[:2] == pytest.approx([0.25, 0.15], abs=2 * whole.camera_state.std.max())
 
 
 def test_shifts_of_the_body_are_no_angle():

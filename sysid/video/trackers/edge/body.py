@@ -220,8 +220,7 @@ def _body(
         edge: Number of the edge of each point, shape (M,).
         known: Standard deviation of the first beforehand [px].
     """
-    sine, cosine = np.sin(angle)[:, None], np.cos(angle)[:, None]
-    design = np.stack([-sine - slope * cosine, cosine - slope * sine], axis=-1)
+    design = np.stack(_levers(slope, angle), axis=-1)
     weight = weight * attitudes(angle)[:, None] + 1e-9
     total = weight.sum(axis=0)
     mean = np.einsum("nm,nmk->mk", weight, design) / total[:, None]
@@ -250,11 +249,11 @@ def _doubt(shape: _Shape, angle: Array, weight: Array, edge: Edge, known: float)
         edge: Number of the edge of each point, shape (M,).
         known: Standard deviation of the pivots beforehand [px].
     """
-    sine, cosine = np.sin(angle)[:, None], np.cos(angle)[:, None]
     belongs = (edge[:, None] == np.arange(edge.max() + 1)).astype(np.float64)
-    ways = [-sine - shape.slope * cosine, cosine - shape.slope * sine]
     design = np.concatenate(
-        [way[..., None] * belongs for way in ways] + [(angle[:, None] * shape.middle)[..., None]], axis=-1
+        [lever[..., None] * belongs for lever in _levers(shape.slope, angle)]
+        + [(angle[:, None] * shape.middle)[..., None]],
+        axis=-1,
     )
     weight = weight * attitudes(angle)[:, None] / (belongs.sum(axis=0) * POINT_STD**2)[edge] + 1e-9
     design -= np.einsum("nm,nmk->mk", weight, design) / weight.sum(axis=0)[:, None]
@@ -264,6 +263,17 @@ def _doubt(shape: _Shape, angle: Array, weight: Array, edge: Edge, known: float)
     common = np.einsum("nm,nmk->nk", weight, design)
     normal -= np.einsum("nk,nl,n->kl", common, common, 1 / (weight.sum(axis=1) + SHIFT_STD**-2.0))
     return np.sqrt(pivot), float(np.sqrt(np.linalg.inv(normal)[-1, -1]))
+
+
+def _levers(slope: Array, angle: Array) -> list[Array]:
+    """Return how far a point moves across its edge as the edge's pivot moves across the picture and down it [1], each of shape (n, M).
+
+    Args:
+        slope: Slope of the edge at each point [1], shape (M,).
+        angle: Turns [rad], shape (n,).
+    """
+    sine, cosine = np.sin(angle)[:, None], np.cos(angle)[:, None]
+    return [-sine - slope * cosine, cosine - slope * sine]
 
 
 def _turn_step(rest: Array, along: Array, shift: Array, weight: Array, edge: Edge) -> tuple[Array, Array]:
