@@ -68,6 +68,8 @@ class Followed:
     found: AngleTrack
     laid: tuple[BodyPicture, list[Points]] | None = None
     """What turns with it, and its corners in each frame that is in memory; None where that was not looked for."""
+    whole: AngleTrack | None = None
+    """The angle of that, in these frames."""
 
     @property
     def std(self) -> float:
@@ -131,23 +133,23 @@ def _to_the_end(reel: Reel, led: Followed) -> Followed:
     target, points = led.target, list(led.track.points)
     stamps = [(frame.index, frame.time) for frame in reel.kept]
     body, corners = led.laid or (_lay_body(reel, led) if target.shows_body else None) or (None, [])
-    whole = _whole_body(reel, led, corners) if corners else None
+    whole = _whole_body(reel, led, corners) if corners and led.whole is None else None
+    joins = led.whole is not None or whole is not None
     last = next((seen for seen in reversed(corners) if np.isfinite(seen).all()), None)
     rest = ((frame, follow(target.follower, frame)) for frame in reel.others())
     with closing(ahead(rest, 1)) as others:
         for frame, seen in others:
             stamps.append((frame.index, frame.time))
             points.append(seen)
-            if body is not None and whole is not None:
+            if body is not None and joins:
                 corners.append(body.seen(frame, seen, last))
                 last = corners[-1] if np.isfinite(corners[-1]).all() else last
     if len(points) > len(led.track.points):
         whole_film = _followed(reel, target, track_of(reel, stamps, np.array(points)))
         if isinstance(whole_film, str):
             raise SysidError(f"{reel.clip.path}: {whole_film}. {ADVICE}")
-        led = whole_film
-        whole = None if whole is None else _whole_body(reel, led, corners)
-    return whole or led
+        led, whole = whole_film, None
+    return whole or (_whole_body(reel, led, corners) if joins else None) or led
 
 
 def _lay_body(reel: Reel, led: Followed) -> tuple[BodyPicture, list[Points]] | None:
@@ -169,7 +171,7 @@ def _borne_out(reel: Reel, one: Followed) -> Followed | str:
     for found, most in ((one.found, MAX_BENT_PATCHES), (whole.found, MAX_BENT)):
         if (bent := _bent(found)) > most:
             return f"{one.target.what} lies at several depths or bends: by {100 * bent:.1f} % of its size when it rests"
-    return replace(one, laid=laid)
+    return replace(one, laid=laid, whole=whole.found)
 
 
 def _bent(found: AngleTrack) -> float:
@@ -301,7 +303,7 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
         camera = replace(points.camera_state, covariance=np.zeros((4, 4)))
         found = _as_places_have_it(fit_angle(view, matrix, camera, prior), points)
     else:
-        found = fit_angle(view, matrix, before, replace(prior, slopes=ANY_SIDE))
+        found = led.whole or fit_angle(view, matrix, before, replace(prior, slopes=ANY_SIDE))
     # Where the body is not made out, for a hand before it say, the points may be.
     whole = np.isfinite(found.angle)
     return replace(

@@ -136,7 +136,8 @@ def test_the_whole_body_tells_the_camera_where_patches_of_texture_have_put_it_el
     angle = swing()
     seen = view(picture(angle, 0.25, 0.15))
     patches = fit_angle(seen, MATRIX, known(0.0, 0.0))
-    led = SimpleNamespace(found=patches, level=patches.angle, target=SimpleNamespace(shows_turn=False))
+    texture = SimpleNamespace(shows_turn=False)
+    led = SimpleNamespace(found=patches, level=patches.angle, target=texture, whole=None)
     whole = _solve_whole(led, seen, MATRIX, known())
     off = [np.degrees(np.std(one.angle - angle)) for one in (patches, whole)]
     assert off[0] > 0.1
