@@ -83,7 +83,7 @@ class Board:
     """Half the height of the deck's end [m]."""
     camera_height: float = 0.08
     camera_angle: tuple[float, float] | None = None
-    """What is told to the tool: how far the axis is to the right of and below the line of sight [deg]."""
+    """What is told to the tool: how far the axis is to the right of and below the line of sight [rad]."""
 
 
 BOARDS = {
@@ -98,7 +98,7 @@ BOARDS = {
     ),
     "prints": Board(painted=True, lip=0.03),
     "bare edge": Board(camera_height=0.0),
-    "bare edge, --camera-angle 3.4 0": Board(camera_height=0.0, camera_angle=(3.4, 0.0)),
+    "bare edge, --camera-angle 3.4 0": Board(camera_height=0.0, camera_angle=(float(np.radians(3.4)), 0.0)),
 }
 H264 = ("-c:v", "libx264", "-preset", "veryfast", "-b:v", "12M")
 FILMS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -240,9 +240,7 @@ def ffmpeg(*arguments: object) -> None:
 def row(board: str, name: str, film: Path, truth: Array) -> list[str]:
     """Read a film and compare it; return the cells of the table."""
     try:
-        angle = BOARDS[board].camera_angle
-        told = None if angle is None else (float(np.radians(angle[0])), float(np.radians(angle[1])))
-        roll = roll_from_video(film, VideoOptions(camera_angle=told))
+        roll = roll_from_video(film, VideoOptions(camera_angle=BOARDS[board].camera_angle))
     except SysidError as error:
         return [board, name, f"refused: {str(error).removeprefix(f'{film}: ')[:80]}", *[""] * 6]
     error = min((against(roll, truth, at) for at in np.linspace(-0.02, 0.02, 401)), key=np.std)

@@ -133,23 +133,23 @@ def _to_the_end(reel: Reel, led: Followed) -> Followed:
     target, points = led.target, list(led.track.points)
     stamps = [(frame.index, frame.time) for frame in reel.kept]
     body, corners = led.laid or (_lay_body(reel, led) if target.shows_body else None) or (None, [])
-    whole = _whole_body(reel, led, corners) if corners and led.whole is None else None
-    joins = led.whole is not None or whole is not None
+    whole = _whole_body(reel, led, corners) if corners else None
     last = next((seen for seen in reversed(corners) if np.isfinite(seen).all()), None)
     rest = ((frame, follow(target.follower, frame)) for frame in reel.others())
     with closing(ahead(rest, 1)) as others:
         for frame, seen in others:
             stamps.append((frame.index, frame.time))
             points.append(seen)
-            if body is not None and joins:
+            if body is not None and whole is not None:
                 corners.append(body.seen(frame, seen, last))
                 last = corners[-1] if np.isfinite(corners[-1]).all() else last
     if len(points) > len(led.track.points):
         whole_film = _followed(reel, target, track_of(reel, stamps, np.array(points)))
         if isinstance(whole_film, str):
             raise SysidError(f"{reel.clip.path}: {whole_film}. {ADVICE}")
-        led, whole = whole_film, None
-    return whole or (_whole_body(reel, led, corners) if joins else None) or led
+        led = whole_film
+        whole = None if whole is None else _whole_body(reel, led, corners)
+    return whole or led
 
 
 def _lay_body(reel: Reel, led: Followed) -> tuple[BodyPicture, list[Points]] | None:
