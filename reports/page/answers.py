@@ -37,14 +37,14 @@ def _match(board: Board, evidence: Evidence | None) -> tuple[str, str]:
     if result.passed and _fails(board):
         return (
             f"The law fits the logs ({fits}), but the MuJoCo scene does not: the check failed with an NRMSE of "
-            f"{100 * board.check['nrmse']:.2f} %."
+            f"{100 * board.last_check['nrmse']:.2f} %."
         ), "bad"
     return (f"Yes: {fits}.", "good") if result.passed else (f"No: {fits}.", "bad")
 
 
 def _fails(board: Board) -> bool:
     """Return whether the scene was checked for the board as it is recorded now, and failed."""
-    return bool(board.check) and not board.check_is_stale and not board.passed
+    return bool(board.last_check) and not board.check_is_stale and not board.passed
 
 
 def _missing(board: Board, diagnosis: LastDiagnosis | None) -> tuple[str, str]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sysid.board import Board
+from sysid.board import Board, require_record
 from sysid.comparison import report as comparison_report
 from sysid.comparison.backbone import Backbone, backbone_of
 from sysid.comparison.error_map import Place, describe_error, locate_error
@@ -26,14 +26,15 @@ from sysid.progress import stage
 from sysid.quantity import Z95
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Array
-from sysid.text import WIDTH, Display, display
+from sysid.shown import Shown
+from sysid.text import WIDTH, Display, count, display
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Comparison(Shown):
     """Result of `compare`: how far a law's simulated releases are from the measured ones, and where."""
 
     board: str
@@ -81,6 +82,11 @@ class Comparison:
         """'within tolerance' or 'beyond tolerance'."""
         return "within tolerance" if self.passed else "beyond tolerance"
 
+    def brief(self) -> str:
+        """Return the error, where it is, and whether it is within the tolerance."""
+        error = f"error {self.show(self.rmse)}, {self.rmse / self.noise.std:.3g} times the noise"
+        return f"Comparison of {self.board} with {count(len(self.releases), 'release')}: {error}\n  {self.summary}\n  {self.status}: {self.verdict()}"
+
     def report(self, width: int = WIDTH) -> str:
         """Return what `husky-sysid compare` prints, in tables of at most `width` characters."""
         return comparison_report.report(self, width)
@@ -127,6 +133,7 @@ def compare(
         SysidError: The law's motion grows without bound.
     """
     recordings, releases, weak = unpack(data)
+    require_record(board)
     chosen = signal_of(releases, signal)
     use_rate = chosen["use_rate"]
     odd = amplitude_warnings(releases, board)

@@ -35,7 +35,7 @@ def test_record_gets_values_provenance_and_a_line_of_history(tmp_path):
     assert abs(torque.value - 0.15) < 3 * torque.std
     assert board.fit["logs"][0]["sha256"] == sha256(LOG)
     assert board.fit["rmse"] < 1.1 * board.fit["noise_floor"]
-    assert board.check == {}
+    assert board.last_check == {}
     (line,) = board.history
     assert line["effects"] == ["coulomb"]
     assert line["rmse_before"] > 2 * line["rmse"]
