@@ -17,7 +17,7 @@ import tomlkit
 from sysid.errors import SysidError, did_you_mean
 from sysid.files import shipped_data, write_atomically
 from sysid.quantity import Quantity, slide_unit
-from sysid.shown import Shown
+from sysid.shown import MOST_SHOWN, Shown
 
 SCHEMA = 1
 """Version of the record's format; another one is refused."""
@@ -53,8 +53,6 @@ TOLD = {"fit": "fit", "check": "last_check", "model": "model"}
 """Sections of the last fit, the last check and the model, and the fields that hold them."""
 TOLD_NUMBERS = {"rmse_before", "rmse", "heldout_rmse", "noise_floor", "nrmse", "tolerance"}
 """What commands read of a fit, of a check and of the history."""
-MOST_SHOWN = 4
-"""Effects, and parameters of each, listed when a record is printed."""
 MAX_NUMBER = 1e300
 """Above, a number counts as infinite [1]."""
 PHYSICAL = {

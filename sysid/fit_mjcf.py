@@ -29,14 +29,12 @@ from sysid.progress import stage
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Release
-from sysid.shown import Shown
+from sysid.shown import MOST_SHOWN, Shown
 from sysid.text import WIDTH, count, quantity_frame
 
 if TYPE_CHECKING:
     import pandas as pd
 
-MOST_SHOWN = 12
-"""Quantities listed when a fit is printed."""
 CONTRADICTED = 16.0
 """Rise of χ² from which logs contradict what a record says of an effect: four standard deviations."""
 

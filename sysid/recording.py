@@ -17,7 +17,7 @@ from sysid.releases.clear import clear_of_noise
 from sysid.releases.find import find_releases
 from sysid.releases.phases import Phase, log_phases
 from sysid.roll import Release, Roll, shown
-from sysid.shown import Shown
+from sysid.shown import MOST_SHOWN, Shown
 from sysid.text import count, display
 from sysid.video.options import VideoOptions
 
@@ -29,9 +29,6 @@ EARLY_RELEASE_SHARE = 0.1
 FOREIGN_ZERO_RATIO = 3.0
 """Distance of the rest from zero, over the widest swing, from which that zero is the sensor's and not the joint's: a choice. Whoever
 tilts a joint by hand goes through a good part of what it can do."""
-
-MOST_SHOWN = 6
-"""Releases listed when a recording is printed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
 BACKEND = "reports.plots"
 """Module that draws results."""
+MOST_SHOWN = 8
+"""Items of a list that `repr` shows: a choice, so that a result with a table in it stays below 2,000 characters."""
 
 
 class Backend(Protocol):

@@ -211,7 +211,7 @@ boards = st.builds(
         max_size=3,
     ).map(tuple),
     fit=sections,
-    check=sections,
+    last_check=sections,
     history=st.lists(sections, max_size=3).map(tuple),
 )
 
