@@ -65,10 +65,10 @@ def check_joint(
     options = options or GateOptions()
     step = options.timestep
     if not 0 < tolerance < 1:
-        raise SysidError(f"tolerance {tolerance:g}: expected a share between 0 and 1, such as 0.02.")
+        raise SysidError(f"--tolerance {tolerance:g}: expected a share between 0 and 1, such as 0.02.")
     if step is not None and not 0 < step <= LARGEST_STEP:
         raise SysidError(
-            f"timestep {step:g}: expected seconds between 0 and {LARGEST_STEP:g}, such as 0.005."
+            f"--timestep {step:g}: expected seconds between 0 and {LARGEST_STEP:g}, such as 0.005."
         )
     written = None
     if options.scene_file is not None:

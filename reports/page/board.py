@@ -217,8 +217,9 @@ def _releases(evidence: Evidence) -> list[str]:
     rows: list[tuple[str, ...]] = []
     for i, (part, release) in enumerate(zip(result.releases, evidence.releases, strict=True)):
         errors = show(part.rmse, 3), f"{part.rmse / result.noise.std:.2f}"
-        rows.append((release_name(result, i), release.side, first(release.amplitude, 3), *errors))
-    side = "edge down" if evidence.board.geometry else "side"
+        place = release.side if evidence.board.geometry else {"right": "+", "left": "−"}[release.side]
+        rows.append((release_name(result, i), place, first(release.amplitude, 3), *errors))
+    side = "edge down" if evidence.board.geometry else "let go from"
     left = len(result.releases) - MOST_RELEASES
     return [
         choices(drawn),

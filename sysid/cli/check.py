@@ -5,13 +5,14 @@ from pathlib import Path
 from typing import Literal
 
 from sysid.cli.console import Common, Printer, require_share
-from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
+from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs, space_of
 from sysid.cli.subject import Subject
+from sysid.cli.view import logs_or_fitted
 from sysid.errors import QualityGateError
 
 
 def check(
-    logs: list[Path],
+    logs: tuple[Path, ...] = (),
     /,
     *,
     subject: Subject = Subject(),
@@ -27,7 +28,7 @@ def check(
     """Release the deck in the training scene as it was released in the logs, and compare.
 
     Args:
-        logs: Measured decays.
+        logs: Measured decays; those that the record was fitted to, if left out.
         subject: Whose joint it is; that of a model is let go in the model itself.
         tolerance: Largest accepted NRMSE: RMS error over RMS of the measured roll about rest, sensor noise
             taken out.
@@ -50,7 +51,8 @@ def check(
     printer = Printer(common)
     record = (subject if scene_file is None else replace(subject, joint=None)).load(common, printer)
     refuse_overwriting_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
-    recordings = load_recordings(logs, arguments, printer)
+    found, arguments = logs_or_fitted(record, logs, arguments, printer)
+    recordings = load_recordings(found, arguments, printer)
     releases = [release for recording in recordings for release in recording.releases]
     options = GateOptions(
         scene_file=scene_file, scene_joint=subject.joint or TILT_JOINT, timestep=timestep, integrator=integrator,
@@ -80,4 +82,8 @@ def check(
     if not verdict.passed:
         raise QualityGateError(verdict.refusal())
     printer.warnings(verdict.warnings)
+    if record.model:
+        printer.say(f"next: it is ready to use: {record.model['file']}")
+    elif scene_file is None and record.geometry:
+        printer.say(f"next: ready to train: {space_of(common, arguments).command('train', *record.options)}")
     return 0

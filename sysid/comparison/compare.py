@@ -15,6 +15,7 @@ from sysid.comparison.error_map import Place, describe_error, locate_error
 from sysid.comparison.force_surface import MissingTorque, missing_torque
 from sysid.comparison.release import ComparedRelease
 from sysid.decay.plausibility import amplitude_warnings
+from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.fitting.initial_state import fit_initial_states
 from sysid.fitting.joint import FitOptions, held_parameters
@@ -139,9 +140,7 @@ def compare(
     odd = amplitude_warnings(releases, board)
     law = law or JointLaw.from_board(board)
     if law.stiffness + law.stiffness_of_effects <= 0:
-        odd.append(
-            f"nothing pulls the joint of '{board.name}' back to rest in its record: was it ever fitted? Fit it first"
-        )
+        odd += _require_restoring(board)
     noise = noise_floor(releases, rate=use_rate)
     records = make_records(releases, noise.std, rate=use_rate)
     _, bias = held_parameters(law.structure, board, FitOptions(**chosen))
@@ -181,6 +180,26 @@ def compare(
         heldout_rmse=_heldout(board, recordings, rmse),
         warnings=(*reading_warnings(recordings), *weak, *odd),
         recordings=recordings,
+    )
+
+
+def _require_restoring(board: Board) -> list[str]:
+    """Return a warning of a fitted joint that nothing pulls back to its rest.
+
+    Raises:
+        SysidError: The record was never fitted: the comparison would say nothing of the joint.
+    """
+    if board.fit or not board.is_unmeasured:
+        return [f"nothing pulls the joint of '{board.name}' back to rest: its law is that of friction alone"]
+    if board.model:
+        raise SysidError(
+            f"nothing pulls the joint '{board.model['joint']}' back to rest in this pose of {board.model['file']}. Is it the pose "
+            "in which it was measured? Give it with --pose JOINT=VALUE or --keyframe. A joint that only friction holds is fitted "
+            "first: husky-sysid fit."
+        )
+    raise SysidError(
+        f"the record of '{board.name}' has no stiffness and no damping: it was never fitted. Fit it first: husky-sysid fit LOG "
+        f"{' '.join(board.options)}"
     )
 
 
