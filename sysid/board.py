@@ -128,8 +128,11 @@ class Board(Shown):
         k, d = self.tilt["stiffness"], self.tilt["damping"]
         numbers = [f"I = {self.inertia}", *([] if self.is_unmeasured else [f"k = {k}", f"d = {d}"])]
         parts = [
-            f"{part.name} ({', '.join(f'{name} {q}' for name, q in list(part.parameters.items())[:MOST_SHOWN])})"
+            f"{part.name} ({', '.join(f'{name} {q}' for name, q in fitted[:MOST_SHOWN])})"
+            if fitted
+            else part.name
             for part in self.effects
+            for fitted in [[(name, q) for name, q in part.parameters.items() if q.value]]
         ]
         state = (
             "passed"

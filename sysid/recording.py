@@ -241,7 +241,10 @@ class Recording(Shown):
         """Return the log's name, its samples, and its releases."""
         roll = self.roll
         show = display(is_rate=False, slides=roll.slides)
-        each = [f"{shown(one.start)} from {show(one.amplitude, 3)} ({one.side})" for one in self.releases]
+        each = [
+            f"{shown(one.start)} from {show.scale * (one.roll[0] - one.rest):+.3g}{show.unit}"
+            for one in self.releases
+        ]
         more = len(each) - MOST_SHOWN
         lines = [
             f"Recording {roll.log}: {roll.origin}, {len(roll.time)} samples at {roll.sampling_rate:.4g} Hz, "

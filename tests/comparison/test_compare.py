@@ -59,7 +59,9 @@ def test_a_record_that_was_never_fitted_is_named(pink):
     with pytest.raises(SysidError, match=r"never fitted\. Fit it first: husky-sysid fit LOG --board pink"):
         compare(releases, never)
     arm = replace(never, model={"file": "arm.xml", "joint": "elbow"})
-    with pytest.raises(SysidError, match=r"nothing pulls the joint .elbow. back to rest in this pose.*--pose"):
+    with pytest.raises(
+        SysidError, match=r"nothing pulls the joint .elbow. back to rest in this pose.*--pose"
+    ):
         compare(releases, arm)
 
 
