@@ -215,11 +215,6 @@ COMMANDS = {
             *OUTPUT,
         ),
     ),
-    "paper": Command(
-        "Make the HUSKY paper's tables and figures from trained policies.",
-        ("paper", "paper main curves --episodes 20 --seeds 3"),
-        "training.md",
-    ),
     "play": Command(
         "Show a policy in Rerun or in the MuJoCo viewer.",
         ("play data/policies/pink.onnx --board pink", "play data/policies/pink.onnx --board pink --viewer"),

@@ -6,13 +6,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from paper.figures import curves_figure, map_figure, trajectories_figure
+from paper.published import MAIN, METRICS, SENSITIVITY, TERRAIN, Row
+from paper.runs import Run
 from policy_runtime.evaluation.plain import Protocol
 from policy_runtime.evaluation.result import Evaluation
 from policy_runtime.evaluation.stress import Stress
-from reports.figures.paper import curves_figure, map_figure, trajectories_figure
-from reports.paper.published import MAIN, METRICS, SENSITIVITY, TERRAIN, Row
-from reports.paper.runs import Run
 from sysid.quantity import Quantity
+from sysid.text import in_brackets as text
 
 Measure = Callable[[Run, Protocol], Evaluation]
 """Rides a run's policy on its board."""
@@ -191,14 +192,6 @@ def compared(ours: dict[str, Quantity], paper: dict[str, Quantity]) -> str:
             other.append(f"{name} is {'above' if own.value > published.value else 'below'} the paper's")
     parts = ([f"{', '.join(same)} cannot be told from the paper's"] if same else []) + other
     return "; ".join(parts) + "." if parts else ""
-
-
-def text(value: Quantity) -> str:
-    """Return a value with its 95 % interval; '–' where nothing came to it."""
-    if not math.isfinite(value.value):
-        return "–"
-    low, high = value.ci95
-    return f"{value.value:.3f} [{low:.3f}, {high:.3f}]" if math.isfinite(low) else f"{value.value:.3f}"
 
 
 def _turned(result: Evaluation) -> str:

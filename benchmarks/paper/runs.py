@@ -17,7 +17,7 @@ class Run:
 
     name: str
     row: str
-    """Row of the paper's tables that it stands for, see `reports.paper.published`; '' for none."""
+    """Row of the paper's tables that it stands for, see `paper.published`; '' for none."""
     board: str
     command: str
     """What made it."""

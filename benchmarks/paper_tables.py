@@ -1,4 +1,7 @@
-"""`husky-sysid paper`: the HUSKY paper's tables and figures from trained policies."""
+"""The HUSKY paper's tables and figures, from trained policies.
+
+python benchmarks/paper_tables.py [main|trajectories|curves|map|terrain|sensitivity ...] [--episodes 100] [--seeds 5]
+"""
 
 import os
 from functools import partial
@@ -12,9 +15,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from concurrent.futures import Executor
 
+    from paper.runs import Run
+
     from policy_runtime.evaluation.plain import Protocol
     from policy_runtime.evaluation.result import Evaluation
-    from reports.paper.runs import Run
     from sysid.board import Board
 
 Part = Literal["main", "trajectories", "curves", "map", "terrain", "sensitivity"]
@@ -44,10 +48,10 @@ def paper(
             been ridden is kept in its rides/, so that a run that was stopped goes on.
     """
     from joblib import Memory
+    from paper.parts import PARTS
+    from paper.runs import load_runs
 
     from policy_runtime.evaluation.plain import riders
-    from reports.paper.parts import PARTS
-    from reports.paper.runs import load_runs
     from sysid.cli.bars import bar
     from sysid.files import sha256, write_atomically, write_json
 
@@ -107,3 +111,17 @@ def _ride(
         policy, board, episodes=episodes, seeds=tuple(range(seeds)), protocol=protocol, workers=workers,
         pool=pool, force=force, progress=progress,
     )  # fmt: skip
+
+
+def main() -> None:
+    """Read the command line."""
+    from cyclopts import run
+
+    try:
+        run(paper)
+    except SysidError as error:
+        raise SystemExit(f"error: {error}") from None
+
+
+if __name__ == "__main__":
+    main()

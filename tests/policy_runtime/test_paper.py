@@ -5,15 +5,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from paper.parts import MAP_DELAY, MAP_SPEED, MAP_STIFFNESS, PARTS, compared
+from paper.published import MAIN, SENSITIVITY
+from paper.runs import Run, load_runs
+from paper_tables import paper
 from riding import pink, world_or_skip
 
 from policy_runtime.evaluation.plain import Protocol, evaluate_policy
-from reports.paper.parts import MAP_DELAY, MAP_SPEED, MAP_STIFFNESS, PARTS, compared, text
-from reports.paper.published import MAIN, SENSITIVITY
-from reports.paper.runs import Run, load_runs
 from sysid.cli import build_app
 from sysid.errors import SysidError
 from sysid.quantity import Quantity
+from sysid.text import in_brackets as text
 from sysid.workspace import shipped_data
 
 pytestmark = pytest.mark.train
@@ -128,8 +130,7 @@ def test_command_writes_page_and_numbers(tmp_path, capsys):
     )
     manifest = tmp_path / "runs.toml"
     manifest.write_text("[[run]]\nname='a'\nboard='pink'\ncommand='husky-sysid train'\ncurves='curves.csv'")
-    arguments = ["paper", "main", "curves", "--runs", str(manifest), "-o", str(tmp_path / "out")]
-    assert build_app()(arguments, result_action="return_value") == 0
+    assert paper("main", "curves", runs=manifest, output=tmp_path / "out") == 0
     page = (tmp_path / "out" / "paper.md").read_text()
     assert "## Main table" in page
     assert "![Learning curves (figure 6), and where they end](curves.png)" in page
@@ -154,8 +155,7 @@ def test_what_has_been_ridden_is_not_ridden_again(tmp_path, result, monkeypatch)
     pages = []
     for weights in (b"one", b"one", b"two"):
         policy.write_bytes(weights)
-        arguments = ["paper", "main", "--runs", str(manifest), "-o", str(tmp_path / "out")]
-        assert build_app()(arguments, result_action="return_value") == 0
+        assert paper("main", runs=manifest, output=tmp_path / "out") == 0
         pages.append((tmp_path / "out" / "paper.md").read_text())
     assert len(asked) == 2  # other weights are another policy
     assert pages[0] == pages[1]
