@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sysid.board import Board
+from sysid.board import Board, require_record
 from sysid.decay import report as decay_report
 from sysid.decay.linear_fit import BEST_SENSOR, TraceFit, decay_basis, fit_traces
 from sysid.decay.misfit import inflate_covariance, over_noise, stated_noise
@@ -28,6 +28,7 @@ from sysid.noise.whiteness import ljung_box
 from sysid.quantity import Quantity, slide_unit
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Array, Release, shown
+from sysid.shown import Shown
 from sysid.text import WIDTH, Display, count, display, quantity_frame
 
 if TYPE_CHECKING:
@@ -46,8 +47,8 @@ WORTH_NAMING = 0.007
 """Misfit below this share of the amplitude is not worth a warning."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FreeDecay:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class FreeDecay(Shown):
     """Result of `fit_decay`: stiffness, damping and frequencies of a board, from its free decays."""
 
     releases: tuple[Release, ...]
@@ -112,6 +113,20 @@ class FreeDecay:
         """Whether the decay is 'linear' or 'not linear'."""
         return "linear" if self.linear else "not linear"
 
+    def brief(self) -> str:
+        """Return the law, the quantities and whether the decay is linear."""
+        numbers = (
+            f"{name} {quantity}" for name, quantity in self.numbers.items() if math.isfinite(quantity.value)
+        )
+        of = f" of {self.board}" if self.board else ""
+        lines = [
+            f"FreeDecay{of}: {count(len(self.releases), 'release')}, {self.status}",
+            f"  {decay_report.equation(self)}",
+            *(f"  {line}" for line in numbers),
+            f"  {decay_report.verdict(self)}",
+        ]
+        return "\n".join(lines)
+
     def report(self, width: int = WIDTH) -> str:
         """Return what `husky-sysid decay` prints, in tables of at most `width` characters."""
         return decay_report.report(self, width)
@@ -147,6 +162,7 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
         decay = _fit(releases, inertia or (replace(NO_INERTIA, unit="kg") if slides else NO_INERTIA))
         doubts = (*amplitude_warnings(releases, None), *decay.warnings)
     else:
+        require_record(board)
         odd = amplitude_warnings(releases, board)
         decay = _fit(releases, inertia or board.inertia)
         log = ", ".join(dict.fromkeys(release.log for release in releases))

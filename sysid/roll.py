@@ -23,7 +23,7 @@ def shown(time: float) -> str:
 Rows = slice | npt.NDArray[np.bool_] | npt.NDArray[np.intp]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False, weakref_slot=True)
 class Signal:
     """Roll against time, with what whoever uses it must know of the sensor that it came from."""
 
@@ -58,6 +58,11 @@ class Signal:
         """Whether it is the position of a slide [m], as the unit of the log says."""
         return self.origin in ("position", "speed")
 
+    def __repr__(self) -> str:
+        """Return the kind, the log, and how many samples of what."""
+        span = f"{shown(float(self.time[0]))} to {shown(float(self.time[-1]))}" if len(self.time) else "empty"
+        return f"<{type(self).__name__} of {self.log}: {self.origin}, {len(self.time)} samples, {span}>"
+
     def __getitem__(self, rows: Rows) -> Self:
         """Return these samples of every array."""
         names = ("time", "roll", "std", "rate", "rate_std", "own_std")
@@ -65,7 +70,7 @@ class Signal:
         return replace(self, **{name: array[rows] for name, array in arrays if array is not None})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Roll(Signal):
     """One log's roll."""
 
@@ -80,7 +85,7 @@ class Roll(Signal):
         return float(1.0 / np.median(np.diff(self.time)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Release(Signal):
     """One free decay: the part of a log between the release and rest, catch or the log's end."""
 

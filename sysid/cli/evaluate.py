@@ -163,7 +163,7 @@ def _report_table(
     """Print and draw one row for each condition and policy; return them for machines."""
     from policy_runtime.evaluation.metrics import METRICS
     from reports.figures.ride import suite_figure
-    from reports.paper.parts import text
+    from sysid.text import in_brackets as text
 
     errors = ("E_vel", "E_yaw", "E_contact", "E_course", "E_tilt", "E_still")
     policies = list(dict.fromkeys(one.policy for _, one in rides))
@@ -195,7 +195,7 @@ def _report_one(
     """Print and draw everything of one evaluation; return it for machines."""
     from policy_runtime.evaluation.metrics import METRICS
     from reports.figures.ride import paths_figure
-    from reports.paper.parts import text
+    from sysid.text import in_brackets as text
 
     rows = [("E_succ", result.success), ("standing", result.standing)]
     rows += [(name, result.errors[name]) for name in METRICS]
