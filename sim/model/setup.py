@@ -8,6 +8,7 @@ from typing import Any, Self
 import mujoco
 import numpy as np
 
+from sim.model.urdf import is_urdf
 from sysid.errors import SysidError, did_you_mean
 from sysid.roll import Array
 
@@ -64,6 +65,11 @@ class Setup:
     free: tuple[str, ...] = ()
     """Joints that were free to move along; all others were held, but for those that a loop ties to this one."""
     payload: tuple[Payload, ...] = ()
+
+    @property
+    def is_urdf(self) -> bool:
+        """Whether the model is a URDF."""
+        return is_urdf(self.file)
 
     def with_(self, **changes: Any) -> Self:
         """Return the same with some things changed."""

@@ -55,7 +55,7 @@ def check(
     printer = Printer(common)
     record = (subject if scene_file is None else replace(subject, joint=None)).load(common, printer)
     refuse_overwriting_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
-    recordings = load_recordings(logs, arguments, printer)
+    recordings = load_recordings(logs, arguments, printer, rest=record.rest_angle)
     releases = [release for recording in recordings for release in recording.releases]
     written = None
     if scene_file is not None:

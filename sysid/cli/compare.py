@@ -49,7 +49,7 @@ def compare(
     require_writable(folder / "compare.json")
     logs, setups = subject.logs(logs)
     files = find_logs(record, logs, common.space) if logs else []
-    material = read_logs(files, arguments, printer, films=rerun is not None)
+    material = read_logs(files, arguments, printer, films=rerun is not None, rest=record.rest_angle)
     record, recordings = subject.posed(record, list(material.recordings), setups)
     material = replace(material, recordings=tuple(recordings))
     with working(printer), stage(0.0, 1.0, "comparing"):

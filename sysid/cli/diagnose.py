@@ -44,7 +44,9 @@ def diagnose(
     folder = common.space.outputs(record.name)
     require_writable(folder / "diagnose.json")
     each, setups = subject.logs(logs)
-    record, recordings = subject.posed(record, load_recordings(each, arguments, printer), setups)
+    record, recordings = subject.posed(
+        record, load_recordings(each, arguments, printer, rest=record.rest_angle), setups
+    )
     with told_bar(printer) as progress:
         result = search(recordings, record, fixed=parse_fixed(fix), workers=workers, progress=progress)
     for name, prior in result.base.problem.priors.items():

@@ -83,6 +83,7 @@ class Subject:
         setup = self.setup
         if setup is None:
             return None if self.board is None else common.space.load_board(self.board)
+        from sim.model.faults import warnings_of
         from sim.model.subject import board_of
 
         if not 0 <= self.mass_error < 1:
@@ -91,6 +92,7 @@ class Subject:
         printer.note("\n".join((f"joint '{setup.joint}' of {setup.file}", *(f"  {note}" for note in notes))))
         if self.mass_error == 0:
             printer.note("  the model's masses are taken as exact (--mass-error says otherwise)")
+        printer.warnings(warnings_of(setup))
         return record
 
     def logs(self, given: Sequence[Path]) -> "tuple[list[Path], list[Setup]]":

@@ -1,0 +1,122 @@
+"""Properties of a model that falsify a fit of its joint: reported before the fit, and numbers that are refused after it."""
+
+import math
+from collections.abc import Collection
+
+import mujoco
+import numpy as np
+
+from sim.model.arc import walk
+from sim.model.setup import Setup
+from sim.model.subject import in_degrees, rest_of
+from sysid.board import Board
+from sysid.errors import SysidError
+
+DISABLED = {
+    "mjDSBL_CONSTRAINT": ("constraint", "frictionloss, limits and loops do nothing", {"frictionloss"}),
+    "mjDSBL_FRICTIONLOSS": ("frictionloss", "frictionloss does nothing", {"frictionloss"}),
+    "mjDSBL_LIMIT": ("limit", "limits do nothing", set[str]()),
+    "mjDSBL_EQUALITY": ("equality", "loops do nothing", set[str]()),
+    "mjDSBL_SPRING": ("spring", "stiffness does nothing", {"stiffness"}),
+    "mjDSBL_DAMPER": ("damper", "damping does nothing", {"damping"}),
+    "mjDSBL_PASSIVE": ("passive", "stiffness and damping do nothing", {"stiffness", "damping"}),
+    "mjDSBL_GRAVITY": ("gravity", "nothing has a weight", set[str]()),
+}
+"""MuJoCo's flags: the name in MJCF, the consequence, and the attributes of a joint that it switches off."""
+
+
+def disabled(spec: mujoco.MjSpec, attributes: Collection[str] | None = None) -> list[str]:
+    """Return a warning for each flag of a model that switches off one of these attributes; for every flag if None."""
+    given = int(spec.option.disableflags)
+    bits = mujoco.mjtDisableBit.__members__
+    return [
+        f'{consequence} here: the model has <flag {flag}="disable"/>. Delete that flag, or fit without these parts'
+        for name, (flag, consequence, off) in DISABLED.items()
+        if name in bits and given & int(bits[name]) and (attributes is None or off & {*attributes})
+    ]
+
+
+def warnings_of(setup: Setup) -> list[str]:
+    """Return warnings on a model before its joint is fitted: switched-off physics, and a rest on a limit.
+
+    Raises:
+        SysidError: The model cannot be read.
+    """
+    spec = setup.load()
+    return [*disabled(spec), *_pressed(setup, spec)]
+
+
+def _pressed(setup: Setup, spec: mujoco.MjSpec) -> list[str]:
+    """Return a warning where weight and springs press the joint against the end of its range."""
+    arc, joint = walk(setup, spec), setup.joint_of(spec)
+    rest, stiffness = rest_of(setup, spec, arc), float(joint.stiffness[0])
+    torque = arc.pull - stiffness * (arc.position - rest)
+    balanced = np.any((torque[:-1] >= 0) & (torque[1:] <= 0))
+    if arc.closed or balanced or not np.any(torque) or len(arc.position) < 2:
+        return []
+    end = 0 if torque[0] < 0 else -1
+    place, unit = (
+        (float(arc.position[end]), "rad")
+        if not in_degrees(spec, joint)
+        else (math.degrees(arc.position[end]), "degrees")
+    )
+    return [
+        f"the model rests against the end of its range at {place:.4g} {unit}: weight and springs press it there with "
+        f"{abs(torque[end]):.3g}. The law has no limit, so a release that touches it misleads the fit. Correct the range or the "
+        "pose of the model, or fit the missing spring (--bound stiffness=0:...)"
+    ]
+
+
+def servo_of(setup: Setup, spec: mujoco.MjSpec) -> tuple[list[str], float, float]:
+    """Return the actuators that hold or brake the joint without a command, their stiffness [N*m/rad] and damping [N*m*s/rad]."""
+    model = spec.compile()
+    model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    data = mujoco.MjData(model)
+    data.qpos[:] = setup.posed(model)
+    dof = int(model.joint(setup.joint).dofadr[0])
+    where, forces, size = int(model.joint(setup.joint).qposadr[0]), [], 1e-3
+    for q, v in ((0.0, 0.0), (size, 0.0), (0.0, size)):
+        data.qpos[where] += q
+        data.qvel[dof] = v
+        mujoco.mj_forward(model, data)
+        moment = np.zeros((model.nu, model.nv))
+        mujoco.mju_sparse2dense(
+            moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
+        )
+        forces.append(moment[:, dof] * data.actuator_force)
+        data.qpos[where] -= q
+    still, moved, fast = np.array(forces)
+    stiff, brakes = (still - moved) / size, (still - fast) / size
+    acting = [
+        model.actuator(i).name or f"actuator {i}"
+        for i in range(model.nu)
+        if abs(stiff[i]) + abs(brakes[i]) > 1e-9
+    ]
+    return acting, float(stiff.sum()), float(brakes.sum())
+
+
+def refuse_unphysical(setup: Setup, joint: mujoco.MjsJoint, board: Board) -> None:
+    """Check that a fitted joint is physical before it is written.
+
+    Raises:
+        SysidError: Armature, damping, dry friction or stiffness is negative; the message names the likely cause.
+    """
+    numbers = {
+        "armature (the rotor's inertia)": float(joint.armature),
+        "damping of the joint alone": float(joint.damping[0]),
+        "dry friction of the joint alone": float(joint.frictionloss),
+        "stiffness": float(joint.stiffness[0]),
+    }
+    negative = [f"{name} {value:.4g}" for name, value in numbers.items() if value < 0]
+    if not negative:
+        return
+    acting, stiffness, damping = servo_of(setup, setup.load())
+    unit = "N/m" if board.slides else "N·m/rad"
+    cause = (
+        f"The model's {', '.join(acting)} would hold the joint with {stiffness:.4g} {unit} and brake it with {damping:.4g}: it was "
+        "probably on. Record the joint without power"
+        if acting
+        else "A torque that the model lacks moved the joint: a powered motor, a spring, a cable, or joints that the model brakes "
+        "too much. Record it without power, or fit the spring (--bound stiffness=0:...)"
+    )
+    raise SysidError(f"not physical, so nothing is written: {', '.join(negative)}. {cause}.")

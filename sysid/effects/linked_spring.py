@@ -1,0 +1,44 @@
+"""Springs of a model that act on the joint through tendons and carried joints: known, so that they are not fitted."""
+
+from collections.abc import Sequence
+
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._mjcf import refusing
+
+
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+    """Return -k (φ - φ₀) [N*m]."""
+    return -parameters["stiffness"] * (motion.roll - parameters["rest"])
+
+
+def slope(parameters: Numbers, roll: float) -> float:
+    """Return its stiffness [N*m/rad]."""
+    return parameters["stiffness"]
+
+
+EFFECT = TorqueEffect(
+    name="linked-spring",
+    title="springs beside the joint's own",
+    family="hardening",
+    role="record",
+    parameters=(
+        Parameter("stiffness", "N*m/rad", lambda s: s.stiffness, low=-1e3, high=1e3, held=True),
+        Parameter("rest", "rad", lambda s: s.amplitude, low=-1e3, high=1e3, held=True),
+    ),
+    law="τ = -k (φ - φ₀), both from a model",
+    formula="{stiffness} (φ - {rest})",
+    source="MuJoCo's passive spring forces along the arc of the joint",
+    does="Adds a known stiffness, which gives the other torques a scale.",
+    look_alikes=("stiffness of the record",),
+    experiment="Take the tendon off: the change is its own spring.",
+    mujoco=MujocoSupport(means="the tendons and springs of the model", since="3.0", warp=True),
+    to_mjcf=refusing(
+        "a bench of one body has no tendon, and this joint has one. Release it in its own model (--model, --joint)."
+    ),
+    example=(2.0, 0.02),
+    torque=torque,
+    grounded=True,
+    identifiable_from_decay=False,
+    slope=slope,
+)
