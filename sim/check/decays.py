@@ -160,7 +160,7 @@ def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseChec
     error_power, error_power_std = smooth_power(residual, step)
     power, _ = smooth_power(measured - release.rest, step)
     covariance = np.linalg.pinv(found.jac.T @ found.jac) * float(np.mean(residual**2))
-    rest_error = _rest_error(board, release, float(found.x[2]), math.sqrt(covariance[2, 2]))
+    rest_error = _rest_error(board, release, float(found.x[2]), math.sqrt(max(covariance[2, 2], 0.0)))
     return ReleaseCheck(
         release=replace(release[inside:], hold=0.0 if inside else release.hold),
         side=release.side,

@@ -1,6 +1,5 @@
 """Properties of a model that falsify a fit of its joint: reported before the fit, and numbers that are refused after it."""
 
-import math
 from collections.abc import Collection
 
 import mujoco
@@ -8,9 +7,10 @@ import numpy as np
 
 from sim.model.arc import walk
 from sim.model.setup import Setup
-from sim.model.subject import in_degrees, rest_of
+from sim.model.subject import rest_of
 from sysid.board import Board
 from sysid.errors import SysidError
+from sysid.text import display
 
 DISABLED = {
     "mjDSBL_CONSTRAINT": ("constraint", "frictionloss, limits and loops do nothing", {"frictionloss"}),
@@ -54,16 +54,14 @@ def _pressed(setup: Setup, spec: mujoco.MjSpec) -> list[str]:
     balanced = np.any((torque[:-1] >= 0) & (torque[1:] <= 0))
     if arc.closed or balanced or not np.any(torque) or len(arc.position) < 2:
         return []
-    end = 0 if torque[0] < 0 else -1
-    place, unit = (
-        (float(arc.position[end]), "rad")
-        if not in_degrees(spec, joint)
-        else (math.degrees(arc.position[end]), "degrees")
-    )
+    pressed = [end for end, out in ((0, -torque[0]), (-1, torque[-1])) if out > 0]
+    end = min(pressed, key=lambda one: abs(arc.position[one] - rest))
+    is_slide = int(joint.type) == int(mujoco.mjtJoint.mjJNT_SLIDE)
+    show = display(is_rate=False, slides=is_slide)
     return [
-        f"the model rests against the end of its range at {place:.4g} {unit}: weight and springs press it there with "
-        f"{abs(torque[end]):.3g}. The law has no limit, so a release that touches it misleads the fit. Correct the range or the "
-        "pose of the model, or fit the missing spring (--bound stiffness=0:...)"
+        f"the model rests against the end of its range at {show(float(arc.position[end]))}: weight and springs press it there with "
+        f"{abs(torque[end]):.3g} {'N' if is_slide else 'N·m'}. The law has no limit, so a release that touches it misleads the fit. "
+        "Correct the range or the pose of the model, or fit the missing spring (--bound stiffness=0:...)"
     ]
 
 

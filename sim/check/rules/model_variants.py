@@ -10,7 +10,6 @@ from sim.check.decays import check_scene
 from sim.check.rules._base import Case, Rule
 from sim.compensation.scene import ClampedScene
 
-BITS = mujoco.mjtDisableBit
 HARD = ((0.002, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0))
 SOFT = ((0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0))
 """Solver parameters of dry friction, [s, 1] and [1]: as `fit` writes them, and MuJoCo's defaults."""
@@ -20,12 +19,13 @@ Change = Callable[[mujoco.MjModel, int], bool]
 
 
 def _actuated(model: mujoco.MjModel, joint: int) -> bool:
-    model.opt.disableflags &= ~int(BITS.mjDSBL_ACTUATION)
+    model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
     return model.nu > 0
 
 
 def _constrained(model: mujoco.MjModel, joint: int) -> bool:
-    off = int(BITS.mjDSBL_CONSTRAINT | BITS.mjDSBL_FRICTIONLOSS | BITS.mjDSBL_LIMIT)
+    bits = mujoco.mjtDisableBit
+    off = int(bits.mjDSBL_CONSTRAINT) | int(bits.mjDSBL_FRICTIONLOSS) | int(bits.mjDSBL_LIMIT)
     changes = bool(model.opt.disableflags & off)
     model.opt.disableflags &= ~off
     return changes
