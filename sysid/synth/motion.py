@@ -147,10 +147,7 @@ class _Motion:
             guards.append(("friction", lambda _, y: modes.friction * u(y)))
         elif self.locks():
             guards.append(
-                (
-                    "friction",
-                    lambda t, y: law.holding_friction(x(y)) - abs(self.accelerations(t, y, None)[2]),
-                )
+                ("friction", lambda t, y: law.holding_friction(x(y)) - abs(self.accelerations(t, y, None)[2]))
             )
         if law.slider_stiffness and modes.slider:
             guards.append(("slider", lambda _, y: modes.slider * u(y)))
