@@ -1,7 +1,7 @@
 """A fitted joint written into a copy of the user's file: comments, order and includes stay, one joint changes.
 
-MuJoCo's own writer loses comments and includes. So the effects change a spec, the changed attributes are written into the
-text of the joint, and the compiled text is compared with the compiled spec.
+MuJoCo's own writer loses comments and includes. So the effects change a spec, and the changed attributes are written
+into the text of the joint. The compiled text is compared with the compiled spec.
 """
 
 import difflib
@@ -144,7 +144,7 @@ def require_patchable(setup: Setup) -> None:
     """Check before a fit that the joint's element can be found in the text of its model.
 
     Raises:
-        SysidError: It is in none of the files.
+        SysidError: No file has the joint.
     """
     if setup.is_urdf:
         urdf.locate(setup.file, setup.joint)

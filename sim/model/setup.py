@@ -1,4 +1,4 @@
-"""How a joint of a model was measured: which one, in which pose, what was held, and what hung on it."""
+"""The setup of a measurement: the joint of a model, its pose, the free joints and the payload."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -128,7 +128,7 @@ class Setup:
         """Return the joint in a spec.
 
         Raises:
-            SysidError: There is none, or it is no hinge and no slide.
+            SysidError: The joint is missing, or is a ball or free joint.
         """
         found = next((one for one in spec.joints if one.name == self.joint), None)
         if found is None:
@@ -166,7 +166,7 @@ class Setup:
         """Return the number of a hinge or slide.
 
         Raises:
-            SysidError: There is none of that name.
+            SysidError: No hinge or slide has that name.
         """
         number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
         if number < 0 or int(model.jnt_type[number]) not in SINGLE:

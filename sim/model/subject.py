@@ -21,8 +21,7 @@ from sysid.roll import Array
 TINY = 1e-9
 """Rounding: a rest nearer to zero is zero [rad or m]; a torque smaller by this factor than the inertia's unit is no torque."""
 MAX_ERROR = 0.01
-"""Error of the harmonics of a table, and change of an inertia along the arc, above which a note says so [1]: both then matter
-beside a masses' error of a per cent."""
+"""Error of a table's harmonics, and change of an inertia along the arc, above which a note is printed [1]: an error of the masses of a per cent is usual."""
 
 
 def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]]:

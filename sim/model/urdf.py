@@ -45,7 +45,7 @@ def written(file: Path, joint: mujoco.MjsJoint, values: Mapping[str, str]) -> tu
     """Return the text with `<dynamics>` of a joint set, and a remark on the attributes that it cannot hold.
 
     Args:
-        joint: The joint as the file states it; changed in place to what is written.
+        joint: The joint as the file states it; changed in place.
         values: MJCF's attributes and their texts.
     """
     text, found = locate(file, joint.name)

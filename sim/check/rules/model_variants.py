@@ -5,14 +5,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import mujoco
+import numpy as np
 
 from sim.check.decays import check_scene
 from sim.check.rules._base import Case, Rule
 from sim.compensation.scene import ClampedScene
-
-HARD = ((0.002, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0))
-SOFT = ((0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0))
-"""Solver parameters of dry friction, [s, 1] and [1]: as `fit` writes them, and MuJoCo's defaults."""
+from sysid.effects._mjcf import set_friction
 
 Change = Callable[[mujoco.MjModel, int], bool]
 """Changes a model, given the number of the joint; returns whether there was something to change."""
@@ -42,11 +40,18 @@ def _slack(model: mujoco.MjModel, joint: int) -> bool:
     return model.ntendon > 0
 
 
-def _friction(solver: tuple[tuple[float, ...], tuple[float, ...]]) -> Change:
+def _friction(*, hard: bool) -> Change:
+    """Return the change to the friction solver's parameters that `fit` writes, or to MuJoCo's defaults."""
+    like = mujoco.MjSpec().worldbody.add_body().add_joint()
+    if hard:
+        set_friction(like, 1.0)
+
     def change(model: mujoco.MjModel, joint: int) -> bool:
         dof = int(model.jnt_dofadr[joint])
-        changes = bool(model.dof_frictionloss[dof]) and abs(model.dof_solref[dof, 0] - solver[0][0]) > 1e-6
-        model.dof_solref[dof], model.dof_solimp[dof] = solver
+        changes = bool(model.dof_frictionloss[dof]) and not np.allclose(
+            model.dof_solref[dof], like.solref_friction
+        )
+        model.dof_solref[dof], model.dof_solimp[dof] = like.solref_friction, like.solimp_friction
         return changes
 
     return change
@@ -61,10 +66,10 @@ CHANGES: Mapping[str, tuple[Change, str]] = {
         "they were probably off in the measurement, or the joint's own damper holds them too",
     ),
     "hard frictionloss": (
-        _friction(HARD),
+        _friction(hard=True),
         'write solreffriction="0.002 1" and solimpfriction="0.9999 0.9999 0.001 0.5 2"',
     ),
-    "MuJoCo's default soft frictionloss": (_friction(SOFT), "the log was probably simulated with it"),
+    "MuJoCo's default soft frictionloss": (_friction(hard=False), "the log was probably simulated with it"),
 }
 """Each change of the scene, and the advice where it halves the error."""
 
