@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from sim.mjcf import Mjcf
 
 WARNING_NRMSE, MAX_NRMSE = 0.02, 0.1
-"""NRMSE of the unloaded decay above which the gate fails and a warning is printed, and above which no file is written [1]."""
+"""NRMSE of the unloaded decay above which a warning is printed, as the gate fails, and above which writing is refused [1]."""
 
 
 def mjcf(
@@ -116,8 +116,8 @@ def _why(made: "Mjcf", kind: str, coupling: str) -> str:
         said.append(f"It holds the record's numbers as they are; --export {other} compensates them.")
     elif kind == "scene" and coupling == "equality":
         said.append(
-            "The wheels, which the joint equality drags over the ground, damp by more than can be taken off so light a "
-            "damping: choose --coupling direct, which sets the trucks after each step."
+            "The wheels, dragged over the ground by the joint equality, damp more than this lightly damped joint. Choose --coupling "
+            "direct, which sets the trucks after each step."
         )
     else:
         said.append(f"Choose a smaller --timestep{' for the rest' if said else ''}.")

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
-from sysid.effects._mjcf import refusing
+from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._mjcf import add_tendon
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
@@ -15,6 +15,14 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
 def slope(parameters: Numbers, roll: float) -> float:
     """Return its stiffness [N*m/rad]."""
     return parameters["stiffness"]
+
+
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
+    """Put a spring tendon on a bench's joint; a model of the robot has its own."""
+    add_tendon(spec, joint, "linked_spring", parameters["stiffness"], [parameters["rest"]] * 2)
+    return (
+        f"linked-spring: tendon of {parameters['stiffness']:.6g} N*m/rad at rest at {parameters['rest']:.4g} rad",
+    )
 
 
 EFFECT = TorqueEffect(
@@ -32,10 +40,8 @@ EFFECT = TorqueEffect(
     does="Adds a known stiffness, which gives the other torques a scale.",
     look_alikes=("stiffness of the record",),
     experiment="Take the tendon off: the change is its own spring.",
-    mujoco=MujocoSupport(means="the tendons and springs of the model", since="3.0", warp=True),
-    to_mjcf=refusing(
-        "a bench of one body has no tendon, and this joint has one. Release it in its own model (--model, --joint)."
-    ),
+    mujoco=MujocoSupport(means="fixed tendon with a stiffness", since="3.0", warp=True),
+    to_mjcf=to_mjcf,
     example=(2.0, 0.02),
     torque=torque,
     grounded=True,

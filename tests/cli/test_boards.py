@@ -1,5 +1,6 @@
 """Board records: validation, atomic writing, round trip, the shipped two, and `husky-sysid boards`."""
 
+import math
 import importlib.util
 import json
 import os
@@ -18,6 +19,7 @@ from sysid.board import (
     DECAY_UNITS,
     GEOMETRY_UNITS,
     MASS_UNITS,
+    FINEST,
     PHYSICAL,
     PUBLISHED_UNITS,
     TILT_UNITS,
@@ -173,7 +175,12 @@ texts = st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]), max_siz
 def quantities(units):
     return st.fixed_dictionaries(
         {
-            key: st.builds(Quantity, st.floats(*PHYSICAL[unit]), st.floats(0, 1e6), st.just(unit))
+            key: st.builds(
+                Quantity,
+                st.floats(FINEST, math.pi if unit == "rad" else PHYSICAL[1]),
+                st.floats(0, 1e6),
+                st.just(unit),
+            )
             for key, unit in units.items()
         }
     )
@@ -194,7 +201,7 @@ boards = st.builds(
     source=texts,
     geometry=quantities(GEOMETRY_UNITS),
     mass=quantities(MASS_UNITS),
-    inertia=st.builds(Quantity, st.floats(*PHYSICAL["kg*m^2"]), st.floats(0, 1e6), st.just("kg*m^2"), texts),
+    inertia=st.builds(Quantity, st.floats(*PHYSICAL), st.floats(0, 1e6), st.just("kg*m^2"), texts),
     tilt=quantities(TILT_UNITS),
     decay=st.just({}) | quantities(DECAY_UNITS),
     published=st.just({}) | quantities(PUBLISHED_UNITS),
