@@ -217,11 +217,9 @@ class Board:
             return {name: replace(q, unit=slide_unit(q.unit)) for name, q in quantities.items()}
 
         return replace(
-            self,
-            inertia=replace(self.inertia, unit="kg"),
-            tilt=turned(self.tilt),
+            self, inertia=replace(self.inertia, unit="kg"), tilt=turned(self.tilt),
             effects=tuple(replace(part, parameters=turned(part.parameters)) for part in self.effects),
-        )
+        )  # fmt: skip
 
     def checked(self, entry: Mapping[str, Any]) -> Self:
         """Return a copy with the verdict of a check, valid until the judged numbers change."""

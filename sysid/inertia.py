@@ -228,11 +228,9 @@ def combine(estimates: Mapping[str, Quantity]) -> Combination:
     pulls = (values - without) / np.sqrt(1 / weights + 1 / others)
     return Combination(
         inertia=Quantity(mean, widen / math.sqrt(float(np.sum(weights))), UNIT, method),
-        chi_square=chi_square,
-        degrees_of_freedom=freedom,
-        p_value=p_value,
+        chi_square=chi_square, degrees_of_freedom=freedom, p_value=p_value,
         pulls=dict(zip(names, pulls.tolist(), strict=True)),
-    )
+    )  # fmt: skip
 
 
 def with_inertia(board: Board, inertia: Quantity) -> Board:

@@ -43,19 +43,13 @@ def rig_spec(board: Board, *, timestep: float = 0.001, integrator: str = "implic
     height = board.geometry["truck_height"].value if board.geometry else 2 * size[1]
     deck = add_body(spec.worldbody, "deck", (0.0, 0.0, height), mass, inertia)
     joint = deck.add_joint(
-        name=TILT_JOINT,
-        type=mujoco.mjtJoint.mjJNT_HINGE,
-        axis=[1.0, 0.0, 0.0],
+        name=TILT_JOINT, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1.0, 0.0, 0.0],
         limited=mujoco.mjtLimited.mjLIMITED_FALSE,
-    )
+    )  # fmt: skip
     deck.add_geom(
-        name="deck_visual",
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=size,
-        contype=0,
-        conaffinity=0,
+        name="deck_visual", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, contype=0, conaffinity=0,
         rgba=[0.83, 0.68, 0.47, 1.0],
-    )
+    )  # fmt: skip
     add_effects(spec, joint, board)
     _assert_matches_record(spec, board, mass)
     return spec

@@ -111,29 +111,19 @@ def add_deck(root: mujoco.MjsBody, board: Board, inertia: float, tilt_range: flo
     length, width, thickness = (board.geometry[key].value for key in ("length", "width", "thickness"))
     deck = add_body(root, "deck", _ORIGIN, board.mass["deck"].value, deck_inertia(board, inertia))
     joint = deck.add_joint(
-        name=TILT_JOINT,
-        type=mujoco.mjtJoint.mjJNT_HINGE,
-        axis=[1.0, 0.0, 0.0],
-        limited=mujoco.mjtLimited.mjLIMITED_TRUE,
-        range=[-tilt_range, tilt_range],
-    )
+        name=TILT_JOINT, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1.0, 0.0, 0.0],
+        limited=mujoco.mjtLimited.mjLIMITED_TRUE, range=[-tilt_range, tilt_range],
+    )  # fmt: skip
     deck.add_geom(
-        name="deck_collision",
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[length / 2, width / 2, thickness / 2],
-        rgba=colour(_DECK_COLOUR),
-        condim=3,
-        friction=[1.0, 0.005, 0.0001],
-        priority=1,
-    )
+        name="deck_collision", type=mujoco.mjtGeom.mjGEOM_BOX, size=[length / 2, width / 2, thickness / 2],
+        rgba=colour(_DECK_COLOUR), condim=3, friction=[1.0, 0.005, 0.0001], priority=1,
+    )  # fmt: skip
     for end, sign in (("front", 1.0), ("rear", -1.0)):
         deck.add_site(
-            name=f"{end}_marker",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            pos=[sign * board.geometry["wheelbase"].value / 2, 0.0, thickness / 2],
-            size=[0.15, 0.075, 0.001],
+            name=f"{end}_marker", type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=[sign * board.geometry["wheelbase"].value / 2, 0.0, thickness / 2], size=[0.15, 0.075, 0.001],
             rgba=colour(_MARKER),
-        )
+        )  # fmt: skip
     return joint
 
 
@@ -176,25 +166,14 @@ def _add_wheel(
     wheel = add_body(truck, f"{name}_wheel", (0.0, y, 0.0), mass, _wheel_inertia(mass, radius))
     wheel.add_joint(name=f"{name}_wheel_joint", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0])
     wheel.add_geom(
-        name=f"{name}_wheel_collision",
-        type=mujoco.mjtGeom.mjGEOM_SPHERE,
-        size=[radius, 0.0, 0.0],
-        condim=6,
-        friction=list(friction),
-        solimp=[*WHEEL_IMPEDANCE, 0.001, 0.5, 2.0],
-        priority=1,
-        group=3,
-    )
+        name=f"{name}_wheel_collision", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0.0, 0.0], condim=6,
+        friction=list(friction), solimp=[*WHEEL_IMPEDANCE, 0.001, 0.5, 2.0], priority=1, group=3,
+    )  # fmt: skip
     wheel.add_geom(
-        name=f"{name}_wheel_visual",
-        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        fromto=[0.0, -0.02, 0.0, 0.0, 0.02, 0.0],
-        size=[radius, 0.0, 0.0],
-        contype=0,
-        conaffinity=0,
-        rgba=colour(_WHEEL_COLOUR),
-        group=2,
-    )
+        name=f"{name}_wheel_visual", type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        fromto=[0.0, -0.02, 0.0, 0.0, 0.02, 0.0], size=[radius, 0.0, 0.0], contype=0, conaffinity=0,
+        rgba=colour(_WHEEL_COLOUR), group=2,
+    )  # fmt: skip
 
 
 def add_body(
@@ -284,15 +263,9 @@ def _visual(
     body: mujoco.MjsBody, name: str, size: Sequence[float], pos: Sequence[float] = (0.0, 0.0, 0.0)
 ) -> None:
     body.add_geom(
-        name=name,
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=list(size),
-        pos=list(pos),
-        contype=0,
-        conaffinity=0,
-        rgba=colour(_METAL),
-        group=2,
-    )
+        name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=list(size), pos=list(pos), contype=0, conaffinity=0,
+        rgba=colour(_METAL), group=2,
+    )  # fmt: skip
 
 
 def substituted(board: Board) -> tuple[str, ...]:

@@ -214,12 +214,9 @@ def _add_ground(spec: mujoco.MjSpec) -> None:
         name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5.0, 5.0, 0.1], rgba=[0.32, 0.36, 0.40, 1.0]
     )
     spec.worldbody.add_light(
-        name="sun",
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=[0.0, 0.0, 3.0],
-        dir=[0.2, 0.3, -1.0],
+        name="sun", type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=[0.0, 0.0, 3.0], dir=[0.2, 0.3, -1.0],
         castshadow=False,
-    )
+    )  # fmt: skip
 
 
 def _add_coupling(spec: mujoco.MjSpec, board: Board, tilt_range: float, timestep: float) -> None:
@@ -227,12 +224,8 @@ def _add_coupling(spec: mujoco.MjSpec, board: Board, tilt_range: float, timestep
     coefficients, _ = coupling_polynomial(board.geometry["rake"].value, tilt_range)
     for joint in TRUCK_JOINTS:
         constraint = spec.add_equality(
-            name=joint.replace("joint", "coupling"),
-            type=mujoco.mjtEq.mjEQ_JOINT,
-            objtype=mujoco.mjtObj.mjOBJ_JOINT,
-            name1=joint,
-            name2=TILT_JOINT,
-            solref=[2 * timestep, 1.0],
+            name=joint.replace("joint", "coupling"), type=mujoco.mjtEq.mjEQ_JOINT,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT, name1=joint, name2=TILT_JOINT, solref=[2 * timestep, 1.0],
             solimp=[0.9999, 0.9999, 0.001, 0.5, 2.0],
-        )
+        )  # fmt: skip
         constraint.data[:5] = coefficients

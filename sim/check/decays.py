@@ -159,17 +159,11 @@ def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseChec
     covariance = np.linalg.pinv(found.jac.T @ found.jac) * float(np.mean(residual**2))
     rest_error = _rest_error(board, release, float(found.x[2]), math.sqrt(max(covariance[2, 2], 0.0)))
     return ReleaseCheck(
-        release=replace(release[inside:], hold=0.0 if inside else release.hold),
-        side=release.side,
-        simulated=measured + residual,
-        zero=float(found.x[2]),
-        rest_error=rest_error,
-        start=(float(found.x[0]), float(found.x[1])),
-        cut=float(time[0] - release.time[0]),
-        error_power=error_power + rest_error**2,
-        power=max(power, 1e-12),
-        error_power_std=error_power_std,
-    )
+        release=replace(release[inside:], hold=0.0 if inside else release.hold), side=release.side,
+        simulated=measured + residual, zero=float(found.x[2]), rest_error=rest_error,
+        start=(float(found.x[0]), float(found.x[1])), cut=float(time[0] - release.time[0]),
+        error_power=error_power + rest_error**2, power=max(power, 1e-12), error_power_std=error_power_std,
+    )  # fmt: skip
 
 
 def _inside(release: Release, tilt_range: float) -> int:

@@ -130,18 +130,14 @@ def judge(
         SysidError: No decay stays within the scene's tilt range for long enough, or the scene does not move.
     """
     case = Case(
-        board=board,
-        scene=scene,
-        decays=check_scene(board, scene, releases, tolerance=tolerance),
+        board=board, scene=scene, decays=check_scene(board, scene, releases, tolerance=tolerance),
         parts=measure_parasitics(board, scene) if board.geometry else None,
-    )
+    )  # fmt: skip
     against = said("before", case)
     return Verdict(
-        case=case,
-        against=against,
-        reasons=said("failed", case) if against else (),
+        case=case, against=against, reasons=said("failed", case) if against else (),
         warnings=() if against else said("passed", case),
-    )
+    )  # fmt: skip
 
 
 def _rounded(part: TiltJoint, wanted: TiltJoint) -> list[float]:

@@ -250,18 +250,13 @@ def evaluate(
     if (lacking := as_represented(board)) != board:
         step_error = decay_error(lacking, model, amplitudes, after_step=after_step)
     return Compensation(
-        board=written,
-        timestep=float(model.opt.timestep),
-        integrator=integrator_name(model),
+        board=written, timestep=float(model.opt.timestep), integrator=integrator_name(model),
         inertia_ratio=written.inertia.value / board.inertia.value,
-        damping_ratio=written.damping / board.damping if board.damping else 1.0,
-        decay_error=error,
+        damping_ratio=written.damping / board.damping if board.damping else 1.0, decay_error=error,
         decay_error_before=decay_error(board, build(board), amplitudes, after_step=after_step),
-        static_error=_static_error(board, build, written),
-        how=how,
-        left_out=left_out(board),
+        static_error=_static_error(board, build, written), how=how, left_out=left_out(board),
         step_error=step_error,
-    )
+    )  # fmt: skip
 
 
 def decay_error(

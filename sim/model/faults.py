@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from sim.model.arc import walk
+from sim.model.servo import servos_of
 from sim.model.setup import Setup
 from sim.model.subject import rest_of
 from sysid.board import Board
@@ -65,34 +66,6 @@ def _pressed(setup: Setup, spec: mujoco.MjSpec) -> list[str]:
     ]
 
 
-def servo_of(setup: Setup, spec: mujoco.MjSpec) -> tuple[list[str], float, float]:
-    """Return the actuators that hold or brake the joint without a command, their stiffness [N*m/rad] and damping [N*m*s/rad]."""
-    model = spec.compile()
-    model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
-    data = mujoco.MjData(model)
-    data.qpos[:] = setup.posed(model)
-    dof = int(model.joint(setup.joint).dofadr[0])
-    where, forces, size = int(model.joint(setup.joint).qposadr[0]), [], 1e-3
-    for q, v in ((0.0, 0.0), (size, 0.0), (0.0, size)):
-        data.qpos[where] += q
-        data.qvel[dof] = v
-        mujoco.mj_forward(model, data)
-        moment = np.zeros((model.nu, model.nv))
-        mujoco.mju_sparse2dense(
-            moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
-        )
-        forces.append(moment[:, dof] * data.actuator_force)
-        data.qpos[where] -= q
-    still, moved, fast = np.array(forces)
-    stiff, brakes = (still - moved) / size, (still - fast) / size
-    acting = [
-        model.actuator(i).name or f"actuator {i}"
-        for i in range(model.nu)
-        if abs(stiff[i]) + abs(brakes[i]) > 1e-9
-    ]
-    return acting, float(stiff.sum()), float(brakes.sum())
-
-
 def refuse_unphysical(setup: Setup, joint: mujoco.MjsJoint, board: Board) -> None:
     """Check that a fitted joint is physical before it is written.
 
@@ -108,12 +81,10 @@ def refuse_unphysical(setup: Setup, joint: mujoco.MjsJoint, board: Board) -> Non
     negative = [f"{name} {value:.4g}" for name, value in numbers.items() if value < 0]
     if not negative:
         return
-    acting, stiffness, damping = servo_of(setup, setup.load())
-    unit = "N/m" if board.slides else "N·m/rad"
+    holding = [servo for servo in servos_of(setup, setup.load()) if servo.stiffness or servo.damping]
     cause = (
-        f"The model's {', '.join(acting)} would hold the joint with {stiffness:.4g} {unit} and brake it with {damping:.4g}: it was "
-        "probably on. Record the joint without power"
-        if acting
+        f"Was {' and '.join(servo.text(slides=board.slides) for servo in holding)} on in the measurement? Record the joint without power"
+        if holding
         else "A torque that the model lacks moved the joint: a powered motor, a spring, a cable, or joints that the model brakes "
         "too much. Record it without power, or fit the spring (--bound stiffness=0:...)"
     )

@@ -107,6 +107,11 @@ class Setup:
                 f"{self.file}: MuJoCo cannot read it ({str(error).strip().splitlines()[0]})."
             ) from error
         joint = self.joint_of(spec)
+        if np.all(np.asarray(joint.springdamper) > 0):
+            raise SysidError(
+                f"{self.file}: springdamper of joint '{self.joint}' overrides its stiffness and damping, so a fitted joint has no "
+                "place. Replace it by stiffness and damping."
+            )
         for number, load in enumerate(self.payload):
             body, where = joint.parent, load.where
             if isinstance(where, str):

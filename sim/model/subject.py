@@ -9,6 +9,7 @@ import numpy as np
 
 from sim.model import urdf
 from sim.model.arc import Arc, walk
+from sim.model.servo import servos_of
 from sim.model.setup import Setup
 from sysid.board import Board, BoardEffect
 from sysid.effects import catalogue, coulomb, effect, linkage, linked_spring, payload, weight
@@ -22,6 +23,10 @@ TINY = 1e-9
 """Rounding: a rest nearer to zero is zero [rad or m]; a torque smaller by this factor than the inertia's unit is no torque."""
 MAX_ERROR = 0.01
 """Error of a table's harmonics, and change of an inertia along the arc, above which a note is printed [1]: an error of the masses of a per cent is usual."""
+
+
+NEAR = 1.6
+"""Distance from the rest within which harmonics must fit a spatial tendon [rad or m]: 92°, farther than most releases."""
 
 
 def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]]:
@@ -47,11 +52,14 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
     if friction := arc.at(rest, arc.friction):
         effects = _with_friction(effects, friction)
     own = arc.weight if not setup.payload else _without_payload(setup, arc)
-    spring, line = _line(arc)
+    spring, held = _spring(arc)
     if spring["stiffness"]:
         effects.append(_effect(linked_spring.EFFECT, spring))
     strongest = float(np.abs(arc.pull).max())
-    weighs, missed = of_table(arc.position, own + arc.springs - line)
+    weighs, missed = of_table(arc.position, own + arc.springs - held)
+    if missed > MAX_ERROR * strongest:  # a spatial tendon: exact near the rest only
+        near = np.abs(arc.position - rest) < NEAR
+        weighs, missed = of_table(arc.position[near], (own + arc.springs - held)[near])
     if any(weighs.values()) and strongest > TINY * inertia:
         effects.append(_effect(weight.EFFECT, {"scale": 1.0, **weighs}))
     if setup.payload:
@@ -83,6 +91,10 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
     return board, [
         *_parts(arc, board, float(joint.armature), float(np.abs(arc.weight).max())),
         *_beside(arc, board),
+        *(
+            f"{servo.text(slides=is_slide)} acts on it: off in the law and in `check`, as in a measurement without power"
+            for servo in servos_of(setup, spec)
+        ),
         *([urdf.NOTE] if setup.is_urdf else []),
         *(
             f"three harmonics state its {name} to {100 * share:.0f} % of the largest value only"
@@ -176,13 +188,33 @@ def _range(arc: Arc, rest: float) -> float:
     return math.pi if arc.closed else reach or math.pi
 
 
-def _line(arc: Arc) -> tuple[dict[str, float], Array]:
-    """Return the parameters of the straight line through the springs' torque, and that line, shape (n,)."""
-    if np.ptp(arc.springs) < TINY or np.ptp(arc.position) < TINY:
-        return {"stiffness": 0.0, "rest": 0.0}, np.zeros_like(arc.springs)
-    line = np.polynomial.Polynomial.fit(arc.position, arc.springs, 1)
-    slope = float(line.deriv()(0.0))
-    return {"stiffness": -slope, "rest": float(-line(0.0) / slope)}, line(arc.position)
+def _spring(arc: Arc) -> tuple[dict[str, float], Array]:
+    """Return the parameters of the spring with a slack range that the springs' torque is, and its torque, shape (n,).
+
+    Both are zero where no such spring fits: a spatial tendon pulls by its geometry.
+    """
+    from scipy.optimize import least_squares
+
+    x, torque = arc.position, arc.springs
+    none, largest = {"stiffness": 0.0, "low": 0.0, "high": 0.0}, float(np.abs(torque).max())
+    if largest < TINY or np.ptp(x) < TINY:
+        return none, np.zeros_like(torque)
+
+    def spring(numbers: Array) -> Array:
+        stiffness, middle, half = numbers
+        return -stiffness * np.sign(x - middle) * np.maximum(np.abs(x - middle) - abs(half), 0.0)
+
+    slope = -float(np.polyfit(x, torque, 1)[0])
+    middle = float(x[np.abs(torque).argmin()])
+    fits = [least_squares(lambda n: spring(n) - torque, [slope, middle, half]) for half in (0.0, 0.3)]  # pyright: ignore[reportUnknownLambdaType]
+    best = min(fits, key=lambda fit: fit.cost * (1 + abs(fit.x[2])) + TINY**2 * abs(fit.x[2]))
+    stiffness, middle, half = (float(value) for value in best.x)
+    half = abs(half) if abs(half) > 1e-6 else 0.0
+    found = spring(np.array([stiffness, middle, half]))
+    if np.abs(found - torque).max() > MAX_ERROR * largest:
+        return none, np.zeros_like(torque)
+    numbers = {"stiffness": stiffness, "low": middle - half, "high": middle + half}
+    return {name: round(value, 9) + 0.0 for name, value in numbers.items()}, found
 
 
 def _with_friction(effects: list[BoardEffect], more: float) -> list[BoardEffect]:
@@ -226,9 +258,11 @@ def _parts(arc: Arc, board: Board, armature: float, strongest: float) -> list[st
 def _beside(arc: Arc, board: Board) -> list[str]:
     """Return notes on tendons and carried joints that spring or brake the joint: known, and kept as they are."""
     force, turn = ("N", "m") if board.slides else ("N·m", "rad")
-    rest, spring = board.rest_angle, _line(arc)[0]
+    rest, spring = board.rest_angle, _spring(arc)[0]
+    strongest = float(np.abs(arc.springs).max())
     found = {
         f"spring {spring['stiffness']:.4g} {force}/{turn}": spring["stiffness"],
+        f"springs up to {strongest:.4g} {force}": 0.0 if spring["stiffness"] else round(strongest, 9),
         f"damping {arc.at(rest, arc.damping):.4g} {force}·s/{turn}": arc.at(rest, arc.damping),
         f"dry friction {arc.at(rest, arc.friction):.4g} {force}": arc.at(rest, arc.friction),
     }

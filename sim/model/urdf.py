@@ -34,8 +34,9 @@ def locate(file: Path, joint: str) -> tuple[str, re.Match[str]]:
     """
     text = file.read_bytes().decode()
     blank = re.sub(r"<!--.*?-->", lambda comment: " " * len(comment[0]), text, flags=re.DOTALL)
-    named = rf"""<joint\b[^>]*\bname\s*=\s*["']{re.escape(joint)}["'][^>]*[^/]>.*?</joint>"""
-    found = re.search(named, blank, re.DOTALL)
+    # The joints of transmissions have no type.
+    tag = rf"""<joint\b(?=[^>]*\btype\s*=)(?=[^>]*\bname\s*=\s*["']{re.escape(joint)}["'])[^>]*[^/]>.*?</joint>"""
+    found = re.search(tag, blank, re.DOTALL)
     if found is None:
         raise SysidError(f'{file}: no element <joint name="{joint}"> with a content stands in it.')
     return text, found

@@ -108,10 +108,7 @@ def loaded_stiffness(readings: Sequence[LoadedDecay], inertia: Quantity) -> Load
         for v, s, h, unit in zip(line, np.sqrt(np.diag(covariance)), half, ("N*m/rad", "m/rad"), strict=True)
     )
     return LoadedStiffness(
-        stiffness=tuple(springs),
-        bare=bare,
-        per_newton=slope,
-        covariance=np.asarray(covariance, dtype=np.float64),
-        chi_square=chi_square,
+        stiffness=tuple(springs), bare=bare, per_newton=slope,
+        covariance=np.asarray(covariance, dtype=np.float64), chi_square=chi_square,
         degrees_of_freedom=freedom,
-    )
+    )  # fmt: skip

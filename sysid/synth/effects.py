@@ -105,10 +105,6 @@ def true_law(board: Board, effects: Mapping[str, Sequence[float]]) -> TrueLaw:
     if not fields.get("slider_torque"):
         fields.pop("slider_stiffness", None)  # it slips at once
     return TrueLaw(
-        inertia=joint.inertia,
-        stiffness=joint.stiffness,
-        damping=joint.damping,
-        rest=joint.rest_angle,
-        laws=tuple(laws),
-        **fields,
-    )
+        inertia=joint.inertia, stiffness=joint.stiffness, damping=joint.damping, rest=joint.rest_angle,
+        laws=tuple(laws), **fields,
+    )  # fmt: skip

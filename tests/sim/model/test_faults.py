@@ -101,9 +101,10 @@ def test_a_pole_whose_zero_is_upright_keeps_its_angles_and_gets_no_spring(tmp_pa
     assert checked.returncode == 0, checked.stderr
 
 
-def test_a_tendon_counts_once(tmp_path):
-    tail = '<tendon><fixed stiffness="1.2" damping=".015" frictionloss=".004"><joint joint="h" coef="1"/></fixed></tendon>'
-    model = model_of(tmp_path, tail=tail)
+@pytest.mark.parametrize("slack", ['springlength="0"', 'springlength="-.2 .3"'])
+def test_a_tendon_counts_once(tmp_path, slack):
+    tail = '<tendon><fixed stiffness="1.2" SLACK damping=".015" frictionloss=".004"><joint joint="h" coef="1"/></fixed></tendon>'
+    model = model_of(tmp_path, tail=tail.replace("SLACK", slack))
     board, notes = board_of(Setup(file=model, joint="h"))
     assert board.damping == pytest.approx(0.05 + 0.015)
     assert any("spring 1.2 N·m/rad, damping 0.015 N·m·s/rad, dry friction 0.004" in note for note in notes)
@@ -124,7 +125,10 @@ def test_a_servo_that_was_on_is_named_and_no_rotor_is_negative(tmp_path):
     log = log_of(tmp_path / "log.csv", model, (0.8, -0.6), damping=0.05)
     done, _ = fitted(log, model, tmp_path, "--effect", "armature", code=1)
     assert "armature (the rotor's inertia) -" in done.stderr
-    assert "arm_servo would hold the joint with 8 N·m/rad" in done.stderr
+    assert (
+        "actuator 'arm_servo' (holds with 8 N·m/rad, brakes with 0.1 N·m·s/rad) on in the measurement?"
+        in done.stderr
+    )
     assert not (tmp_path / "out.xml").exists()
     assert not (tmp_path / "data").exists()
     checked = husky(
