@@ -109,7 +109,7 @@ def add_chassis(spec: mujoco.MjSpec, board: Board) -> mujoco.MjsBody:
 def add_deck(root: mujoco.MjsBody, board: Board, inertia: float, tilt_range: float) -> mujoco.MjsJoint:
     """Add the deck: a cuboid of this roll inertia [kg*m^2], its centre on the tilt axis."""
     length, width, thickness = (board.geometry[key].value for key in ("length", "width", "thickness"))
-    deck = add_body(root, "deck", _ORIGIN, board.mass["deck"].value, deck_inertia(board, inertia))
+    deck = add_body(root, "deck", (0.0, 0.0, 0.0), board.mass["deck"].value, deck_inertia(board, inertia))
     joint = deck.add_joint(
         name=TILT_JOINT, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1.0, 0.0, 0.0],
         limited=mujoco.mjtLimited.mjLIMITED_TRUE, range=[-tilt_range, tilt_range],

@@ -65,28 +65,73 @@ def walk(setup: Setup, spec: mujoco.MjSpec) -> Arc:
     Raises:
         SysidError: The pose violates a loop, or a named joint is missing.
     """
+    model = _passive(setup, spec)
+    number = model.joint(setup.joint).id
+    own, where = int(model.jnt_dofadr[number]), int(model.jnt_qposadr[number])
+    data = mujoco.MjData(model)
+    data.qpos[:] = setup.posed(model)
+    tied = sorted(tied_to(model, data, own))
+    free = {int(model.jnt_dofadr[setup.named(model, name)]) for name in setup.free}
+    movable = sorted({*tied, *free} - {own})
+    _require_motion(setup, model, data, own, tied, movable)
+    limited, hinge = bool(model.jnt_limited[number]), model.jnt_type[number] == mujoco.mjtJoint.mjJNT_HINGE
+    low, high = model.jnt_range[number] if limited else (-np.inf, np.inf)
+    if not tied:  # a model's zero may lie outside the range
+        data.qpos[where] = min(max(data.qpos[where], low), high)
+    start, reach = float(data.qpos[where]), REACH["loop" if tied else "hinge" if hinge else "slide"]
+    middle = np.array(data.qpos)
+    rows, places = [_row(model, data, own, movable)], [middle]
+    for end in (max(low, start - reach), min(high, start + reach)):
+        data.qpos[:] = middle
+        for _ in range(POINTS):
+            if abs(end - start) < 1e-9 or not _step(model, data, own, tied, (end - start) / POINTS):
+                break
+            rows.append(_row(model, data, own, movable))
+            places.append(np.array(data.qpos))
+    qpos = np.array(places)
+    order = np.argsort(qpos[:, where])
+    inertia, weight, springs, damping, friction = np.array(rows)[order].T
+    carried = [model.joint(int(model.dof_jntid[dof])).name for dof in movable]
+    return Arc(
+        position=qpos[order, where], qpos=qpos[order], inertia=inertia, weight=weight, springs=springs, damping=damping,
+        friction=friction, carried=tuple(dict.fromkeys(carried)),
+        loose=bool(movable) and np.linalg.matrix_rank(_loops(model, data)[0][:, movable], 1e-8) < len(movable),
+        closed=bool(hinge) and not limited and not tied,
+    )  # fmt: skip
+
+
+def _passive(setup: Setup, spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """Return the model without contacts, limits, friction, power, and the joint's own spring and damper.
+
+    Raises:
+        SysidError: It does not compile.
+    """
     try:
         model = spec.compile()
     except ValueError as error:  # e.g. a moving body without a mass
         said = " ".join(str(error).removeprefix("Error: ").split())
         raise SysidError(f"{setup.file}: MuJoCo cannot compile it ({said}).") from error
-    bits = mujoco.mjtDisableBit
+    off = mujoco.mjtDisableBit
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     model.opt.disableflags |= int(
-        bits.mjDSBL_CONTACT | bits.mjDSBL_LIMIT | bits.mjDSBL_FRICTIONLOSS | bits.mjDSBL_ACTUATION
+        off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_ACTUATION
     )
-    number = model.joint(setup.joint).id
-    own, where = int(model.jnt_dofadr[number]), int(model.jnt_qposadr[number])
+    joint = model.joint(setup.joint)
     for name in ("jnt_stiffness", "jnt_stiffnesspoly"):
-        getattr(model, name)[number] = 0.0
+        getattr(model, name)[joint.id] = 0.0
     for name in ("dof_damping", "dof_dampingpoly", "dof_frictionloss"):
-        getattr(model, name)[own] = 0.0
-    data = mujoco.MjData(model)
-    data.qpos[:] = setup.posed(model)
-    tied = sorted(tied_to(model, data, own))
-    movable = sorted(
-        {*tied, *(int(model.jnt_dofadr[setup.named(model, name)]) for name in setup.free)} - {own}
-    )
+        getattr(model, name)[int(joint.dofadr[0])] = 0.0
+    return model
+
+
+def _require_motion(
+    setup: Setup, model: mujoco.MjModel, data: mujoco.MjData, own: int, tied: Sequence[int], movable: Sequence[int]
+) -> None:  # fmt: skip
+    """Check that the loops close in the pose and let the joint move.
+
+    Raises:
+        SysidError: They do not.
+    """
     if not close(model, data, tied):
         raise SysidError(
             f"{setup.file}: the loops do not close in this pose. Give a pose in which they do (--keyframe, --pose)."
@@ -97,32 +142,6 @@ def walk(setup: Setup, spec: mujoco.MjSpec) -> Arc:
             f"{setup.file}: an equality constraint holds the joint '{setup.joint}', so it is not passive. Switch it off "
             '(active="false"), as it was in the measurement.'
         )
-    limited = bool(model.jnt_limited[number])
-    low, high = model.jnt_range[number] if limited else (-np.inf, np.inf)
-    hinge = int(model.jnt_type[number]) == int(mujoco.mjtJoint.mjJNT_HINGE)
-    if not tied:  # a model's zero may lie outside the range
-        data.qpos[where] = min(max(data.qpos[where], low), high)
-    start, reach = float(data.qpos[where]), REACH["loop" if tied else "hinge" if hinge else "slide"]
-    middle = np.array(data.qpos)
-    rows = [_row(model, data, own, movable)]
-    places = [middle]
-    for end in (max(low, start - reach), min(high, start + reach)):
-        data.qpos[:] = middle
-        for _ in range(POINTS):
-            if abs(end - start) < 1e-9 or not _step(model, data, own, tied, (end - start) / POINTS):
-                break
-            rows.append(_row(model, data, own, movable))
-            places.append(np.array(data.qpos))
-    table, qpos = np.array(rows), np.array(places)
-    order = np.argsort(qpos[:, where])
-    inertia, weight, springs, damping, friction = table[order].T
-    carried = [model.joint(int(model.dof_jntid[dof])).name for dof in movable]
-    return Arc(
-        position=qpos[order, where], qpos=qpos[order], inertia=inertia, weight=weight, springs=springs, damping=damping,
-        friction=friction, carried=tuple(dict.fromkeys(carried)),
-        loose=bool(movable) and np.linalg.matrix_rank(_loops(model, data)[0][:, movable], 1e-8) < len(movable),
-        closed=hinge and not limited and not tied,
-    )  # fmt: skip
 
 
 def _loops(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:

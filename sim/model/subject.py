@@ -44,6 +44,48 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
     is_slide = int(joint.type) == int(mujoco.mjtJoint.mjJNT_SLIDE)
     stiffness, rest = float(joint.stiffness[0]), rest_of(setup, spec, arc)
     inertia = arc.at(rest, arc.inertia)
+    effects, missed = _effects(setup, spec, arc, rest)
+    board = Board(
+        name=f"{setup.file.stem}_{setup.joint}".replace("/", "_"),
+        description=f"joint '{setup.joint}' of {setup.file.name}",
+        source=str(setup.file),
+        inertia=Quantity(
+            inertia,
+            inertia * mass_error / Z95,
+            "kg*m^2",
+            f"mass matrix of {setup.file.name}, armature included",
+        ),
+        tilt={
+            "stiffness": Quantity(stiffness, 0.0, "N*m/rad"),
+            "damping": Quantity(float(joint.damping[0]) + arc.at(rest, arc.damping), 0.0, "N*m*s/rad"),
+            "rest_angle": Quantity(rest, 0.0, "rad"),
+            "range": Quantity(_range(arc, rest), 0.0, "rad"),
+        },
+        effects=effects,
+        model=setup.entry(),
+    )
+    board = board.of_slide() if is_slide else board
+    return board, [
+        *_parts(arc, board, float(joint.armature), float(np.abs(arc.weight).max())),
+        *_beside(arc, board),
+        *(
+            f"{servo.text(slides=is_slide)} acts on it: off in the law and in `check`, as in a measurement without power"
+            for servo in servos_of(setup, spec)
+        ),
+        *([urdf.NOTE] if setup.is_urdf else []),
+        *(
+            f"three harmonics state its {name} to {100 * share:.0f} % of the largest value only"
+            for name, share in missed.items()
+            if share > MAX_ERROR
+        ),
+    ]
+
+
+def _effects(
+    setup: Setup, spec: mujoco.MjSpec, arc: Arc, rest: float
+) -> tuple[tuple[BoardEffect, ...], dict[str, float]]:
+    """Return the effects that a model states of a joint, and the errors of their harmonics as shares [1]."""
+    joint, inertia = setup.joint_of(spec), arc.at(rest, arc.inertia)
     effects = [
         _effect(part, dict(zip(part.parameter_names, values, strict=True)))
         for part in catalogue().values()
@@ -67,41 +109,8 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
     changes, blurred = of_table(arc.position, arc.inertia - inertia)
     if np.ptp(arc.inertia) > 1e3 * TINY * inertia:
         effects.append(_effect(linkage.EFFECT, changes))
-    board = Board(
-        name=f"{setup.file.stem}_{setup.joint}".replace("/", "_"),
-        description=f"joint '{setup.joint}' of {setup.file.name}",
-        source=str(setup.file),
-        inertia=Quantity(
-            inertia,
-            inertia * mass_error / Z95,
-            "kg*m^2",
-            f"mass matrix of {setup.file.name}, armature included",
-        ),
-        tilt={
-            "stiffness": Quantity(stiffness, 0.0, "N*m/rad"),
-            "damping": Quantity(float(joint.damping[0]) + arc.at(rest, arc.damping), 0.0, "N*m*s/rad"),
-            "rest_angle": Quantity(rest, 0.0, "rad"),
-            "range": Quantity(_range(arc, rest), 0.0, "rad"),
-        },
-        effects=tuple(effects),
-        model=setup.entry(),
-    )
-    board = board.of_slide() if is_slide else board
-    shares = {"weight": missed / max(strongest, 1e-300), "inertia": blurred / inertia}
-    return board, [
-        *_parts(arc, board, float(joint.armature), float(np.abs(arc.weight).max())),
-        *_beside(arc, board),
-        *(
-            f"{servo.text(slides=is_slide)} acts on it: off in the law and in `check`, as in a measurement without power"
-            for servo in servos_of(setup, spec)
-        ),
-        *([urdf.NOTE] if setup.is_urdf else []),
-        *(
-            f"three harmonics state its {name} to {100 * share:.0f} % of the largest value only"
-            for name, share in shares.items()
-            if share > MAX_ERROR
-        ),
-    ]
+    missing = {"weight": missed / max(strongest, 1e-300), "inertia": blurred / inertia}
+    return tuple(effects), missing
 
 
 def pose_releases(

@@ -1,8 +1,8 @@
 """Board records: validation, atomic writing, round trip, the shipped two, and `husky-sysid boards`."""
 
-import math
 import importlib.util
 import json
+import math
 import os
 import subprocess
 import sys
@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 
 from sysid.board import (
     DECAY_UNITS,
+    FINEST,
     GEOMETRY_UNITS,
     MASS_UNITS,
-    FINEST,
     PHYSICAL,
     PUBLISHED_UNITS,
     TILT_UNITS,
