@@ -1,5 +1,6 @@
 """A recording: one log's roll, the releases in it, and the notes and warnings of reading it."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -174,16 +175,18 @@ class Recording(Shown):
         stop: float | None = None,
         release: Sequence[float] = (),
         keep_zero: bool = False,
+        rest: float = 0.0,
     ) -> Self:
         """Find the releases in a roll that is in memory.
 
-        An encoder counts from wherever it was mounted: where the joint rests far beside that zero, roll is counted from the rest.
+        An encoder counts from wherever it was mounted: where the log's rest is far beside the joint's, roll is counted from the joint's rest.
 
         Args:
             start: Ignore the log before this time [s].
             stop: Ignore the log after this time [s].
             release: Times at which the deck was let go [s], instead of finding them.
             keep_zero: Count roll from the log's own zero all the same.
+            rest: Where the joint rests, as its record or model states [rad or m]; an angle gets the whole turns that bring it nearest.
 
         Raises:
             SysidError: No free decay is in it.
@@ -196,26 +199,33 @@ class Recording(Shown):
             if one.hold and one.start - given > EARLY_RELEASE_SHARE * one.hold
         )
         recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held)), releases=found)
-        return recording if keep_zero else recording._from_rest()
+        turn = 0.0 if roll.slides else math.tau * round((rest - recording._rest) / math.tau)
+        recording = recording._shifted(turn) if turn else recording
+        return recording if keep_zero else recording._about(rest)
 
-    def _from_rest(self) -> Self:
-        """Return the recording with roll counted from where the joint rests, if the log's own zero has nothing to do with it."""
-        rest = float(np.median([release.rest for release in self.releases]))
-        widest = max(release.amplitude for release in self.releases)
-        if self.roll.zero != "known" or abs(rest) <= FOREIGN_ZERO_RATIO * widest:
+    @property
+    def _rest(self) -> float:
+        return float(np.median([release.rest for release in self.releases]))
+
+    def _shifted(self, by: float, **changes: Any) -> Self:
+        """Return the recording with every roll larger by a constant [rad or m]."""
+        releases = (replace(r, roll=r.roll + by, rest=r.rest + by, **changes) for r in self.releases)
+        return replace(
+            self, roll=replace(self.roll, roll=self.roll.roll + by, **changes), releases=tuple(releases)
+        )
+
+    def _about(self, rest: float) -> Self:
+        """Return the recording with roll counted from the joint's rest, if the log's zero is not the joint's."""
+        own, widest = self._rest, max(release.amplitude for release in self.releases)
+        if self.roll.zero != "known" or abs(own - rest) <= FOREIGN_ZERO_RATIO * widest:
             return self
         show = display(is_rate=False, slides=self.roll.slides)
         said = (
-            f"the joint rests at {show.scale * rest:+.4g}{show.unit}, and its widest swing is {show(widest, 2)}: that zero is the "
+            f"the joint rests at {show.scale * own:+.4g}{show.unit}, and its widest swing is {show(widest, 2)}: that zero is the "
             "sensor's. Roll is counted from the rest; --keep-zero leaves it as it is"
         )
-        roll = replace(
-            self.roll, roll=self.roll.roll - rest, zero="constant", warnings=(*self.roll.warnings, said)
-        )
-        releases = (
-            replace(r, roll=r.roll - rest, rest=r.rest - rest, zero="constant") for r in self.releases
-        )
-        return replace(self, roll=roll, releases=tuple(releases))
+        found = self._shifted(rest - own, zero="constant")
+        return replace(found, roll=replace(found.roll, warnings=(*found.roll.warnings, said)))
 
     @property
     def path(self) -> Path:

@@ -46,7 +46,9 @@ def diagnose(
     require_writable(folder / "diagnose.json")
     found, arguments = logs_or_fitted(record, logs, arguments, printer)
     each, setups = subject.logs(found)
-    record, recordings = subject.posed(record, load_recordings(each, arguments, printer), setups)
+    record, recordings = subject.posed(
+        record, load_recordings(each, arguments, printer, rest=record.rest_angle), setups
+    )
     with told_bar(printer) as progress:
         result = search(recordings, record, fixed=parse_fixed(fix), workers=workers, progress=progress)
     for name, prior in result.base.problem.priors.items():
