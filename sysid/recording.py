@@ -12,6 +12,7 @@ from sysid.files import sha256
 from sysid.logs.read import read_roll
 from sysid.logs.table.options import LogOptions
 from sysid.releases.clear import clear_of_noise
+from sysid.releases.extrema import half_cycles_of, smooth_signal
 from sysid.releases.find import find_releases
 from sysid.releases.phases import Phase, log_phases
 from sysid.roll import Release, Roll, shown
@@ -150,6 +151,17 @@ class Recording:
     def warnings(self) -> tuple[str, ...]:
         """Problems of the log."""
         return self.roll.warnings
+
+    @property
+    def used(self) -> float:
+        """Share of the motion in the log that is free decay [1]: of the way that the joint goes."""
+        signal = smooth_signal(self.roll.time, self.roll.roll, float(np.median(self.roll.std)))
+        free, whole = 0.0, 0.0
+        for swing in half_cycles_of(signal):
+            middle = float(signal.time[(swing.left + swing.reached) // 2])
+            whole += swing.size
+            free += swing.size * any(r.start <= middle <= r.time[-1] for r in self.releases)
+        return free / whole if whole > 0 else 1.0
 
     @property
     def phases(self) -> tuple[Phase, ...]:
