@@ -28,8 +28,12 @@ class SmoothedSignal:
     """Time grid [s], shape (m,), even but for pauses of the record."""
     roll: Array
     """Smoothed roll [rad], shape (m,)."""
+    raw: Array
+    """Roll on the same grid before smoothing [rad], shape (m,)."""
+    std: float
+    """Standard deviation of the noise of `raw` [rad]."""
     noise: float
-    """Standard deviation of what noise is left in `roll` [rad]."""
+    """Standard deviation of the noise that is left in `roll` [rad]."""
     min_movement: float
     """Smallest movement that counts as one [rad]."""
     plateaus: tuple[tuple[int, int], ...]
@@ -113,7 +117,7 @@ def smooth_signal(time: Array, roll: Array, std: float) -> SmoothedSignal:
     step = max(6.0 * noise, 0.02 * span)
     plateaus = _plateaus(smooth, step, quickness * interval)
     levels = tuple(float(smooth[first : last + 1].mean()) for first, last in plateaus)
-    return SmoothedSignal(grid, smooth, noise, step, plateaus, levels, tuple(jumps.tolist()))
+    return SmoothedSignal(grid, smooth, even, std, noise, step, plateaus, levels, tuple(jumps.tolist()))
 
 
 _SMOOTHED: WeakKeyDictionary[Release, SmoothedSignal] = WeakKeyDictionary()

@@ -5,6 +5,7 @@ on angle or rate is needed, and the first sample may already be in the middle of
 """
 
 import math
+from dataclasses import replace
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Literal
@@ -14,7 +15,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.releases.chains import SHARE_OF_HALF, Segment, free_segments, given_segment, segments_after_hands
 from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
-from sysid.releases.hand import Span, free_spans
+from sysid.releases.contact import Span, free_stretches
 from sysid.roll import Release, Roll
 
 STILL = 0.03
@@ -74,13 +75,6 @@ def find_releases(
     else:
         segments = free_segments(signal, swings)
     seen, free = _spans(signal, segments) if segments else ([], [])
-    if segments and not releases:
-        after = segments_after_hands(signal, swings, segments, [span.end for span in free])
-        if len(after) > len(segments):
-            again, spans = _spans(signal, after)
-            # No hand stands between two decays that overlap: what looked like one was the noise's.
-            if all(a.end <= b.begin < b.end for a, b in pairwise(spans)):
-                segments, seen, free = after, again, spans
     found: list[Release] = []
     for segment, one, span in zip(segments, seen, free, strict=True):
         release = _release(part, signal, segment, len(found) + 1, one, span)
@@ -110,16 +104,14 @@ def _spans(signal: SmoothedSignal, segments: Sequence[Segment]) -> tuple[list[_S
     limits = [signal.time[one.swings[0].left] if one.start is None else one.start for one in segments[1:]]
     seen = [_seen(signal, segment, limit) for segment, limit in zip(segments, [*limits, None], strict=True)]
     spans = [
-        Span(
-            begin, finish, segment.rest, segment.swings[0].origin,
-            tuple((float(signal.time[swing.finish]), swing.size) for swing in segment.swings),
-        )
+        Span(begin, finish, segment.rest, segment.sizes[0])
         for (begin, _, finish, _), segment in zip(seen, segments, strict=True)
     ]  # fmt: skip
     # A hand that pushes makes the first swing last.
     later = [swing.duration for segment in segments for swing in segment.wide[1:4] or segment.wide]
     period = 2 * float(np.median(later)) / SHARE_OF_HALF
-    return seen, free_spans(signal, spans, period)
+    free = free_stretches(signal, spans, period)
+    return seen, [replace(span, begin=one[0][0], end=one[0][1]) if one else span for span, one in zip(spans, free, strict=True)]
 
 
 def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
