@@ -148,7 +148,8 @@ def make(kind: str, seed: int) -> Made:
             size = amplitude * float(rng.uniform(0.6, 1.0)) * float(rng.choice([-1, 1]))
             if kind == "kick":
                 push = float(rng.uniform(0.02, 0.2)) * period
-                x, v = add(push, lambda t: (size * (t / push) ** 2, 2 * size * t / push**2))
+                x, v = 0.5 * size * omega * push, size * omega
+                add(push, lambda t: (x * (t / push) ** 2, v * t / push))
             else:
                 lift = max(float(rng.uniform(0.5, 1.5)), 1.5 * period)
                 add(lift, hand(at, size - at, lift))

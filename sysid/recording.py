@@ -115,7 +115,10 @@ class Recording:
             for given, one in zip(sorted(release), found, strict=False)
             if one.hold and one.start - given > EARLY_RELEASE_SHARE * one.hold
         )
-        recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held)), releases=found)
+        driven = tuple(
+            f"something drives it until {shown(one.driven_until)}: free from then on" for one in found if one.driven_until
+        )
+        recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held, *driven)), releases=found)
         return recording if keep_zero else recording._from_rest()
 
     def _from_rest(self) -> Self:

@@ -99,6 +99,9 @@ class Release(Signal):
     """Parameters that differ from the record in this release, by the names of the joint's parameters: the inertia [kg*m^2] and the weight of a
     robot's joint in the pose, and with the load, of this release."""
 
+    driven_until: float | None = None
+    """Until when something drove the joint before this release [s]; None where nothing did."""
+
     @classmethod
     def of(
         cls, part: Signal, *, number: int, rest: float, hold: float, end: Literal["rest", "caught", "log"],

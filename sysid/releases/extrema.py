@@ -28,10 +28,6 @@ class SmoothedSignal:
     """Time grid [s], shape (m,), even but for pauses of the record."""
     roll: Array
     """Smoothed roll [rad], shape (m,)."""
-    raw: Array
-    """Roll on the same grid before smoothing [rad], shape (m,)."""
-    std: float
-    """Standard deviation of the noise of `raw` [rad]."""
     noise: float
     """Standard deviation of the noise that is left in `roll` [rad]."""
     min_movement: float
@@ -90,13 +86,14 @@ def noise_level(roll: Array) -> float:
     return max(noise, quantisation_step(np.diff(roll)) / np.sqrt(12.0))
 
 
-def smooth_signal(time: Array, roll: Array, std: float) -> SmoothedSignal:
+def smooth_signal(time: Array, roll: Array, std: float, slower: float = 1.0) -> SmoothedSignal:
     """Smooth a roll signal and find its turning points.
 
     Args:
         time: Time [s], shape (n,), increasing; need not be even.
         roll: Roll [rad], shape (n,).
         std: Standard deviation of a sample as the reader knows it [rad].
+        slower: How many times slower than its fastest motion the joint swings: who kicks it is quicker.
     """
     interval = float(np.median(np.diff(time)))
     own, time = time, _without_pauses(time, interval)
@@ -107,7 +104,7 @@ def smooth_signal(time: Array, roll: Array, std: float) -> SmoothedSignal:
     jumps = _jumps(even, max(6.0 * std, 0.02 * span))
     steps = np.diff(even, prepend=even[0])
     steps[jumps + 1] = 0.0
-    speed = _top_speed(np.cumsum(steps), interval, std)
+    speed = _top_speed(np.cumsum(steps), interval, std) / slower
     quickness = 2.0 * speed / span if span > 0 else 0.0
     if quickness * interval < 0.5:  # else too few samples a swing to tell noise from motion
         std = max(std, noise_level(roll))
@@ -117,7 +114,7 @@ def smooth_signal(time: Array, roll: Array, std: float) -> SmoothedSignal:
     step = max(6.0 * noise, 0.02 * span)
     plateaus = _plateaus(smooth, step, quickness * interval)
     levels = tuple(float(smooth[first : last + 1].mean()) for first, last in plateaus)
-    return SmoothedSignal(grid, smooth, even, std, noise, step, plateaus, levels, tuple(jumps.tolist()))
+    return SmoothedSignal(grid, smooth, noise, step, plateaus, levels, tuple(jumps.tolist()))
 
 
 _SMOOTHED: WeakKeyDictionary[Release, SmoothedSignal] = WeakKeyDictionary()
