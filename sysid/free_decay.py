@@ -13,7 +13,7 @@ import numpy as np
 from sysid.board import Board
 from sysid.decay import report as decay_report
 from sysid.decay.coast_down import fit_coast_down, spins_down
-from sysid.decay.doubt import Judgement, judged, sensor_noise
+from sysid.decay.doubt import SURE, Judgement, judged, sensor_noise
 from sysid.decay.linear_fit import BEST_SENSOR, TraceFit, decay_basis, fit_traces, rates
 from sysid.decay.numbers import DecayNumbers as DecayNumbers
 from sysid.decay.numbers import decay_from_peaks as decay_from_peaks
@@ -237,10 +237,10 @@ def _refuse_nonsense(releases: Sequence[Release], trace: TraceFit) -> None:
             "freely, it is far from linear, as against a stop: `husky-sysid diagnose` names the cause."
         )
     tau, std = float(trace.poles[1]), math.sqrt(trace.covariance[1, 1])
-    if tau < -4 * std:
-        growth = 100 * math.expm1(-2 * math.pi * tau * trace.omega_n / 2)
+    if tau < (SURE if any(release.driven_until for release in releases) else -SURE) * std:
+        growth = 100 * math.expm1(-math.pi * tau * trace.omega_n)
         raise SysidError(
-            f"{log}: the swings grow by {growth:.2g} % a period: something drives the joint. Stop the drive and let it swing, or "
+            f"{log}: the swings change by {growth:+.2g} % a period, to the end: something drives the joint. Stop the drive and let it swing, or "
             "mark the free part of the log (--from, --to)."
         )
     if trace.damping_ratio < 1 and not math.sqrt(trace.covariance[0, 0]) / 2 < FIXED:

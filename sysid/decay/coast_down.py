@@ -37,6 +37,10 @@ class CoastDown:
     """c = friction/I [rad/s²]."""
 
 
+def _nothing(poles: Array) -> tuple[Array, Array]:
+    return np.zeros_like(poles), np.ones_like(poles)
+
+
 def spins_down(releases: Sequence[Release]) -> bool:
     """Whether each release goes more than half a turn in one direction and does not come back."""
     for release in releases:
@@ -98,7 +102,7 @@ def fit_coast_down(releases: Sequence[Release]) -> CoastDown:
     for i, trace in enumerate(traces):
         own = np.concatenate([best.point[:2], best.point[2 + 2 * i : 4 + 2 * i]])
         level = float(own[3]) if rate else float(trace.measured[-1])
-        parts.append(FittedTrace(trace, model(trace.time, own), np.array([0.0, 0.0, level]), 0.0))
+        parts.append(FittedTrace(trace, model(trace.time, own), np.array([0.0, 0.0, level]), 0.0, _nothing))
     noise = math.sqrt(2 * best.normal.cost / free)
     spread = sum(float(np.var(trace.measured)) * len(trace.measured) for trace in traces)
     weak = 2 * math.log(100 * max(float(trace.time[-1] - trace.time[0]) for trace in traces))

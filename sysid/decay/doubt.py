@@ -182,7 +182,7 @@ def second_laws(fit: TraceFit) -> list[SecondLaw]:
 def _without_start(one: FittedTrace, fit: TraceFit, grid: Array, answer: Array) -> Array:
     """Return a response at a trace's samples, whitened, without the share of amplitude, phase and rest angle, shape (n,)."""
     u, v = decay_basis(one.trace.time - one.trace.time[0], *rates(fit.poles))
-    basis = one.trace.whiten(np.column_stack([u, v, np.ones_like(u)]))
+    basis = one.trace.whiten(np.column_stack([u, v, one.beyond(fit.poles)[1]]))
     orthogonal, _ = np.linalg.qr(basis / (np.linalg.norm(basis, axis=0) + 1e-300))
     column = one.trace.whiten(np.interp(one.trace.time, grid, answer))
     return column - orthogonal @ (orthogonal.T @ column)

@@ -32,8 +32,8 @@ GRID = 40
 MOST = 16_384
 """Points of that grid at most."""
 
-PICARD = 6
-"""Rounds in which a pendulum's rest angle is found; each takes nine tenths of its error."""
+ROUNDS = 6
+"""Rounds in which a pendulum's rest angle is found (Newton)."""
 
 Law = Literal["spring", "pendulum", "none"]
 """Restoring torque of a joint."""
@@ -50,8 +50,8 @@ class FittedTrace:
     """C, S and r of the module's equation, shape (3,)."""
     level_std: float
     """Standard deviation of `level`."""
-    beyond: "Beyond | None" = None
-    """What a pendulum's law adds to a spring's; None for a spring."""
+    beyond: "Beyond"
+    """What its law adds to a spring's."""
 
     @property
     def level(self) -> float:
@@ -144,10 +144,10 @@ def fit_traces(releases: Sequence[Release], law: Law = "spring", near: TraceFit 
     if near is not None:
         fit, traces = near, [one.trace for one in near.releases]
         angles = [_angle(release, trace) for release, trace in zip(releases, traces, strict=True)]
-        for _ in range(PICARD):
+        for _ in range(ROUNDS):
             rests = [f.level if signal == "roll" else r.rest for f, r in zip(fit.releases, releases, strict=True)]
             beyond = [
-                _pendulum(trace, angle - rest, rate=signal == "rate")
+                _pendulum(trace, angle, rest, rate=signal == "rate")
                 for trace, angle, rest in zip(traces, angles, rests, strict=True)
             ]
             fit = _with_uncertainty(traces, _search(traces, fit.poles, beyond), signal, beyond)
@@ -169,7 +169,7 @@ def refitted(fit: TraceFit, parts: Sequence[slice]) -> TraceFit | None:
     traces = [trace for trace, _, _ in pairs]
     if sum(len(trace.time) for trace in traces) < 3 * len(traces) + FEWEST or not traces:
         return None
-    beyond = [None if known is None else _part(known, rows) for _, rows, known in pairs]
+    beyond = [_part(known, rows) for _, rows, known in pairs]
     return _with_uncertainty(traces, _search(traces, fit.poles, beyond), fit.signal, beyond)
 
 
@@ -227,30 +227,47 @@ def _start(traces: Sequence[Trace], releases: Sequence[Release], signal: str) ->
         for zeta in (0.01, 0.05, 0.15, 0.3, 0.5, 0.7, 0.9, 1.3, 3.0, 10.0)
         for omega in np.array([1.4, 1.6, 1.8, 2.0, 2.3, 2.7]) * max(1.0, zeta) / pace
     ]
-    return min(grid, key=lambda poles: sum(project(part, poles)[0] for part in heads))
+    return min(grid, key=lambda poles: sum(project(part, poles, _spring(part))[0] for part in heads))
 
 
-Beyond = Callable[[Array], Array]
-"""Response to a known torque at a trace's samples, of (ln m, τ)."""
+Beyond = Callable[[Array], tuple[Array, Array]]
+"""Of (ln m, τ): the response to a known torque at a trace's samples, and the derivative of the signal by r, shape (n,) each."""
 
 
-def _pendulum(trace: Trace, angle: Array, *, rate: bool) -> Beyond:
-    """Return what a pendulum's law adds to a trace of known angle about rest [rad], shape (n,)."""
+def _pendulum(trace: Trace, angle: Array, rest: float, *, rate: bool) -> Beyond:
+    """Return what a pendulum's law adds to a trace of known angle [rad], shape (n,), near a rest angle [rad]."""
 
-    def beyond(poles: Array) -> Array:
+    def beyond(poles: Array) -> tuple[Array, Array]:
         grid = _grid(trace.time, poles)
-        swing = np.interp(grid, trace.time, angle)
-        return np.interp(trace.time, grid, response(poles, grid, swing - np.sin(swing), rate=rate))
+        swing = np.interp(grid, trace.time, angle - rest)
+
+        def answer(torque: Array) -> Array:
+            return np.interp(trace.time, grid, response(poles, grid, torque, rate=rate))
+
+        known, ones = answer(swing - np.sin(swing)), np.ones(len(trace.time))
+        if rate:  # of a rate the level is the gyro's bias
+            return known, ones
+        by_rest = answer(np.cos(swing) - 1)
+        return known - rest * by_rest, ones + by_rest
 
     return beyond
 
 
 def _part(beyond: Beyond, rows: slice) -> Beyond:
-    return lambda poles: beyond(poles)[rows]
+    def of_part(poles: Array) -> tuple[Array, Array]:
+        known, level = beyond(poles)
+        return known[rows], level[rows]
+
+    return of_part
+
+
+def _spring(trace: Trace) -> Beyond:
+    nothing = np.zeros(len(trace.time)), np.ones(len(trace.time))
+    return lambda _: nothing
 
 
 def project(
-    trace: Trace, poles: Array, beyond: Beyond | None = None
+    trace: Trace, poles: Array, beyond: Beyond
 ) -> tuple[float, Array, Array, Array, Array]:
     """Eliminate the linear parameters of one release.
 
@@ -261,10 +278,10 @@ def project(
     a, q = rates(poles)
     time = trace.time - trace.time[0]
     u, v = decay_basis(time, a, q)
-    raw = trace.whiten(np.column_stack([u, v, np.ones_like(time)]))
+    known, level = beyond(poles)
+    raw = trace.whiten(np.column_stack([u, v, level]))
     size = np.linalg.norm(raw, axis=0) + 1e-300
     orthogonal, triangle = np.linalg.qr(raw / size)
-    known = np.zeros(len(time)) if beyond is None else beyond(poles)
     target = trace.whiten(trace.measured - known)
     if abs(np.diag(triangle)).min() < 1e-10:
         return math.inf, target, np.zeros((len(time), 2)), np.zeros(3), np.zeros((3, 3))
@@ -278,19 +295,18 @@ def project(
     slope = np.column_stack(
         [-a * by_a + (2 * a * a - stiffness) * by_q, 0.5 * stiffness * (by_a - 2 * a * by_q)]
     )
-    if beyond is not None:
-        nudge = np.array([1e-4, 1e-4 / math.sqrt(stiffness)])
-        slope += np.column_stack(
-            [(beyond(poles + np.eye(2)[i] * nudge) - known) / nudge[i] for i in range(2)]
-        )
+    if known.any():
+        for i, nudge in enumerate((1e-4, 1e-4 / math.sqrt(stiffness))):
+            moved, tilted = beyond(poles + np.eye(2)[i] * nudge)
+            slope[:, i] += (moved - known + coefficients[2] * (tilted - level)) / nudge
     slope = trace.whiten(slope)
     jacobian = -(slope - orthogonal @ (orthogonal.T @ slope))
     return float(residual @ residual), residual, jacobian, coefficients, inverse @ inverse.T
 
 
-def _search(traces: Sequence[Trace], poles: Array, beyond: Sequence[Beyond | None] = ()) -> Array:
+def _search(traces: Sequence[Trace], poles: Array, beyond: Sequence[Beyond] = ()) -> Array:
     """Minimise the sum of squares over (ln m, τ)."""
-    known = beyond or [None] * len(traces)
+    known = beyond or [_spring(trace) for trace in traces]
     interval = min(float(np.median(np.diff(trace.time))) for trace in traces)
     longest = max(float(trace.time[-1] - trace.time[0]) for trace in traces)
 
@@ -310,10 +326,10 @@ def _with_uncertainty(
     traces: Sequence[Trace],
     poles: Array,
     signal: Literal["roll", "rate"],
-    beyond: Sequence[Beyond | None] = (),
+    beyond: Sequence[Beyond] = (),
 ) -> TraceFit:
     """Derive the covariance of (ln m, τ) from the Jacobian and the residuals."""
-    known = beyond or [None] * len(traces)
+    known = beyond or [_spring(trace) for trace in traces]
     parts = [project(trace, poles, one) for trace, one in zip(traces, known, strict=True)]
     residuals, jacobians = [part[1] for part in parts], [part[2] for part in parts]
     count = sum(len(residual) for residual in residuals)
@@ -354,10 +370,10 @@ def _with_uncertainty(
     )
 
 
-def _model(trace: Trace, poles: Array, coefficients: Array, beyond: Beyond | None) -> Array:
+def _model(trace: Trace, poles: Array, coefficients: Array, beyond: Beyond) -> Array:
     u, v = decay_basis(trace.time - trace.time[0], *rates(poles))
-    model = coefficients[0] * u + coefficients[1] * v + coefficients[2]
-    return model if beyond is None else model + beyond(poles)
+    known, level = beyond(poles)
+    return coefficients[0] * u + coefficients[1] * v + coefficients[2] * level + known
 
 
 def _newey_west(

@@ -97,7 +97,8 @@ def _undriven(signal: SmoothedSignal, segment: Segment) -> Segment:
     A joint loses at least as much of a wide swing as of a small one, whatever its law. Where the first swings lose less than a quarter
     of the later ones' loss, energy comes from outside. A mean loss is known to its first and its last swing.
     """
-    sizes = np.array([swing.size for swing in segment.swings])
+    whole = segment.swings if segment.settles else segment.swings[:-1]  # the last one is cut
+    sizes = np.array([swing.size for swing in whole])
     sizes = sizes[sizes > AGAIN * sizes[0]]
     best, cut = SURE, 0
     for first in range(MANY, len(sizes) - MANY):

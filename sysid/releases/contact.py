@@ -49,6 +49,8 @@ class Span:
     """[rad]"""
     size: float
     """Widest swing [rad]."""
+    held: bool = False
+    """Whether it was held still until it begins: then that time is known to a part of a sample."""
 
 
 def free_stretches(
@@ -147,7 +149,7 @@ def _stretches(time: Array, roll: Array, noise: float, span: Span, law: Law) -> 
         if end - begin > 2 * step or end >= last:
             back = slice(end - 1, since - 1 if since else None, -1)
             begin = end - _free_for(-time[back], roll[back], noise, span, Law(law.stiffness, -law.damping))
-            start = span.begin if begin - first <= step / 4 else float(time[begin])
+            start = span.begin if begin - first <= (step / 4 if span.held else 0) else float(time[begin])
             stop = span.end if last - end <= step / 4 else float(time[end - 1])
             if found and begin - since < step / 2:  # no hand is that quick: the law is not all linear there
                 start = found.pop()[0]

@@ -49,6 +49,8 @@ def find_releases(
         SysidError: There is no free decay, or a time lies outside the log.
     """
     part = _cut(roll, start, stop)
+    if part.free is not None and not part.free.all() and not releases:
+        return _where_free(part)
     std = float(np.median(part.std))
     signal = smooth_signal(part.time, part.roll, std if math.isfinite(std) else 0.0)
     swings = half_cycles_of(signal)
@@ -78,6 +80,30 @@ def find_releases(
     return found
 
 
+def _where_free(roll: Roll) -> list[Release]:
+    """Find the free decays in the parts of a log that a column marks as free."""
+    assert roll.free is not None
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], roll.free, [False])).astype(np.int8)))
+    found: list[Release] = []
+    trouble = SysidError(
+        f"{roll.log}: the joint is never free for {FEWEST_SAMPLES} samples: a motor or a brake acts. Release it, or mark the free "
+        "part (--release)."
+    )
+    for first, last in edges.reshape(-1, 2).tolist():
+        if last - first < FEWEST_SAMPLES:
+            continue
+        part = replace(roll[first:last], free=None)
+        for given in ((), (float(part.time[0]),)):  # a return that the log cuts off has no rest to be found by
+            try:
+                found += find_releases(part, releases=given)
+                break
+            except SysidError as error:  # it stands still, or swings in another part
+                trouble = error
+    if not found:
+        raise trouble
+    return [replace(one, number=number) for number, one in enumerate(found, 1)]
+
+
 @dataclass(frozen=True, slots=True)
 class _Free:
     """A free stretch of a log."""
@@ -103,7 +129,7 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
         stop = float(signal.time[last])
         if other is not None:
             stop = min(stop, float(signal.time[other.swings[0].left]) if other.start is None else other.start)
-        spans.append(Span(begin, max(begin, _rested(signal, segment, begin, stop)), segment.rest, segment.size))
+        spans.append(Span(begin, max(begin, _rested(signal, segment, begin, stop)), segment.rest, segment.size, hold > 0))
         holds.append(hold)
     # A hand that pushes makes the first swing last.
     later = [swing.duration for segment in segments for swing in segment.wide[1:4] or segment.wide]
