@@ -25,8 +25,12 @@ MATTERS = np.array([0.02, 0.1])
 """Shift of ω_n and of ζ, as shares of them, from which a second law matters: half of what a policy is randomised by."""
 OPEN = np.array([0.1, 0.3])
 """Shift of ω_n and of ζ that a log must be able to exclude: the usual randomisation of a policy."""
+USUAL = 0.1
+"""Share of the torque of a second law where nothing is known of it: joints of public logs have 3 to 30 %."""
 ABOVE_NOISE = 1.15
 """Residual over noise from which the residual is more than noise; the noise itself is known to 5 %."""
+ONE_RATE = 0.7
+"""Damping ratio from which a late half is one exponential: it overshoots by less than 5 %."""
 LEVELS_APART = 0.01
 """Share of the first amplitude by which rest levels must differ: sensors wander by less between releases."""
 PER_PERIOD = 4.0
@@ -54,16 +58,19 @@ class SecondLaw:
     shift: Array
     """Shift of ln ω_n and ln ζ for a share of 1, shape (2,)."""
 
-    @property
-    def seen(self) -> bool:
-        """Whether it is significant and matters."""
-        matters = bool((np.abs(self.share * self.shift) > MATTERS).any())
+    def seen(self, which: slice) -> bool:
+        """Whether it is significant and matters for some of the numbers."""
+        matters = bool((np.abs(self.share * self.shift) > MATTERS)[which].any())
         return self.share > SURE * self.std and matters
 
+    def hides(self, which: slice) -> bool:
+        """Whether the log leaves open that it moves some of the numbers by too much."""
+        return bool((Z95 * self.std * np.abs(self.shift) > OPEN)[which].any())
+
     @property
-    def hides(self) -> bool:
-        """Whether the log leaves open that it moves the numbers by too much."""
-        return bool((Z95 * self.std * np.abs(self.shift) > OPEN).any())
+    def left_open(self) -> Array:
+        """Deviations of the numbers, were it as large as such torques usually are, shape (2,)."""
+        return np.abs(self.shift) / math.hypot(1 / max(self.std, 1e-12), 1 / USUAL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +114,8 @@ def judged(
     fit, wider = _widened(fit, floor)
     ratio = fit.noise / floor.std if floor.std > 0 else math.inf
     others = second_laws(fit)
-    seen = sorted((one for one in others if one.seen), key=lambda one: -one.share / one.std)
+    which = slice(None) if fit.damping_ratio < 1 else slice(1, None)  # what returns slowly fixes d/k alone
+    seen = sorted((one for one in others if one.seen(which)), key=lambda one: -one.share / one.std)
     half_width = Z95 * np.sqrt(np.diag(to_logs(fit) @ fit.covariance @ to_logs(fit).T))
     apart, moved = unseen(fit, floor.std if ratio > ABOVE_NOISE else 0.0)
     status: Status = "not linear"
@@ -120,27 +128,30 @@ def judged(
             f"{' or '.join(one.name for one in seen)} is significant, and moves ω_n by {100 * moves[0]:+.2g} %, "
             f"ζ by {100 * moves[1]:+.2g} %"
         )
-    elif apart > SURE and bool((np.abs(moved) > MATTERS).any()):
+    elif apart > SURE and bool((np.abs(moved) > MATTERS)[which].any()):
         reason = (
             f"the early half of each release does not predict the late one: ω_n differs by {100 * moved[0]:+.2g} %, "
             f"ζ by {100 * moved[1]:+.2g} %"
         )
-    elif ratio > ABOVE_NOISE and bool((half_width > OPEN).any()):
+    elif ratio > ABOVE_NOISE and bool((half_width > OPEN)[which].any()):
         reason = "the residual has a shape, see the picture"
-    elif hidden := [one.name for one in others if one.hides]:
+    elif hidden := [one.name for one in others if one.hides(which)]:
         status = "cannot tell"
         reason = f"as much {' or '.join(hidden)} as moves k by 20 % or d by 30 % would look the same"
     elif bool((half_width > 2 * OPEN).any()) and fit.damping_ratio < 1:
         status, reason = "cannot tell", "the intervals are as wide as the numbers"
     else:
         status, reason = "linear", ""
+    if fit.damping_ratio >= 1:  # one way without a swing: dry friction and a bent law look like another rest
+        open_ones = sum((one.left_open**2 for one in others), np.zeros(2))
+        fit = replace(fit, covariance=fit.covariance + np.diag(open_ones * [4.0, float(fit.poles[1]) ** 2]))
     return fit, Judgement(status, reason, ratio, wider, tuple(seen))
 
 
 def to_logs(fit: TraceFit) -> Array:
-    """Return the derivatives of (ln ω_n, ln ζ) by (ln m, τ), shape (2, 2); beyond critical damping of (0, ln d/k)."""
+    """Return the derivatives of (ln ω_n, ln ζ) by (ln m, τ), shape (2, 2); beyond critical damping of (ln ω_n, ln d/k)."""
     tau = float(fit.poles[1]) or 1e-12
-    return np.array([[-0.5, 0.0], [-0.5, 1 / tau]] if fit.damping_ratio < 1 else [[0.0, 0.0], [0.0, 1 / tau]])
+    return np.array([[-0.5, 0.0], [-0.5, 1 / tau]] if fit.damping_ratio < 1 else [[-0.5, 0.0], [0.0, 1 / tau]])
 
 
 def second_laws(fit: TraceFit) -> list[SecondLaw]:
@@ -202,12 +213,25 @@ def unseen(fit: TraceFit, noise: float = 0.0) -> tuple[float, Array]:
     late = refitted(fit, [slice(cut, None) for cut in cuts])
     if early is None or late is None:
         return 0.0, np.zeros(2)
+    if fit.damping_ratio > ONE_RATE:
+        moved = math.log(late.decay_rate / early.decay_rate)
+        return abs(moved) / math.hypot(*(_rate_std(half) for half in (early, late))), np.array([0.0, moved])
     apart = late.poles - early.poles
     spread = early.covariance + late.covariance
     if noise:
         spread = sum(((noise / half.noise) ** 2 * half.white_covariance for half in (early, late)), np.zeros((2, 2)))
     deviations = math.sqrt(max(float(apart @ np.linalg.pinv(spread) @ apart), 0.0))
     return deviations, to_logs(fit) @ apart
+
+
+def _rate_std(fit: TraceFit) -> float:
+    """Return the standard deviation of the logarithm of the decay rate."""
+    here, steps = math.log(fit.decay_rate), np.sqrt(np.diag(fit.covariance)) * 1e-3
+    slope = np.array([
+        (math.log(replace(fit, poles=fit.poles + step).decay_rate) - here) / max(step.sum(), 1e-300)
+        for step in np.diag(steps)
+    ])  # fmt: skip
+    return math.sqrt(max(float(slope @ fit.covariance @ slope), 1e-30))
 
 
 def _half(one: FittedTrace, fit: TraceFit) -> int:

@@ -32,6 +32,8 @@ GRID = 40
 MOST = 16_384
 """Points of that grid at most."""
 
+OVERDAMPED = 0.95
+"""Damping ratio from which the start of a release is looked at too."""
 ROUNDS = 6
 """Rounds in which a pendulum's rest angle is found (Newton)."""
 
@@ -159,7 +161,16 @@ def fit_traces(releases: Sequence[Release], law: Law = "spring", near: TraceFit 
         span = 2 * math.pi * swings * math.exp(poles[0] / 2)
         if span < longest:
             poles = _search([head(trace, span) for trace in traces], poles)
-    return _with_uncertainty(traces, _search(traces, poles), signal)
+    poles = _search(traces, poles)
+    if 0.5 * poles[1] * math.exp(-poles[0] / 2) > OVERDAMPED:
+        traces = traces_of(releases, whole=True)[0]
+        # A pole that the decay does not excite may lie anywhere: of those that fit alike, take the fastest.
+        starts = [poles, *(np.array([2 * math.log(float(poles[1]) / (2 * zeta)), poles[1]]) for zeta in (1.2, 3.0, 10.0, 30.0))]
+        found = [_search(traces, start) for start in starts]
+        costs = [sum(project(one, p, _spring(one))[0] for one in traces) for p in found]
+        least = min(costs) * (1 + 4 / sum(len(one.time) for one in traces))  # two deviations
+        poles = min((p for p, cost in zip(found, costs, strict=True) if cost <= least), key=lambda p: p[0])
+    return _with_uncertainty(traces, poles, signal)
 
 
 def refitted(fit: TraceFit, parts: Sequence[slice]) -> TraceFit | None:

@@ -58,13 +58,19 @@ class Trace:
         )
 
 
-def traces_of(releases: Sequence[Release]) -> tuple[list[Trace], Literal["roll", "rate"]]:
+def traces_of(
+    releases: Sequence[Release], *, whole: bool = False
+) -> tuple[list[Trace], Literal["roll", "rate"]]:
     """Return the signal that was measured: the rate where a gyro measured it, else the roll.
 
     White noise of a gyro becomes a random walk in its integral. In the rate it stays white, and the gyro's offset is one constant.
+
+    Args:
+        whole: Begin with the release itself where the deck was held: the fast start of an overdamped joint.
     """
     rate = all(release.rate is not None for release in releases)
-    return [_trace(release, rate=rate) for release in releases], "rate" if rate else "roll"
+    traces = [_trace(release, rate=rate, whole=whole and release.hold > 0) for release in releases]
+    return traces, "rate" if rate else "roll"
 
 
 def with_ar1_errors(trace: Trace, omega: float) -> Trace:
@@ -79,12 +85,12 @@ def head(trace: Trace, span: float) -> Trace:
     return trace[: max(FEWEST, int(np.searchsorted(trace.time, trace.time[0] + span)))]
 
 
-def _trace(release: Release, *, rate: bool) -> Trace:
+def _trace(release: Release, *, rate: bool, whole: bool) -> Trace:
     measured, std = release.roll, own_std(release)
     if rate and release.rate is not None:
         measured = release.rate
         std = np.ones_like(measured) if release.rate_std is None else release.rate_std
-    begin = _hand_has_left(release)
+    begin = 0 if whole else _hand_has_left(release)
     measured, std, time = measured[begin:], std[begin:], release.time[begin:]
     typical = float(np.median(std))
     weight = typical / std if typical > 0 and np.all(std > 0) else np.ones_like(measured)

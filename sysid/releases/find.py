@@ -64,7 +64,7 @@ def find_releases(
     for slower in () if releases or any(len(one.wide) > 1 for one in segments) else SLOWER:
         other = smooth_signal(part.time, part.roll, std if math.isfinite(std) else 0.0, slower)
         again = free_segments(other, half_cycles_of(other))
-        if sum(len(one.wide) for one in again) >= MANY:
+        if any(len(one.wide) >= MANY for one in again):
             signal, segments = other, again
             break
     found: list[Release] = []
