@@ -15,6 +15,7 @@ from sysid.logs.memory import table_of_arrays, table_of_frame
 from sysid.logs.read import read_roll, roll_of_table
 from sysid.logs.table.options import LogOptions
 from sysid.releases.clear import clear_of_noise
+from sysid.releases.extrema import half_cycles_of, smooth_signal
 from sysid.releases.find import find_releases
 from sysid.releases.phases import Phase, log_phases
 from sysid.roll import Release, Roll, shown
@@ -198,7 +199,10 @@ class Recording(Shown):
             for given, one in zip(sorted(release), found, strict=False)
             if one.hold and one.start - given > EARLY_RELEASE_SHARE * one.hold
         )
-        recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held)), releases=found)
+        driven = tuple(
+            f"something drives it until {shown(one.driven_until)}: free from then on" for one in found if one.driven_until
+        )
+        recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held, *driven)), releases=found)
         turn = 0.0 if roll.slides else math.tau * round((rest - recording._rest) / math.tau)
         recording = recording._shifted(turn) if turn else recording
         return recording if keep_zero else recording._about(rest)
@@ -241,6 +245,17 @@ class Recording(Shown):
     def warnings(self) -> tuple[str, ...]:
         """Problems of the log."""
         return self.roll.warnings
+
+    @property
+    def used(self) -> float:
+        """Share of the motion in the log that is free decay [1]: of the way that the joint goes."""
+        signal = smooth_signal(self.roll.time, self.roll.roll, float(np.median(self.roll.std)))
+        free, whole = 0.0, 0.0
+        for swing in half_cycles_of(signal):
+            middle = float(signal.time[(swing.left + swing.reached) // 2])
+            whole += swing.size
+            free += swing.size * any(r.start <= middle <= r.time[-1] for r in self.releases)
+        return free / whole if whole > 0 else 1.0
 
     @property
     def phases(self) -> tuple[Phase, ...]:

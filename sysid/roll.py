@@ -65,8 +65,8 @@ class Signal:
 
     def __getitem__(self, rows: Rows) -> Self:
         """Return these samples of every array."""
-        names = ("time", "roll", "std", "rate", "rate_std", "own_std")
-        arrays = ((name, getattr(self, name)) for name in names)
+        names = ("time", "roll", "std", "rate", "rate_std", "own_std", "free")
+        arrays = ((name, getattr(self, name, None)) for name in names)
         return replace(self, **{name: array[rows] for name, array in arrays if array is not None})
 
 
@@ -74,6 +74,8 @@ class Signal:
 class Roll(Signal):
     """One log's roll."""
 
+    free: npt.NDArray[np.bool_] | None = None
+    """Whether no motor, brake or hand acts, as a column of the log says, shape (n,); None without such a column."""
     notes: tuple[str, ...] = ()
     """What was inferred while reading (column, unit, sampling rate, clock repairs), for people."""
     warnings: tuple[str, ...] = ()
@@ -103,6 +105,9 @@ class Release(Signal):
     known: Mapping[str, float] = field(default_factory=dict[str, float])
     """Parameters that differ from the record in this release, by the names of the joint's parameters: the inertia [kg*m^2] and the weight of a
     robot's joint in the pose, and with the load, of this release."""
+
+    driven_until: float | None = None
+    """Until when something drove the joint before this release [s]; None where nothing did."""
 
     @classmethod
     def of(
