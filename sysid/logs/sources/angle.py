@@ -11,8 +11,9 @@ from sysid.logs.sources.registry import LENGTHS, Reading, Source
 from sysid.logs.sources.wraps import TURNS, unit_by_wraps, without_wraps
 from sysid.logs.table.choose import Choice, chosen, std_of
 from sysid.logs.table.names import ANGLE_UNITS, Column, says_counts, unit_kind
+from sysid.logs.table.noise import noise_of
 from sysid.logs.table.remarks import Remarks, note, warning
-from sysid.noise.sensor import estimate_noise, saturated
+from sysid.noise.sensor import saturated
 from sysid.roll import Array, Roll
 from sysid.text import display
 
@@ -153,7 +154,7 @@ def roll_from_angle(reading: Reading) -> Roll:
     if not slides:
         roll, moved = _near_zero(roll)
         remarks += moved
-    noise = estimate_noise(roll)
+    noise = noise_of(reading.time, roll)
     if reading.std is not None and np.all(reading.std > 0):
         std = reading.std * abs(scale)
         remarks += note("noise", f"from the column '{choice.std}'")

@@ -9,8 +9,8 @@ from sysid.logs.sources.axis import angle_about, find_roll_axis
 from sysid.logs.sources.registry import Reading, Source
 from sysid.logs.table.choose import Choice, chosen, triple
 from sysid.logs.table.names import Column
+from sysid.logs.table.noise import noise_of
 from sysid.logs.table.remarks import note
-from sysid.noise.sensor import estimate_noise
 from sysid.roll import Roll
 
 
@@ -52,7 +52,7 @@ def roll_from_quaternion(reading: Reading) -> Roll:
     else:
         roll, zero = about
         remarks += zero
-    noise = estimate_noise(roll)
+    noise = noise_of(reading.time, roll)
     remarks += note("noise", f"{np.rad2deg(noise.std):.3g}° from the whole signal")
     return reading.as_roll(roll, np.full(roll.size, noise.std), "quaternion", remarks, zero="constant")
 

@@ -24,7 +24,7 @@ from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import ANGLE_UNITS, RATE_UNITS, Column, parse_unit, unit_kind
 from sysid.logs.table.options import LogOptions
 from sysid.logs.table.remarks import Remarks, note, warning
-from sysid.logs.table.rows import LARGEST
+from sysid.logs.table.rows import LARGEST, LARGEST_STAMP
 from sysid.roll import Array, Roll
 
 MIN_MOTION_SHARE, MIN_CORRELATION = 0.2, 0.5
@@ -184,13 +184,15 @@ def _that_moves(
         return found[0]
     names = dict.fromkeys(name for _, choice in rivals for name in choice.columns)
     data = log.read([*names, *([time.name] if time else [])])
-    sound = np.logical_and.reduce([np.abs(column) < LARGEST for column in data.values()])
+    stamps = data.pop(time.name) if time else np.zeros(0)
+    limits = [np.abs(column) < LARGEST for column in data.values()]
+    sound = np.logical_and.reduce([*limits, *([np.abs(stamps) < LARGEST_STAMP] if time else [])])
     if np.count_nonzero(sound) < MIN_SAMPLES:
         return found[0]
     period = 1 / (options.rate or 1.0)
     if time is not None:
-        scale, _ = time_scale(data[time.name][sound], time.unit)
-        period = max(typical_step(data[time.name][sound]) * scale, 1e-9)
+        scale, _ = time_scale(stamps[sound], time.unit)
+        period = max(typical_step(stamps[sound]) * scale, 1e-9)
     turning: list[Array] = []
     for source, choice in rivals:
         assert source.turning is not None
@@ -200,41 +202,32 @@ def _that_moves(
     ]
     sizes = np.array([[float(np.std(rate)) for rate in rates] for rates in smooth])
     best = int(np.argmax(np.median(sizes, axis=0)))
-    hardly = np.any(sizes[:, 0] < MIN_MOTION_SHARE * sizes[:, best])
-    if not hardly or max(_likeness(rates[0], rates[best]) for rates in smooth) > MIN_CORRELATION:
-        rates = {
-            choice.columns[0]: rate
-            for (_, choice), rate in zip(rivals, zip(*smooth, strict=True), strict=True)
-        }
-        return found[0][0], _with_rival(found[0][1], rates)
     source, choice = rivals[best]
     named, taken = found[0][1].columns[0], ", ".join(map(repr, choice.columns))
-    return source, choice.with_remarks(
-        warning(
-            f"'{named}' hardly moves while {taken} does: roll is made from what moves. "
-            f"--column '{named}' takes the other all the same"
-        )
-    )
+    alike = [max(_likeness(rates[0], rates[k]) for rates in smooth) for k in range(len(rivals))]
+    if np.any(sizes[:, 0] < MIN_MOTION_SHARE * sizes[:, best]) and alike[best] <= MIN_CORRELATION:
+        why = f"'{named}' hardly moves while {taken} does: roll is made from the motion"
+        return source, choice.with_remarks(warning(f"{why}. --column '{named}' takes the other"))
+    equals = [k for k in range(1, len(rivals)) if rivals[k][1].columns[0] in found[0][1].rivals]
+    times = np.median(sizes / sizes[:, :1], axis=0)
+    equals = [k for k in equals if times[k] > MIN_MOTION_SHARE and not _same_motion(float(times[k]), alike[k])]
+    if not equals:
+        return found[0]
+    liveliest = max(equals, key=lambda k: times[k])
+    rival = rivals[liveliest][1].columns[0]
+    if times[liveliest] > 1.0 and alike[liveliest] <= DUPLICATE_CORRELATION:  # else it may be a gear's other side
+        why = f"roll is made from '{rival}', which turns {times[liveliest]:.2g} times as much as '{named}'"
+        source, choice = rivals[liveliest]
+        return source, choice.with_remarks(warning(f"{why}: --column '{named}' takes that"))
+    why = f"roll is made from '{named}', but '{rival}' is as good by its name and turns {times[liveliest]:.2g} times as much"
+    return found[0][0], found[0][1].with_remarks(warning(f"{why}: --column '{rival}' takes that"))
 
 
-def _with_rival(choice: Choice, rates: Mapping[str, Sequence[Array]]) -> Choice:
-    """Return a choice, with a warning where another column is as good by its name and moves otherwise.
-
-    Args:
-        choice: As the names have it.
-        rates: Of every column [rad/s], averaged over `AVERAGED_ROWS` rows, shape (n,) each.
-    """
-    (name, *_), degree = choice.columns, ANGLE_UNITS["deg"]
-    for rival in choice.rivals:
-        pairs = list(zip(rates[name], rates[rival], strict=True))
-        times = float(np.median([np.std(other) / np.std(own) for own, other in pairs]))
-        as_far = any(abs(times * unit - 1) < 1 - DUPLICATE_CORRELATION for unit in (1.0, degree, 1 / degree))
-        if times > MIN_MOTION_SHARE and not (
-            as_far and max(_likeness(*pair) for pair in pairs) > DUPLICATE_CORRELATION
-        ):
-            told = f"roll is made from '{name}', but '{rival}' is as good by its name and turns {times:.2g} times as much"
-            return choice.with_remarks(warning(f"{told}: --column '{rival}' takes that"))
-    return choice
+def _same_motion(times: float, alike: float) -> bool:
+    """Return whether two angles are one motion written twice, in one unit or in two: the one turns so many times as much."""
+    degree = ANGLE_UNITS["deg"]
+    as_far = [abs(times * unit - 1) < 1 - DUPLICATE_CORRELATION for unit in (1.0, degree, 1 / degree)]
+    return any(as_far) and alike > DUPLICATE_CORRELATION
 
 
 def _likeness(one: Array, other: Array) -> float:
