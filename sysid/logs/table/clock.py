@@ -257,7 +257,7 @@ def _even_out(clock: Clock, signal: Array) -> None:
     bursts = bool(np.mean(steps < 0.25 * mean) > 0.2)
     if even is not None:
         off = clock.time - even
-        rounded = resolution > 0 and np.ptp(off) < 1.1 * resolution
+        rounded = not bursts and resolution > 0 and np.ptp(off) < 1.1 * resolution
         if rounded or bursts or _late(clock.time if not forced else _spread(clock.time), even, signal):
             late = float(np.percentile(np.abs(off - np.median(off)), 95))
             clock.time = even - even[0]
