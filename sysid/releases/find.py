@@ -16,6 +16,7 @@ from sysid.releases.chains import SHARE_OF_HALF, Segment, free_segments, given_s
 from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
 from sysid.releases.hand import Span, free_spans
 from sysid.roll import Release, Roll
+from sysid.text import display
 
 STILL = 0.03
 """A deck within this share of the first amplitude counts as held still."""
@@ -57,9 +58,9 @@ def find_releases(
     signal = smooth_signal(part.time, part.roll, std if math.isfinite(std) else 0.0)
     swings = half_cycles_of(signal)
     if not swings:
+        show = display(is_rate=False, slides=roll.slides)
         raise SysidError(
-            f"{roll.log}: nothing moves by more than {math.degrees(signal.min_movement):.2g}° "
-            f"(noise {math.degrees(signal.noise):.2g}°), so there is no decay. {_coarse(part)}"
+            f"{roll.log}: nothing moves by more than {show(signal.min_movement, 2)} (noise {show(signal.noise, 2)}), so there is no decay. {_coarse(part)}"
             "Is it the right column (--column) and the right stretch of the log (--from, --to)?"
         )
     if releases:
@@ -100,7 +101,7 @@ def _coarse(roll: Roll) -> str:
     if not step > COARSE * float(np.ptp(roll.roll)):
         return ""
     return (
-        f"Neighbouring samples differ by up to {math.degrees(step):.2g}°, nearly as much as all of it: if it swings, "
+        f"Neighbouring samples differ by up to {display(is_rate=False, slides=roll.slides)(step, 2)}, nearly as much as all of it: if it swings, "
         f"{roll.sampling_rate:.3g} Hz may be too low. "
     )
 

@@ -47,7 +47,7 @@ def find_gyro(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]
 
 def gyro_from(column: Column, columns: Sequence[Column], sign: float) -> Choice:
     """Return one column that the user names, as a rotation rate."""
-    unit = column.unit if unit_kind(column.unit) == "rate" else None
+    unit = column.unit if unit_kind(column.unit) in ("rate", "speed") else None
     choice = chosen([column], "", sign, f"from the rate '{column.name}', integrated")
     return replace(choice, unit=unit, doubt=0)
 

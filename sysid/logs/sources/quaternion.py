@@ -16,7 +16,8 @@ from sysid.roll import Roll
 
 def find_quaternion(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
     """Return the columns w, x, y, z of one orientation."""
-    found = triple(columns, "quaternion", "wxyz") or triple(columns, "angle", "wxyz")
+    kinds = "quaternion", "angle", "unknown"
+    found = next((four for kind in kinds if (four := triple(columns, kind, "wxyz"))), None)
     if found is None:
         return []
     return [chosen(found, axis, sign, f"from the orientation '{found[0].name}'..., taken as sensor to earth")]

@@ -6,8 +6,8 @@ zero is known, what it measures) is written into the `Roll`, so that nobody need
 
 import importlib
 import pkgutil
-import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
@@ -21,7 +21,15 @@ from sysid.logs import sources as package
 from sysid.logs.table.choose import Choice, find_column, parse_axis, triple
 from sysid.logs.table.clock import MIN_SAMPLES, time_scale, typical_step
 from sysid.logs.table.file import LogFile
-from sysid.logs.table.names import ANGLE_UNITS, RATE_UNITS, Column, parse_unit, unit_kind
+from sysid.logs.table.names import (
+    ANGLE_UNITS,
+    LENGTH_UNITS,
+    RATE_UNITS,
+    SPEED_UNITS,
+    Column,
+    parse_unit,
+    unit_kind,
+)
 from sysid.logs.table.options import LogOptions
 from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.logs.table.rows import LARGEST, LARGEST_STAMP
@@ -33,16 +41,9 @@ DUPLICATE_CORRELATION = 0.9
 """Correlation [1] from which two columns whose sizes agree as well are one motion written twice."""
 AVERAGED_ROWS = (1, 4, 16)
 """Rows that are averaged before two rates are compared: the slope of an angle is mostly noise from row to row."""
-LENGTHS = {
-    "angle": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
-    "rate": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3},
-}
+LENGTHS = {"angle": {unit: LENGTH_UNITS[unit] for unit in ("m", "cm", "mm")}, "rate": SPEED_UNITS}
 """Units of a slide, whose position in m is what an angle in rad is of a hinge. A length is taken where the user names it, or where the
 log holds no angle: other columns of a log are lengths too."""
-_LENGTH = re.compile(
-    r"(?:.*[\W_](?=[cm]m)|.*[(\[]|(?:.*[\W_])?(?:position|distance|displacement|travel|[xyz])_)([cm]?m)(?:[_/](s))?[)\]]?"
-)
-"""A name that ends in a unit of length or speed. A lone m may be a motor's, but not in brackets or behind a position."""
 _ACCELERATION_ALONE = ". An accelerometer alone tells no roll: it feels how the deck swings as well as how it is tilted. Record the gyro beside it."
 _UNITS = {"angle": ("an angle", "rad", ANGLE_UNITS), "rate": ("a rotation rate", "rad/s", RATE_UNITS)}
 
@@ -134,13 +135,14 @@ def choose_source(
         )
     if options.column is not None:
         column = find_column(log, options.column, columns, "--column")
-        options = _with_length(column.name, options)
         source, choice = _named(log, column, columns, sign, options)
         return source, _with_unit(source, choice, options)
     wanted = sources().values() if options.source == "auto" else [sources()[options.source]]
     found = [(s, choice) for s in wanted for choice in s.find(columns, axis, sign)]
-    if not found and options.source == "auto" and (position := _position(columns, options)):
-        return choose_source(log, columns, time, replace(options, column=position.name))
+    if not found and options.source == "auto" and (only := _only_motion(log, columns, options)):
+        source, choice = choose_source(log, columns, time, replace(options, column=only.name))
+        doubt = f"no name says angle or rate; '{only.name}' is the only column that moves and taken as roll"
+        return source, choice if only.kind in ("length", "speed") else choice.with_remarks(warning(doubt))
     if not found:
         what = "roll, angle or rotation rate" if options.source == "auto" else options.source
         accelerated = triple(columns, "accel", "xyz") and not any(column.kind == "rate" for column in columns)
@@ -154,25 +156,22 @@ def choose_source(
     others = ", ".join(dict.fromkeys(other.name for other, _ in found if other is not source))
     if others:
         choice = choice.with_remarks(note("others", f"the log also holds {others}: choose with --source"))
-    if choice.unit is None and len(choice.columns) == 1:
-        options = _with_length(choice.columns[0], options)
     return source, _with_unit(source, choice, options)
 
 
-def _with_length(name: str, options: LogOptions) -> LogOptions:
-    """Return the options with the unit of length or speed that a column's name ends in, where the user gives no unit."""
-    length = _LENGTH.fullmatch(name.lower())
-    if options.unit is not None or length is None:
-        return options
-    return replace(options, unit="/".join(filter(None, length.groups())))
-
-
-def _position(columns: Sequence[Column], options: LogOptions) -> Column | None:
-    """Return the only column that is a length by its name, or the only one that can be the length that the user's unit says."""
-    others = [column for column in columns if column.kind == "unknown"]
-    named = [column for column in others if _LENGTH.fullmatch(column.name.lower())]
-    lengths = named or (others if any(options.unit in units for units in LENGTHS.values()) else [])
-    return lengths[0] if len(lengths) == 1 else None
+def _only_motion(log: LogFile, columns: Sequence[Column], options: LogOptions) -> Column | None:
+    """Return the only length, or else the only column without a known name, that moves; None where several do."""
+    for kinds in (("length", "speed"), ("unknown",)):
+        moving: list[Column] = []
+        for column in columns:
+            if column.kind in kinds:
+                with suppress(SysidError):  # words
+                    values = log.read([column.name])[column.name]
+                    if np.unique(values[np.isfinite(values)]).size > MIN_SAMPLES:
+                        moving.append(column)
+        if moving:
+            return moving[0] if len(moving) == 1 else None
+    return None
 
 
 def _that_moves(
@@ -210,12 +209,16 @@ def _that_moves(
         return source, choice.with_remarks(warning(f"{why}. --column '{named}' takes the other"))
     equals = [k for k in range(1, len(rivals)) if rivals[k][1].columns[0] in found[0][1].rivals]
     times = np.median(sizes / sizes[:, :1], axis=0)
-    equals = [k for k in equals if times[k] > MIN_MOTION_SHARE and not _same_motion(float(times[k]), alike[k])]
+    equals = [
+        k for k in equals if times[k] > MIN_MOTION_SHARE and not _same_motion(float(times[k]), alike[k])
+    ]
     if not equals:
         return found[0]
     liveliest = max(equals, key=lambda k: times[k])
     rival = rivals[liveliest][1].columns[0]
-    if times[liveliest] > 1.0 and alike[liveliest] <= DUPLICATE_CORRELATION:  # else it may be a gear's other side
+    if (
+        times[liveliest] > 1.0 and alike[liveliest] <= DUPLICATE_CORRELATION
+    ):  # else it may be a gear's other side
         why = f"roll is made from '{rival}', which turns {times[liveliest]:.2g} times as much as '{named}'"
         source, choice = rivals[liveliest]
         return source, choice.with_remarks(warning(f"{why}: --column '{named}' takes that"))
@@ -244,8 +247,8 @@ def _named(
 ) -> tuple[Source, Choice]:
     """Return the source that one column makes: the user's, else the one of its quantity, else the first."""
     kind = unit_kind(parse_unit(options.unit)) if options.unit else "unknown"
-    kind = next((of for of, units in LENGTHS.items() if options.unit in units), kind)
-    kind = kind if kind in _UNITS else column.kind
+    kind = column.kind if kind == "unknown" else kind
+    kind = {"length": "angle", "speed": "rate"}.get(kind, kind)
     single = [source for source in sources().values() if source.from_column is not None]
     chosen = [
         *(source for source in single if source.name == options.source),

@@ -157,7 +157,9 @@ def _cut_frozen(clock: Clock) -> None:
     end, period = begin + length, typical_step(clock.time)
     if end < clock.time.size and clock.time[end] - clock.time[begin] > 0.5 * length * period:
         return  # the rows came late, and the clock knows of it
-    rows = np.arange(begin + 1) if 2 * begin + length > clock.time.size else np.arange(end - 1, clock.time.size)
+    rows = (
+        np.arange(begin + 1) if 2 * begin + length > clock.time.size else np.arange(end - 1, clock.time.size)
+    )
     left = "after" if rows[0] == 0 else "before"
     clock.warnings.append(
         f"the clock stands still over {length} rows at {shown(float(clock.time[begin]))}: the rows {left} it have no "
@@ -202,7 +204,9 @@ def _undo_going_back(clock: Clock, scale: float, spread: float, name: str) -> No
     time = clock.time = clock.time.copy()
     usual = typical_step(time)
     resets = {
-        size * scale: f"the {np.log2(size):.0f}-bit counter of time overflowed" for size in COUNTERS if spread < size
+        size * scale: f"the {np.log2(size):.0f}-bit counter of time overflowed"
+        for size in COUNTERS
+        if spread < size
     }
     for length, what in (resets | WALL).items():
         steps = np.diff(time)
@@ -230,7 +234,9 @@ def _undo_going_back(clock: Clock, scale: float, spread: float, name: str) -> No
     else:
         clock.select(np.argsort(time, kind="stable"))
         clock.time = clock.time - clock.time[0]
-        clock.warnings.append(f"{back.size} rows were out of order, first at row {back[0] + 2}: sorted by time")
+        clock.warnings.append(
+            f"{back.size} rows were out of order, first at row {back[0] + 2}: sorted by time"
+        )
 
 
 def _drop_copies(clock: Clock, signal: Array) -> None:
@@ -262,7 +268,9 @@ def _even_out(clock: Clock, signal: Array) -> None:
             late = float(np.percentile(np.abs(off - np.median(off)), 95))
             clock.time = even - even[0]
             if rounded:
-                text = f"time: stamps rounded to {resolution:.3g} s; even clock of {1 / usual_step(even):.4g} Hz"
+                text = (
+                    f"time: stamps rounded to {resolution:.3g} s; even clock of {1 / usual_step(even):.4g} Hz"
+                )
                 clock.notes.append(text)
             else:
                 clock.warnings.append(

@@ -23,7 +23,9 @@ def noise_of(time: Array, signal: Array) -> Noise:
     low, high = np.percentile(np.diff(time), (10, 90))
     if signal.size < BLOCK or high < 1.1 * low:
         return noise
-    starts = np.unique(np.linspace(0, signal.size - DIFFERENCE - 1, min(signal.size, MAX_ROWS)).astype(np.intp))
+    starts = np.unique(
+        np.linspace(0, signal.size - DIFFERENCE - 1, min(signal.size, MAX_ROWS)).astype(np.intp)
+    )
     rows = starts[:, None] + np.arange(DIFFERENCE + 1)
     nodes = time[rows]
     apart = nodes[:, :, None] - nodes[:, None, :] + np.where(np.eye(DIFFERENCE + 1), 1.0, 0.0)
