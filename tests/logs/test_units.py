@@ -84,7 +84,7 @@ def test_a_length_beside_an_angle_is_not_taken(tmp_path):
     np.savetxt(log, table, "%.6f", ",", header="time_s,x_mm,roll_rad", comments="")
     assert np.ptp(read_roll(log).roll) == pytest.approx(0.2, rel=1e-3)
     np.savetxt(log, table, "%.6f", ",", header="time_s,x_mm,y_mm", comments="")
-    with pytest.raises(SysidError, match="lie on no circle.*--pivot X Y"):
+    with pytest.raises(SysidError, match=r"lie on no circle.*--pivot X Y"):
         read_roll(log)
 
 

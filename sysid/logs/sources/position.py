@@ -10,6 +10,7 @@ from sysid.logs.table.choose import Choice, chosen, triple
 from sysid.logs.table.names import LENGTH_UNITS, Column
 from sysid.logs.table.noise import noise_of
 from sysid.logs.table.remarks import note
+from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Z95
 from sysid.roll import Array, Roll
 
@@ -55,7 +56,8 @@ def fit_circle(points: Array) -> tuple[Array, float, float, float]:
     start = (x, y, np.sqrt(max(rest + x**2 + y**2, 1e-6)))
     fit = least_squares(lambda c: np.hypot(some[:, 0] - c[0], some[:, 1] - c[1]) - c[2], start)
     variance = 2 * fit.cost / max(len(some) - 3, 1)
-    covariance = variance * np.linalg.pinv(fit.jac.T @ fit.jac)
+    # Errors that last, of a motion that is no circle, count once for as long as they do.
+    covariance = variance * correlation_length([fit.fun]) * np.linalg.pinv(fit.jac.T @ fit.jac)
     spread = float(np.sqrt(covariance[2, 2])) * size
     return fit.x[:2] * size + middle, float(fit.x[2]) * size, spread, float(np.sqrt(variance)) * size
 
