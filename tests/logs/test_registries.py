@@ -119,6 +119,7 @@ def test_formats_and_sensors_keep_their_order():
             "MATLAB",
             "HDF5",
             "JSON",
+            "phyphox experiment",
             "labelled text",
             "text table",
         )

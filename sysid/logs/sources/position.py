@@ -76,7 +76,9 @@ def roll_from_position(reading: Reading) -> Roll:
         how = "given"
     else:
         pivot, radius, spread, beside = fit_circle(points)
-        if not (Z95 * spread < radius and beside < 0.2 * radius):
+        half = min(float(np.linalg.norm(np.ptp(points, axis=0))) / (2 * radius), 1.0)
+        height = radius * (1 - np.sqrt(1 - half**2))  # of the arc over its chord
+        if not (Z95 * spread < radius and height > 3 * beside):
             raise SysidError(
                 f"'{choice.columns[0]}' and '{choice.columns[1]}' lie on no circle of known radius ({radius:.3g} ± "
                 f"{Z95 * spread:.2g} {unit}). For a pendulum, give its pivot: --pivot X Y. For a slide, name one of them: "

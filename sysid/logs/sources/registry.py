@@ -6,6 +6,7 @@ zero is known, what it measures) is written into the `Roll`, so that nobody need
 
 import importlib
 import pkgutil
+import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -160,7 +161,12 @@ def choose_source(
 
 
 def _only_motion(log: LogFile, columns: Sequence[Column], options: LogOptions) -> Column | None:
-    """Return the only length, or else the only column without a known name, that moves; None where several do."""
+    """Return the only length, or else the only column without a known name, that moves; None where several do.
+
+    Columns that differ by a number alone count as one; bare x, y and z may be of any sensor.
+    """
+    if triple(columns, "unknown", "xyz"):
+        return None
     for kinds in (("length", "speed"), ("unknown",)):
         moving: list[Column] = []
         for column in columns:
@@ -169,8 +175,10 @@ def _only_motion(log: LogFile, columns: Sequence[Column], options: LogOptions) -
                     values = log.read([column.name])[column.name]
                     if np.unique(values[np.isfinite(values)]).size > MIN_SAMPLES:
                         moving.append(column)
-        if moving:
-            return moving[0] if len(moving) == 1 else None
+        if (
+            len({re.sub(r"\d", "", column.name) for column in moving}) == 1
+        ):  # of x1 and x2, the one that moves more
+            return max(moving, key=lambda column: float(np.nanstd(log.read([column.name])[column.name])))
     return None
 
 

@@ -352,7 +352,7 @@ def _late(stamps: Array, even: Array, signal: Array) -> bool:
     noise, width = np.inf, 7
     residual, slope = signal, np.zeros_like(signal)
     while width < signal.size:
-        smooth = savgol_filter(signal, width, 3)
+        smooth = np.asarray(savgol_filter(signal, width, 3), np.float64)
         # White noise leaves 1 - h of its variance, h the filter's weight of the sample itself.
         own = savgol_filter(np.eye(1, width, width // 2)[0], width, 3)[width // 2]
         left = float(np.median(np.abs(signal - smooth))) / np.sqrt(1 - own)
@@ -361,7 +361,7 @@ def _late(stamps: Array, even: Array, signal: Array) -> bool:
         noise, residual = min(left, noise), signal - smooth
         slope = np.asarray(savgol_filter(signal, width, 3, deriv=1, delta=float(np.median(np.diff(even)))))
         width = 2 * width + 1
-    moved = slope * (off - savgol_filter(off, 7, 3))
+    moved = slope * (off - np.asarray(savgol_filter(off, 7, 3), np.float64))
     power = float(moved @ moved)
     if power == 0:
         return False

@@ -76,8 +76,13 @@ _UNITS = {
 }
 
 
+def _plain(text: str) -> str:
+    """Return text without the marks above and below its letters: é is e."""
+    return unicodedata.normalize("NFC", re.sub("[\u0300-\u036f]", "", unicodedata.normalize("NFD", text)))
+
+
 def _vocabulary(words: str) -> set[str]:
-    return set(words.split())
+    return set(_plain(words).split())
 
 
 _TIME_WORDS = _vocabulary(
@@ -236,9 +241,7 @@ def _split_brackets(name: str) -> tuple[str, str]:
 
 
 def _words(label: str) -> list[str]:
-    # Accents off, but only after letters: é is e, and the marks of other scripts stay what they are.
-    label = re.sub(r"(?<=[A-Za-z])[\u0300-\u036f]", "", unicodedata.normalize("NFD", label.translate(_GREEK)))
-    label = re.sub(r"([^\W\d_\x00-\x7fµμ])(?=[A-Za-z]\b)", r"\1 ", unicodedata.normalize("NFC", label))
+    label = re.sub(r"([^\W\d_\x00-\x7fµμ])(?=[A-Za-z]\b)", r"\1 ", _plain(label.translate(_GREEK)))  # 角速度x
     label = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", label)
     words: list[str] = []
     for word in re.split(r"[^\w°²]+|_", label.lower()):
