@@ -50,7 +50,7 @@ def _refuse_bomb(path: Path) -> None:
 
 
 def vectors_of(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Array]]:
-    """Yield the real vectors among some variables, those of matrices and structures included."""
+    """Yield the real vectors among some variables, shape (n,) in their units, those of matrices and structures included."""
     for name, value in content.items():
         label = f"{prefix}{name}"
         if hasattr(value, "_fieldnames"):

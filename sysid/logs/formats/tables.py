@@ -60,6 +60,8 @@ def sensor_tables(
 def log_of_vectors(path: Path, kind: str, vectors: Mapping[str, Array]) -> LogFile:
     """Return the vectors of a file as one log, each on the clock of its length whose name is most like its own.
 
+    The vectors are of shape (n,), of any length each, in the units of the file.
+
     Raises:
         SysidError: There is no vector.
     """

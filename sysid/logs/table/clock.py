@@ -17,7 +17,7 @@ GAP = 4.5
 """A step this many times the usual one is a gap: four samples in a row are lost. At random, one sample in twenty being lost, that
 happens once in 160 000."""
 COUNTERS = (2.0**32, 2.0**16)
-"""Counts after which a counter of time begins again at zero."""
+"""Counts after which a counter of time begins again at zero [1]."""
 WALL = {86400.0: "the time of day passed midnight", 3600.0: "the clock was set back by an hour"}
 """Steps back of a clock on the wall [s]."""
 OWN_TIMES = 1e5
