@@ -94,9 +94,9 @@ class Phone:
         turned = np.zeros((0, 4))
         for sensor in self._sensors:
             try:
-                columns = [
-                    np.array(list(answer["buffer"][name]["buffer"]), np.float64) for name in sensor.buffers
-                ]
+                columns = [np.array(answer["buffer"][name]["buffer"], np.float64) for name in sensor.buffers]
+                if any(column.ndim != 1 for column in columns):
+                    raise ValueError("no list of numbers")
             except (KeyError, TypeError, ValueError, OverflowError) as error:
                 raise SysidError(
                     f"{self.address}: the phone answers without the {sensor.name.lower()}'s numbers "

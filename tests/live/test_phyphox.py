@@ -4,7 +4,7 @@ import json
 import socket
 import threading
 import time
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 
 import numpy as np
 import pytest
@@ -78,22 +78,32 @@ def test_a_row_that_has_not_arrived_whole_comes_with_the_next_answer(export, tmp
     assert len(read_roll(tmp_path / "log").time) == len(read_roll(export).time)
 
 
+@contextmanager
 def answering(body, *, drip=False):
     """Serve one answer to every question, byte by byte if it shall `drip`; yield its address."""
     server = socket.create_server(("127.0.0.1", 0))
+    server.settimeout(0.1)
+    ended = threading.Event()
 
     def serve():
-        with suppress(OSError):
-            while True:
+        while not ended.is_set():
+            with suppress(OSError):
                 connection = server.accept()[0]
-                with connection, suppress(OSError):
+                connection.settimeout(5.0)
+                with connection:
                     connection.recv(4096)
                     for part in (body[n : n + 1] for n in range(len(body))) if drip else (body,):
                         connection.sendall(part)
                         time.sleep(0.2 if drip else 0.0)
 
-    threading.Thread(target=serve, daemon=True).start()
-    return server, f"127.0.0.1:{server.getsockname()[1]}"
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    try:
+        yield f"127.0.0.1:{server.getsockname()[1]}"
+    finally:
+        ended.set()
+        thread.join()
+        server.close()
 
 
 def http(content):
@@ -110,16 +120,14 @@ def http(content):
     ],
 )  # fmt: skip
 def test_any_answer_of_a_phone_ends_in_one_line(tmp_path, body):
-    server, address = answering(body)
-    with server, pytest.raises(SysidError) as caught:
+    with answering(body) as address, pytest.raises(SysidError) as caught:
         Phone(address, tmp_path / "log").connect()
     assert str(caught.value).isprintable()
 
 
 def test_an_answer_that_drips_ends_in_time(tmp_path):
-    server, address = answering(http(b" " * 10_000), drip=True)
     begin = time.monotonic()
-    with server, pytest.raises(SysidError):
+    with answering(http(b" " * 30), drip=True) as address, pytest.raises(SysidError):
         Phone(address, tmp_path / "log").connect()
     assert time.monotonic() - begin < 2 * PATIENCE
 
@@ -129,12 +137,12 @@ def test_an_answer_that_drips_ends_in_time(tmp_path):
 )
 def test_numbers_that_are_none_are_refused_in_one_line(tmp_path, numbers):
     names = ("gyr_time", "gyrX", "gyrY", "gyrZ")
-    server, address = answering(http(json.dumps({"buffers": [{"name": name} for name in names]}).encode()))
-    phone = Phone(address, tmp_path / "log")
-    with server:
+    with answering(http(json.dumps({"buffers": [{"name": name} for name in names]}).encode())) as address:
+        phone = Phone(address, tmp_path / "log")
         phone.connect()
-    server, phone.address = answering(
-        http(('{"buffer": {' + ", ".join(f'"{n}": {{"buffer": {numbers}}}' for n in names) + "}}").encode())
-    )
-    with server, pytest.raises(SysidError, match="without the gyroscope's numbers"):
+    held = ", ".join(f'"{name}": {{"buffer": {numbers}}}' for name in names)
+    with (
+        answering(http(f'{{"buffer": {{{held}}}}}'.encode())) as phone.address,
+        pytest.raises(SysidError, match="without the gyroscope's numbers"),
+    ):
         phone.poll()
