@@ -136,8 +136,8 @@ class Phone:
             alarm.start()
             try:
                 connection.request("GET", path)
-                answer = connection.getresponse()
-                body = answer.read(MAX_ANSWER + 1)
+                with connection.getresponse() as answer:
+                    body = answer.read(MAX_ANSWER + 1)
             finally:
                 alarm.cancel()
                 connection.close()

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.logs.sources.axis import angle_about, find_roll_axis
+from sysid.logs.sources.axis import find_roll_axis, plane_about
 from sysid.logs.sources.registry import Reading, Source
 from sysid.logs.table.choose import Choice, chosen, triple
 from sysid.logs.table.names import Column
@@ -46,13 +46,13 @@ def roll_from_quaternion(reading: Reading) -> Roll:
     rates = np.concatenate((rates[:1], 0.5 * (rates[1:] + rates[:-1]), rates[-1:]))
     axis = find_roll_axis(rates, choice)
     remarks = axis.remarks
-    about = angle_about(axis.vector, attitude.as_matrix()[:, 2, :])
-    if about is None:  # the axis stands upright: the sum of the turns is all there is
+    up = attitude.as_matrix()[:, 2, :]
+    plane = plane_about(axis.vector, up)
+    if plane is None:  # the axis stands upright: the sum of the turns is all there is
         roll = np.concatenate(([0.0], np.cumsum(turned @ axis.vector)))
         remarks += note("zero", "at the first sample: the roll axis stands upright")
     else:
-        roll, zero = about
-        remarks += zero
+        roll, remarks = np.unwrap(np.angle(plane.of(up))), remarks + plane.zero
     noise = noise_of(reading.time, roll)
     remarks += note("noise", f"{np.rad2deg(noise.std):.3g}° from the whole signal")
     return reading.as_roll(roll, np.full(roll.size, noise.std), "quaternion", remarks, zero="constant")

@@ -114,7 +114,7 @@ def sources() -> Mapping[str, Source]:
         importlib.import_module(f"{package.__name__}.{found.name}")
         for found in pkgutil.iter_modules(package.__path__)
     )
-    found = [module.SOURCE for module in modules if hasattr(module, "SOURCE")]
+    found = [value for module in modules for value in vars(module).values() if isinstance(value, Source)]
     return MappingProxyType({source.name: source for source in sorted(found, key=lambda s: s.order)})
 
 

@@ -355,10 +355,11 @@ def _late(stamps: Array, even: Array, signal: Array) -> bool:
         smooth = np.asarray(savgol_filter(signal, width, 3), np.float64)
         # White noise leaves 1 - h of its variance, h the filter's weight of the sample itself.
         own = savgol_filter(np.eye(1, width, width // 2)[0], width, 3)[width // 2]
-        left = float(np.median(np.abs(signal - smooth))) / np.sqrt(1 - own)
+        rest: Array = np.subtract(signal, smooth)
+        left = float(np.median(np.abs(rest)) / np.sqrt(1 - float(own)))
         if left > 1.2 * noise:
             break
-        noise, residual = min(left, noise), signal - smooth
+        noise, residual = min(left, noise), rest
         slope = np.asarray(savgol_filter(signal, width, 3, deriv=1, delta=float(np.median(np.diff(even)))))
         width = 2 * width + 1
     moved = slope * (off - np.asarray(savgol_filter(off, 7, 3), np.float64))
