@@ -37,6 +37,8 @@ USUAL_ARM = 0.5
 """Standard deviation of a lever arm on a board, before it is known [m]."""
 LASTING = 2.0
 """Periods for which the strength of accelerations beside gravity stays about the same: a hand's touch, or a release."""
+ARMS = (-0.3 + 0j, -0.1 + 0j, 0j, 0.03 + 0j, 0.1 + 0j, 0.3 + 0j, 1.0 + 0j)
+"""Lever arms from which the search begins without a gyro [m]: each makes a swing a third or three times as large."""
 CONSISTENT = 0.25
 """Share by which a scale may be uncertain before a log counts as without one [1]."""
 
@@ -212,16 +214,17 @@ def roll_from_accelerometer(reading: Reading) -> Roll:
     if plane is None:
         raise SysidError("the roll axis stands upright, where gravity tells no roll. Record a gyro.")
     blocks = _blocks(reading.time, None, plane.of(accel))
-    felt = np.unwrap(np.angle(blocks.accel))
-    middle = 0.5 * (blocks.edges[1:] + blocks.edges[:-1])
-    start, given = np.interp(blocks.edges, middle, felt), _given_arm(reading, plane)
-    stiff = 0.1 * float(np.std(start))
-    swing = smooth_swing(blocks, start, arm=given, stiff=stiff)
-    omega = np.pi / (float(np.median(np.diff(blocks.edges))) * max(half_cycle(felt), 1.0))
+    along = blocks.accel.imag
+    omega = np.pi / (float(np.median(np.diff(blocks.edges))) * max(half_cycle(along), 1.0))
+    given = _given_arm(reading, plane)
+    swing = min(
+        (_swung(blocks, omega, arm, given) for arm in (ARMS if given is None else [given])),
+        key=lambda s: s.cost,
+    )
     tilt = swing.gravity + omega**2 * swing.arm.real
     scale_std = abs(omega**2 * float(swing.std[3]) / tilt)
     if not scale_std < CONSISTENT:
-        swing = smooth_swing(blocks, start, arm=0j, stiff=stiff)
+        swing = _swung(blocks, omega, 0j, 0j)
         tilt, scale_std = swing.gravity, 1.0
         remarks += warning(
             "nothing tells the lever arm from the axis to the accelerometer: frequency and damping are right, the size of the "
@@ -250,6 +253,16 @@ def roll_from_accelerometer(reading: Reading) -> Roll:
         zero="constant",
         scale_std=scale_std,
     )
+
+
+def _swung(blocks: Blocks, omega: float, first: complex, arm: complex | None) -> Swing:
+    """Smooth accelerations alone: the search begins from a swing at `omega` [rad/s] with the lever arm `first` [m]."""
+    size = STANDARD_GRAVITY + omega**2 * first.real
+    along = np.interp(blocks.edges, 0.5 * (blocks.edges[1:] + blocks.edges[:-1]), blocks.accel.imag)
+    start = along / (size if abs(size) > 1.0 else np.copysign(1.0, size))
+    with np.errstate(all="ignore"):  # a start that leads nowhere
+        swing = smooth_swing(blocks, start, arm=arm, first=first, stiff=0.1 * float(np.std(start)))
+    return swing if np.isfinite(swing.cost) else replace(swing, cost=np.inf)
 
 
 def accel_in_si(accel: Array, choice: Choice) -> tuple[Array | None, Remarks]:

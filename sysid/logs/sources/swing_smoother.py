@@ -76,6 +76,8 @@ class Swing:
     """Standard deviations of offset [rad/s], gain [1], gravity [m/s²] and arm (2) [m], shape (5,)."""
     left: npt.NDArray[np.complex128]
     """Residual acceleration, complex [m/s²], shape (n,)."""
+    cost: float
+    """Half the sum of squares, in deviations [1]."""
 
 
 def smooth_swing(
@@ -112,7 +114,7 @@ def smooth_swing(
     const = np.array([0.0, 0.0, STANDARD_GRAVITY, rho.real, rho.imag])
     prior = np.array([np.inf, gain_std, np.inf, LONGEST_ARM, LONGEST_ARM])
     free = np.array([has_gyro, has_gyro, True, arm is None, arm is None])
-    cost, left, inverse = np.inf, np.zeros(n, complex), np.eye(5)
+    cost, now, left, inverse = np.inf, np.inf, np.zeros(n, complex), np.eye(5)
     for _ in range(ROUNDS):
         offset, gain, gravity = const[:3]
         rho = complex(const[3], const[4])
@@ -164,7 +166,7 @@ def smooth_swing(
             break
         cost = now
     std = np.sqrt(np.clip(np.diagonal(inverse), 0.0, None)) * free
-    return Swing(phi, const[0], 1 + const[1], const[2], complex(const[3], const[4]), std, left)
+    return Swing(phi, const[0], 1 + const[1], const[2], complex(const[3], const[4]), std, left, now)
 
 
 def _stencil(weights: Array, rows: int, nodes: int) -> Any:
