@@ -16,7 +16,7 @@ from typing import Any, Self
 import tomlkit
 
 from sysid.errors import SysidError, did_you_mean
-from sysid.files import shipped_data, write_atomically
+from sysid.files import read_small, shipped_data, write_atomically
 from sysid.quantity import Quantity, slide_unit
 from sysid.shown import MOST_SHOWN, Shown
 
@@ -322,7 +322,7 @@ def load_board(path: Path) -> Board:
             message names file, field and the expected value.
     """
     try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+        raw = tomllib.loads(read_small(path))
     except (OSError, UnicodeDecodeError) as error:
         raise SysidError(f"{path}: cannot read the board record ({error}).") from error
     except (tomllib.TOMLDecodeError, RecursionError) as error:

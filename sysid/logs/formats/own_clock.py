@@ -1,4 +1,4 @@
-"""Clocks in two columns: whole seconds, and the rest of each second beside them, as ROS stamps its messages."""
+"""Clocks that a table writes in ways of its own: in two columns, as numbers of frames, or one before each signal."""
 
 import re
 from collections.abc import Sequence
@@ -7,10 +7,65 @@ from itertools import pairwise
 
 import numpy as np
 
+from sysid.logs.formats.tables import sensor_tables
+from sysid.logs.table.clock import MIN_SAMPLES, time_scale
 from sysid.logs.table.content import numbers_of
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import TIME_UNITS, Column, parse_column, stem_of_clock
 from sysid.roll import Array
+
+FRAME = "frame"
+"""What motion capture calls the column that counts its pictures."""
+
+
+def with_frame_clock(log: LogFile, rate: float) -> LogFile:
+    """Return a log whose column of frames stands for time [s]; the log itself where it has a clock or no frames.
+
+    Args:
+        rate: Frames a second [Hz].
+    """
+    frame = next((name for name in log.names if name.lower() == FRAME), None)
+    if frame is None or any(parse_column(name, log.units.get(name)).kind == "time" for name in log.names):
+        return log
+    clock = f"time of {frame}"
+
+    def read(names: Sequence[str]) -> dict[str, Array]:
+        data = log.read([frame if name == clock else name for name in names])
+        return {name: data[frame] / rate if name == clock else data[name] for name in names}
+
+    return replace(
+        log, names=tuple(clock if name == frame else name for name in log.names), units={**log.units, clock: "s"},
+        notes=(*log.notes, f"time: frames at {rate:g} Hz, as the head of the file says"), read=read,
+    )  # fmt: skip
+
+
+def with_own_clocks(log: LogFile) -> LogFile:
+    """Return a table of t1, x1, t2, x2, ... as sensors with clocks of their own; the log itself where it is none."""
+    columns = [parse_column(name, log.units.get(name)) for name in log.names]
+    starts = [
+        n for n, c in enumerate(columns) if c.kind == "time" or re.fullmatch(r"t\W?\d+", c.name.lower())
+    ]
+    widths = np.diff([*starts, len(columns)])
+    if len(starts) < 2 or starts[0] != 0 or widths.min() < 2 or widths.max() > widths.min():
+        return log
+    data = numbers_of(log)
+    clocks: dict[str, Array] = {}
+    sensors: dict[str, tuple[str, Array]] = {}
+    for begin, width in zip(starts, widths, strict=True):
+        clock, *values = columns[begin : begin + width]
+        if clock.name not in data:
+            return log
+        rows = np.isfinite(data[clock.name])
+        times = data[clock.name][rows]
+        if times.size < MIN_SAMPLES or np.mean(np.diff(times) > 0) < 0.5:
+            return log
+        clocks[clock.name] = times * time_scale(times, clock.unit)[0]
+        sensors |= {
+            column.name: (clock.name, data[column.name][rows]) for column in values if column.name in data
+        }
+    return sensor_tables(
+        log.path, clocks, sensors, f"table: each of {', '.join(sensors)} with a clock of its own"
+    )
 
 
 def with_whole_clock(log: LogFile) -> LogFile:
