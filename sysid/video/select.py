@@ -18,7 +18,7 @@ from sysid.video.follow import MIN_SEEN_SHARE, follow, follow_all, track_of
 from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import CameraState, before_looking
-from sysid.video.pose.prior import ANY_SIDE, BodyPrior
+from sysid.video.pose.prior import ANY_SIDE, BODY_FLOOR, BodyPrior
 from sysid.video.pose.rectify import upright
 from sysid.video.pose.view import View
 from sysid.video.registration import BodyPicture, picture_of_body
@@ -42,9 +42,6 @@ WHOLE_BODY = 3.0
 """The whole body is preferred even where it states so many times the uncertainty: it states what lasts (`BODY_FLOOR`),
 which a few points do not know of. In rendered films it takes off most of the error of texture and half of that of dots; a
 marker on a bare deck, which is sure of its corners, reads damping with less bias alone."""
-BODY_FLOOR = 0.04
-"""Least standard deviation of the body's points [px]: what compression does to a picture lasts as long as the board is
-held there, and shifts all of it. With this, 95 % intervals of k and d hold the truth in 68 rendered films."""
 MAX_ASIDE = 4.0
 """What runs on circles only for a camera that stands so many standard deviations from where people stand turns about no axis of a board."""
 MAX_BENT_PATCHES, MAX_BENT = 0.007, 0.002
