@@ -12,7 +12,7 @@ import numpy as np
 
 from sysid.errors import SysidError
 from sysid.roll import Array
-from sysid.video.film.camera import Lens
+from sysid.video.film.camera import FOCAL_SPREAD, Lens
 from sysid.video.film.frames import Frame, halved
 from sysid.video.film.shake import MIN_PATCHES, Shake, find_shake, still
 from sysid.video.types import Mask, Picture, Points
@@ -105,8 +105,9 @@ class Background:
         usual = np.isfinite(seen[..., 0]).mean(axis=0) > 0.5
         if self.stands or usual.sum() < MIN_PATCHES:
             return still(len(turn), focal, centre, found=self.stands)
+        spread = 0.0 if self.lens.known else FOCAL_SPREAD
         places = (self.lens.straighten(one) @ np.array([1, 1j]) - centre for one in (home[usual], seen[:, usual]))
-        return find_shake(*(np.asarray(one, np.complex128) for one in places), focal, centre, turn)
+        return find_shake(*(np.asarray(one, np.complex128) for one in places), focal, centre, turn, spread)
 
     def _follow(self, small: Picture) -> Points:
         """Find the patches, shape (m, 2) [px of the small picture]; NaN where one is not found."""

@@ -84,7 +84,9 @@ def _turned(place: Complex, motion: Array, focal: float) -> Complex:
         return focal * (across + 1j * down) / depth
 
 
-def find_shake(home: Complex, seen: Complex, focal: float, centre: complex, turn: Array) -> Shake:
+def find_shake(
+    home: Complex, seen: Complex, focal: float, centre: complex, turn: Array, focal_std: float = 0.0
+) -> Shake:
     """Fit the camera's motion to patches of background, if it is likelier than none.
 
     A patch belongs to the body if a circle about the body's pivot explains its path better than the camera does. Both
@@ -96,8 +98,11 @@ def find_shake(home: Complex, seen: Complex, focal: float, centre: complex, turn
         focal: Focal length [px].
         centre: Middle of the picture [px].
         turn: The body's turn [rad], shape (n,).
+        focal_std: Standard deviation of the focal length's logarithm [1]; 0 for a known lens.
     """
     count = len(seen)
+    if focal_std:
+        focal = _likeliest_focal(home, seen, focal, focal_std)
     motion, rest, spread = fit_rotations(home, seen, focal)
     circle = _rest_of_circles(seen, turn)
     # Four numbers a patch for the body, and each patch's share of the camera's four numbers a frame.
@@ -117,6 +122,19 @@ def find_shake(home: Complex, seen: Complex, focal: float, centre: complex, turn
     number = np.arange(count)
     motion = np.stack([np.interp(number, number[good], column[good]) for column in motion.T], axis=1)
     return Shake(motion, std, focal, centre, True)
+
+
+def _likeliest_focal(home: Complex, seen: Complex, focal: float, std: float) -> float:
+    """Return the focal length [px] with which patches (m,) in n frames (n, m) fit best, by likelihood and prior.
+
+    A pan bends the picture the more, the shorter the lens. Fifty frames are used: neighbours err alike.
+    """
+    seen = seen[np.unique(np.linspace(0, len(seen) - 1, 50).astype(int))]
+    tried = std * np.linspace(-2.5, 2.5, 11)
+    rest = [fit_rotations(home, seen, focal * np.exp(one))[1].reshape(-1, 1) for one in tried]
+    scale = np.array([_scale(one, 0)[0] for one in rest])
+    score = -2 * np.isfinite(rest[0]).sum() * np.log(scale) - (tried / std) ** 2 / 2
+    return float(focal * np.exp(tried[np.argmax(score)]))
 
 
 def still(count: int, focal: float, centre: complex, *, found: bool = False) -> Shake:
