@@ -76,7 +76,7 @@ class LearnOptions:
     gradient_norm: float = 1.0
     save_every: int = 100
     """Iterations between checkpoints."""
-    style_weight: float = 5.0
+    style_weight: float = 25.0
     """Weight of the style reward per second."""
 
 

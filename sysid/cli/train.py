@@ -92,7 +92,7 @@ class Learner:
     """Change of the policy that the learning rate aims at, an iteration."""
     save_every: Annotated[int, Parameter(validator=Number(gte=1))] = 100
     """Iterations between checkpoints."""
-    style_weight: Annotated[float, Parameter(validator=Number(gte=0))] = 5.0
+    style_weight: Annotated[float, Parameter(validator=Number(gte=0))] = 25.0
     """Weight of the style reward per second."""
     curriculum: Literal["on", "off"] = "on"
     """Whether patience with a wrong stance, entropy and the differences of the worlds follow what the learner can

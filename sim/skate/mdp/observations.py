@@ -19,7 +19,9 @@ The critic's vector, in order (privileged, without noise, one frame):
 | 14 | their angles to the path's orientations [rad]; zero outside transitions |
 | 12 | forces ground–left, ground–right, deck–left, deck–right, world frame, sign(f) log(1 + |f|) |
 | 4 | wheels on the ground |
-| 1 | time since the left foot touched the ground [s] |
+| 2 | time since the left foot touched the ground, and since it came down [s] |
+| 1 | board's speed, averaged over a stride, less the commanded one [m/s] |
+| 1 | 1 while the cycle waits |
 | 4 | one-hot: pushing, mounting, steering, dismounting |
 | 1 | transition's way gone |
 | 1 | where the right foot shall stay along the deck [m] × 5 |
@@ -109,7 +111,7 @@ class CriticVector(ActorFrame):
     """The privileged vector of the module's table."""
 
     def __call__(self, env: "ManagerBasedRlEnv") -> torch.Tensor:
-        """Return the vector, (n, 196)."""
+        """Return the vector, (n, 199)."""
         command = skate_command(env)
         parts = (
             scale_frame(super().__call__(env)),
@@ -200,6 +202,9 @@ def _contacts(command: SkateCommand) -> tuple[torch.Tensor, ...]:
         torch.sign(forces) * torch.log1p(forces.abs()),
         reading.wheels_loaded().float(),
         command.air_time[:, None].clamp(max=1.0),
+        command.ground_time[:, None].clamp(max=1.0),
+        (command.mean_speed - command.command[:, 0])[:, None],
+        command.still[:, None].float(),
     )
 
 
