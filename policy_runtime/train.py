@@ -261,7 +261,9 @@ def restore(
     if "samples" not in kept:
         say(f"holds no count of samples; taken as {iterations} iterations of {a_step:,}, as they are now")
     states = kept.get("random")
-    if path != folder.started_from():
+    if path == folder.started_from():
+        algorithm.begin_anew(config.learn.restart_std)
+    else:
         if states is None or len(states) != process.count:
             say("holds no random state for so many processes; random numbers start from the seed")
         else:

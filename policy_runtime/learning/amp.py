@@ -31,7 +31,7 @@ class AmpOptions:
 
     weight: float = 5.0
     """Weight of the style reward per second; 0 leaves the discriminator out."""
-    jitter: float = 0.03
+    jitter: float = 0.015
     """Noise added to joint angles of both kinds of windows while the discriminator learns [rad]. Without it the
     trembling of exploration alone tells them apart, and no stride earns any style."""
     hidden: tuple[int, ...] = (256, 256)
@@ -245,6 +245,14 @@ class AmpPPO(PPO):
             self.mean_actor.module.load_state_dict(self._raw_actor.state_dict())
             self.mean_actor.n_averaged.fill_(loaded_dict["iteration"])
         return loaded
+
+    def begin_anew(self, std: float) -> None:
+        """Let the mean of the actor forget an earlier run; let actions deviate by `std` unless it is 0."""
+        if std > 0:
+            with torch.no_grad():
+                self._raw_actor.distribution.std_param.fill_(std)
+        self.mean_actor.module.load_state_dict(self._raw_actor.state_dict())
+        self.mean_actor.n_averaged.zero_()
 
     def broadcast_parameters(self) -> None:
         """Give all processes the weights of the first."""

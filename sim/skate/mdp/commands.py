@@ -288,8 +288,12 @@ class SkateCommand(CommandTerm):
             self.refresh()
         self._update_path()
 
-    def count_strides(self, left_on_ground: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def count_strides(self, left_on_ground: torch.Tensor, place: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Take a step with or without the left foot on the ground into account.
+
+        Args:
+            left_on_ground: Whether it is, bool (n,).
+            place: Of the left foot along the board [m], (n,).
 
         Returns:
             Whether the foot has just come down, bool (n,), and how far it travelled along the board since it last
@@ -298,13 +302,20 @@ class SkateCommand(CommandTerm):
         comes_down = left_on_ground & (self.air_time > 0)
         self.air_time.copy_(torch.where(left_on_ground, 0.0, self.air_time + CONTROL_PERIOD))
         self.ground_time.copy_(torch.where(left_on_ground, self.ground_time + CONTROL_PERIOD, 0.0))
-        place = self.reading.soles_on_board()[:, 0, 0]
         low, high = self._foot_range
         travel = high - low
         begins = comes_down | ~self.pushing | (self._env.episode_length_buf <= 1)
         low.copy_(torch.where(begins, place, torch.minimum(low, place)))
         high.copy_(torch.where(begins, place, torch.maximum(high, place)))
         return comes_down, travel
+
+    def speed_error(self) -> torch.Tensor:
+        """Return `mean_speed` less the commanded speed [m/s], (n,)."""
+        return self.mean_speed - self._command[:, 0]
+
+    def holds_speed(self) -> torch.Tensor:
+        """Return how well `mean_speed` is the commanded one, from 0 to 1, (n,)."""
+        return (-(self.speed_error() ** 2) / self._options.speed_tolerance).exp()
 
     def average_speed(self) -> torch.Tensor:
         """Take a step into account and return `mean_speed`: a push speeds the board up, and it slows down until the next."""

@@ -142,7 +142,7 @@ def _read(env: "ManagerBasedRlEnv") -> SkateState:
     on_deck = reading.marker_offset()
     on_ground = reading.loaded(contacts.FEET_GROUND)
     actions = env.action_manager
-    touchdown, travel = command.count_strides(on_ground[:, 0])
+    touchdown, travel = command.count_strides(on_ground[:, 0], on_deck[:, 0, 0])
     return SkateState(
         pushing=command.pushing,
         transition=command.transition,
@@ -171,6 +171,7 @@ def _read(env: "ManagerBasedRlEnv") -> SkateState:
         left_ground_time=command.ground_time,
         left_touchdown=touchdown,
         left_travel=travel,
+        left_place=on_deck[:, 0, 0],
         left_slip=reading.left_slip(),
         left_sole_heights=reading.left_sole_heights(),
         wheel_on_ground=reading.wheels_loaded(),

@@ -13,14 +13,12 @@ import torch
 from sim.board.scene import TILT_JOINT, TRUCK_JOINTS
 from sim.skate import rotation
 from sim.skate.cycle.transitions import KEY_BODIES
-from sim.skate.robot.g1 import FOOT_BODIES, JOINTS, SOLE_HEIGHT
+from sim.skate.robot.g1 import FOOT_BODIES, JOINTS, SOLE_CENTRE
 from sim.skate.world import contacts
 
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
 
-SOLE_CENTRE = (0.039, 0.0, -SOLE_HEIGHT)
-"""Middle of the sole in the ankle roll frame [m]; the capsules reach from x = -0.054 to 0.132."""
 SOLE_POINTS = ((0.15, 0.0, 0.0), (-0.15, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, -0.1, 0.0))
 """Four points in the plane of the sole about its middle [m], by which it is judged flat."""
 BALL = (0.075, 0.0, 0.0)
@@ -55,7 +53,8 @@ class Reading:
         self._markers = torch.tensor(
             [[-wheelbase / 2, 0.0, top], [wheelbase / 2, 0.0, top]], device=env.device, dtype=torch.float
         )
-        self._weight = float(model.body("robot/pelvis").subtreemass[0]) * float(np.linalg.norm(model.opt.gravity))
+        self.weight = float(model.body("robot/pelvis").subtreemass[0]) * float(np.linalg.norm(model.opt.gravity))
+        """Of the robot [N]."""
         self._root = int(model.body("robot/pelvis").id)
         self.axis_height = float(model.body("board/board").pos[2])
         """Height of the tilt axis over level ground [m]."""
@@ -188,7 +187,7 @@ class Reading:
 
     def load(self, sensor: str) -> torch.Tensor:
         """Vertical force on left and right foot over the robot's nominal weight [1], (n, 2)."""
-        return self.foot_forces(sensor)[..., 2].abs() / self._weight
+        return self.foot_forces(sensor)[..., 2].abs() / self.weight
 
     def loaded(self, sensor: str) -> torch.Tensor:
         """Whether left and right foot are loaded, bool (n, 2)."""

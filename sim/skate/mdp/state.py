@@ -69,6 +69,8 @@ class SkateState:
     """The left foot has just come down, bool (n,)."""
     left_travel: Any
     """Way of the left foot along the board since it last came down [m], (n,); read at touchdowns."""
+    left_place: Any
+    """Place of the left sole along the board, from the rear marker [m], (n,)."""
     left_slip: Any
     """Speed of the left sole over the ground [m/s], (n,)."""
     left_sole_heights: Any

@@ -1,7 +1,8 @@
 """Pushing: strides that push, not taps that hold the speed.
 
 The speed is paid as its mean over a stride, because a push speeds the board up and it slows down until the next.
-What is paid besides is the contact: a foot that stands without slipping, swings, and comes down seldom.
+What is paid besides is the contact: a foot that stands without slipping, swings, and comes down seldom. Contacts and
+style count as far as the speed is held, else marching on the spot earns them.
 """
 
 from collections.abc import Iterator
@@ -30,25 +31,37 @@ def facing_forward(state: SkateState, tolerance: float = 0.5) -> Any:
     return kernel(namespace(state.tilt).abs(wrap_angle(state.robot_heading - state.board_heading)), tolerance)
 
 
-def swing(state: SkateState, shortest: float = 0.2, longest: float = 0.6) -> Any:
+def holds_speed(state: SkateState, tolerance: float) -> Any:
+    """How well the mean speed is the commanded one, from 0 to 1; `tolerance` [m^2/s^2]."""
+    return kernel((state.commanded_speed - state.mean_speed) ** 2, tolerance)
+
+
+def swing(state: SkateState, tolerance: float = 0.25, shortest: float = 0.2, longest: float = 0.6) -> Any:
     """The pushing foot swings as the clips' does, for 0.46 to 0.50 s: its time in the air is in between [s]."""
-    return number((state.left_air_time > shortest) & (state.left_air_time < longest))
+    swings = (state.left_air_time > shortest) & (state.left_air_time < longest)
+    return number(swings) * holds_speed(state, tolerance)
 
 
 def stance(
-    state: SkateState, shortest: float = 0.1, longest: float = 0.6, load: float = 0.15, tolerance: float = 0.1
+    state: SkateState,
+    tolerance: float = 0.25,
+    shortest: float = 0.1,
+    longest: float = 0.6,
+    load: float = 0.15,
+    sliding: float = 0.2,
 ) -> Any:
     """The pushing foot stands as the clips' does, for 0.36 to 0.46 s, under load and without slipping.
 
     Args:
+        tolerance: Of the speed [m^2/s^2].
         shortest: Time on the ground from which it pays [s].
         longest: Time on the ground up to which it pays [s].
         load: Share of the robot's weight that pays in full.
-        tolerance: Of the slip [m/s].
+        sliding: Tolerance of the slip [m/s].
     """
     carried = namespace(state.tilt).clip(state.ground_load[..., 0] / load, None, 1.0)
     lasts = (state.left_ground_time > shortest) & (state.left_ground_time < longest)
-    return number(lasts) * carried * kernel(state.left_slip, tolerance)
+    return number(lasts) * carried * kernel(state.left_slip, sliding) * holds_speed(state, tolerance)
 
 
 def slip(state: SkateState) -> Any:
@@ -79,14 +92,18 @@ def _terms(task: Task) -> Iterator[Reward]:
     yield Reward("push/board_velocity", board_velocity, "push", 3.0, {"tolerance": options.speed_tolerance})
     # The wide kernel leads there from rest, the narrow one pays for the last 0.2 m/s.
     yield Reward("push/exact_velocity", board_velocity, "push", 3.0, {"tolerance": 0.02})
-    yield Reward("push/speed_error", speed_error, "push", -24.0, beginner=0.0)
+    yield Reward("push/speed_error", speed_error, "push", -12.0, beginner=0.0)
     yield Reward("still/speed_error", speed_error, "still", -8.0, beginner=0.0)
     yield Reward("push/facing_forward", facing_forward, "push", 2.0)
     yield Reward("push/left_foot", left_foot_on_deck, "push", -12.0)
-    yield Reward("push/swing", swing, "push", 3.0)
-    yield Reward("push/stance", stance, "push", options.stance)
-    yield Reward("push/slip", slip, "push", -options.slip)
-    yield Reward("push/touchdown", touchdown, "push", -options.touchdown)
+    wide = {"tolerance": options.speed_tolerance}
+    yield Reward("push/swing", swing, "push", 4.0, wide)
+    yield Reward("push/stance", stance, "push", options.stance, wide)
+    # Beginners pay less for a bad contact: a foot that never comes down slips least.
+    yield Reward("push/slip", slip, "push", -options.slip, beginner=-options.beginner * options.slip)
+    yield Reward(
+        "push/touchdown", touchdown, "push", -options.touchdown, beginner=-options.beginner * options.touchdown
+    )
     yield Reward("push/flat_push", flat_push, "push", 0.5)
 
 
