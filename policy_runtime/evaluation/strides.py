@@ -82,7 +82,11 @@ def _median(values: list[float]) -> float:
 def _style_distance(joints: Array, phases: list[tuple[int, int]]) -> float:
     """Return the mean distance of windows of joint angles, (t, 23), in some phases [rad]."""
     seen = np.concatenate(
-        [np.lib.stride_tricks.sliding_window_view(joints[a:b], WINDOW, axis=0) for a, b in phases if b - a >= WINDOW]
+        [
+            np.lib.stride_tricks.sliding_window_view(joints[a:b], WINDOW, axis=0)
+            for a, b in phases
+            if b - a >= WINDOW
+        ]
         or [np.zeros((0, joints.shape[1], WINDOW))]
     )
     if not len(seen):

@@ -173,7 +173,16 @@ def _report_table(
     from reports.figures.ride import suite_figure
     from reports.paper.parts import text
 
-    errors = ("E_vel_mean_speed", "E_yaw", "E_contact", "E_stop", "stride_period", "foot_travel", "slip", "style_distance")
+    errors = (
+        "E_vel_mean_speed",
+        "E_yaw",
+        "E_contact",
+        "E_stop",
+        "stride_period",
+        "foot_travel",
+        "slip",
+        "style_distance",
+    )
     policies = list(dict.fromkeys(one.policy for _, one in rides))
     rows = [
         {

@@ -288,7 +288,9 @@ class SkateCommand(CommandTerm):
             self.refresh()
         self._update_path()
 
-    def count_strides(self, left_on_ground: torch.Tensor, place: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def count_strides(
+        self, left_on_ground: torch.Tensor, place: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         """Take a step with or without the left foot on the ground into account.
 
         Args:

@@ -53,7 +53,9 @@ class Reading:
         self._markers = torch.tensor(
             [[-wheelbase / 2, 0.0, top], [wheelbase / 2, 0.0, top]], device=env.device, dtype=torch.float
         )
-        self.weight = float(model.body("robot/pelvis").subtreemass[0]) * float(np.linalg.norm(model.opt.gravity))
+        self.weight = float(model.body("robot/pelvis").subtreemass[0]) * float(
+            np.linalg.norm(model.opt.gravity)
+        )
         """Of the robot [N]."""
         self._root = int(model.body("robot/pelvis").id)
         self.axis_height = float(model.body("board/board").pos[2])

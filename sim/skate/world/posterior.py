@@ -57,6 +57,10 @@ class BoardDraws:
     learned_dampers: Array
     """(m, torques, 3), polynomials of the rate that stand for learned torques [N*m and rad/s]."""
 
+    def of(self, field: str, element: str) -> Array:
+        """Return the numbers of one element, shape (m, ...)."""
+        return self.fields[field][:, self.elements[FIELDS[field]].index(element)]
+
 
 def draw_boards(board: Board, count: int, spread: Spread, rng: np.random.Generator) -> list[Board]:
     """Return boards whose tilt joint, inertia and rake are drawn about the record."""
@@ -110,7 +114,8 @@ def board_draws(boards: list[Board], timestep: float) -> BoardDraws:
     models = [board_spec(board, ground=False, timestep=timestep).compile() for board in boards]
     elements = {kind: _names(models[0], kind) for kind in dict.fromkeys(FIELDS.values())}
     fields = {
-        name: np.array([read(model, name, elements[kind]) for model in models]) for name, kind in FIELDS.items()
+        name: np.array([read(model, name, elements[kind]) for model in models])
+        for name, kind in FIELDS.items()
     }
     dampers = np.array([[left.damper for *_, left in left_out(model)] for model in models])
     return BoardDraws(fields, elements, dampers)
@@ -134,5 +139,9 @@ def _names(model: mujoco.MjModel, kind: str) -> tuple[str, ...]:
     if kind in ("joint", "dof", "qpos"):
         joints = (model.joint(i) for i in range(model.njnt))
         return tuple(joint.name for joint in joints if joint.type[0] != mujoco.mjtJoint.mjJNT_FREE)
-    counts: dict[str, Any] = {"body": (1, model.nbody), "equality": (0, model.neq), "tendon": (0, model.ntendon)}
+    counts: dict[str, Any] = {
+        "body": (1, model.nbody),
+        "equality": (0, model.neq),
+        "tendon": (0, model.ntendon),
+    }
     return tuple(getattr(model, kind)(i).name for i in range(*counts[kind]))

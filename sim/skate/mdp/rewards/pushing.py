@@ -102,7 +102,11 @@ def _terms(task: Task) -> Iterator[Reward]:
     # Beginners pay less for a bad contact: a foot that never comes down slips least.
     yield Reward("push/slip", slip, "push", -options.slip, beginner=-options.beginner * options.slip)
     yield Reward(
-        "push/touchdown", touchdown, "push", -options.touchdown, beginner=-options.beginner * options.touchdown
+        "push/touchdown",
+        touchdown,
+        "push",
+        -options.touchdown,
+        beginner=-options.beginner * options.touchdown,
     )
     yield Reward("push/flat_push", flat_push, "push", 0.5)
 
