@@ -83,8 +83,6 @@ class Roll(Signal):
     """What was inferred while reading (column, unit, sampling rate, clock repairs), for people."""
     warnings: tuple[str, ...] = ()
     """Problems of the log, in words."""
-    free: npt.NDArray[np.bool_] | None = None
-    """Whether nothing drives the joint, shape (n,), where a column says so."""
     extra: Mapping[str, Array] = field(default_factory=dict[str, Array])
     """Other columns of the log by name, shape (n,) each, in the log's units: those of `LogOptions.also`."""
 

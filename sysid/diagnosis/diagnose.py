@@ -4,7 +4,7 @@ The posterior (`posterior`, `slow_flow`) names families with probabilities. The 
 code of `fit`: those fits give errors, held-out errors, and parameters with intervals.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,6 +28,7 @@ from sysid.fitting.joint import FitOptions, check_parameters, fit_joint
 from sysid.fitting.records import Signal, signal_of
 from sysid.fitting.result import JointFit
 from sysid.noise.floor import NoiseFloor, noise_floor
+from sysid.progress import Listener, listening, stage
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Release
@@ -39,12 +40,10 @@ if TYPE_CHECKING:
 
 FITTED = 6
 """Sets of families that are fitted by output error."""
+EVEN = 0.5
+"""Probability from which a family is taken to act."""
 STOP_LIKELY = 0.2
 """Probability of a stop from which the motion is put on a grid twice as fine: a stiff stop is met and left within a few nodes."""
-
-Progress = Callable[[float, str], None]
-"""Called with a share of the work between 0 and 1 and a word."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
@@ -179,7 +178,7 @@ def diagnose(
     *,
     signal: Signal = "auto",
     fixed: Mapping[str, float] | None = None,
-    progress: Progress | None = None,
+    progress: Listener | None = None,
 ) -> Diagnosis:
     """Name the physical effects that a record is missing, or say that nothing is, or that nothing known explains it.
 
@@ -193,22 +192,25 @@ def diagnose(
     Raises:
         SysidError: Too little motion, or a record without an inertia.
     """
+    with listening(progress):
+        return _diagnosed(data, board, signal, dict(fixed or {}))
+
+
+def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, float]) -> Diagnosis:
     recordings, releases, weak = unpack(data)
     chosen = signal_of(releases, signal)
-    options = FitOptions(fixed=fixed or {}, **chosen)
+    options = FitOptions(fixed=fixed, **chosen)
     own = tuple(part.name for part in board.effects)
     check_parameters(own, options, board)
-    tell = progress or (lambda share, word: None)
     noise = noise_floor(releases, rate=chosen["use_rate"])
-    tell(0.05, "laws")
-    found = judge(releases, board, noise.std, rate=chosen["use_rate"])
-    tell(0.6, "fits")
+    with stage(0.0, 0.6, "laws"):
+        found = judge(releases, board, noise.std, rate=chosen["use_rate"])
     base = Candidate(effects=(), score=0.0, fit=fit_joint(releases, board, own, options))
     left = max(base.rmse**2 - noise.std**2, 0.0) / base.fit.measured_rms**2
-    fits = _fits(found, releases, board, options, own, base)
+    with stage(0.6, 1.0, "fits"):
+        fits = _fits(found, releases, board, options, own, base)
     found, fits = _weighed(found, fits)
     verdict = decide(found, left=left)
-    tell(0.9, "verdict")
     want = frozenset(verdict.families) - {"rest"}
     best = next((c for s, c in fits if frozenset(s.families) - {"rest"} == want), base)
     deviation = record_deviation(best.fit, board) if not want else None
@@ -253,23 +255,33 @@ def judge(releases: Sequence[Release], board: Board, noise: float, *, rate: bool
 
 
 def _weighed(found: Posterior, fits: list[tuple[Found, Candidate]]) -> tuple[Posterior, list[tuple[Found, Candidate]]]:
-    """Return the posterior and the fits by output error, where one of these reaches the noise; else as they are."""
-    chances = weigh([(one, c.fit) for one, c in fits], len(found.inclusion))
+    """Return the posterior and the fits by output error, where one of these reaches the noise; else as they are.
+
+    Each fit has a rest angle of its own, so that it says nothing of another rest angle: the equations do.
+    """
+    once = {c.effects: (one, c) for one, c in reversed(fits)}
+    chances = weigh([(one, c.fit) for one, c in once.values()], len(found.inclusion))
     if chances is None:
         return found, fits
-    both = sorted(zip(chances, fits, strict=True), key=lambda item: -item[0])
-    top = both[0][0]
-    again = [
-        (replace(one, probability=p), replace(c, score=2 * float(np.log(top / max(p, 1e-300))))) for p, (one, c) in both
-    ]
-    inclusion = {f: sum(one.probability for one, _ in again if f in one.families) for f in found.inclusion}
-    best, candidate = again[0]
-    known = {f: size for f, size in found.sizes.items() if f == "rest"}
-    sizes = {**known, **sizes_of(candidate.fit, candidate.effects)}
-    exact = reaches_noise(candidate.fit)
-    nameless = 0.0 if exact else found.nameless
-    share = 0.0 if exact else found.share
-    return replace(found, sets=tuple(one for one, _ in again), inclusion=inclusion, sizes=sizes, nameless=nameless, share=share), again
+    both = sorted(zip(chances, once.values(), strict=True), key=lambda item: -item[0])
+    top, moved = both[0][0], found.inclusion.get("rest", 0.0)
+    again: list[tuple[Found, Candidate]] = []
+    for chance, (one, candidate) in both:
+        pairs = [(f, e) for f, e in zip(one.families, one.effects, strict=True) if f != "rest"]
+        pairs += [("rest", "offset")] if moved > EVEN else []
+        families, effects = tuple(f for f, _ in pairs), tuple(e for _, e in pairs)
+        again.append((
+            replace(one, probability=chance * max(moved, 1 - moved), families=families, effects=effects),
+            replace(candidate, score=2 * float(np.log(top / max(chance, 1e-300)))),
+        ))  # fmt: skip
+    inclusion = {f: sum(c for c, (one, _) in zip(chances, once.values(), strict=True) if f in one.families) for f in found.inclusion}
+    best = again[0][1]
+    sizes = {**{f: size for f, size in found.sizes.items() if f == "rest"}, **sizes_of(best.fit, best.effects)}
+    exact = reaches_noise(best.fit)
+    return replace(
+        found, sets=tuple(one for one, _ in again), inclusion={**inclusion, **({"rest": moved} if "rest" in inclusion else {})},
+        sizes=sizes, nameless=0.0 if exact else found.nameless, share=0.0 if exact else found.share,
+    ), again  # fmt: skip
 
 
 def _fits(
