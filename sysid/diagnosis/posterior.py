@@ -44,6 +44,8 @@ SHOWS = 0.02
 """Share of a law's torque beside spring, damper and a constant below which it is only another spring and damper."""
 LOUD = 1.25
 """χ² over the number of samples from which the sensor is noisier than stated."""
+CONSERVATIVE = 8
+"""Degree of a polynomial of the angle that holds the energy which a law only stores."""
 STILL = 0.012
 """Rate over the widest one below which a joint stands still, if the noise does not hide more."""
 
@@ -153,6 +155,12 @@ def posterior(
         if louder:
             motion, plan = _with_noise(motion, state, envelope), [False, True]
         motion = _without_hands(motion, state, envelope)
+
+
+def lost(torque: Array, angle: Array) -> Array:
+    """Return torques, shape (n, c), without their part that is a function of the angle, which loses no energy."""
+    span = np.polynomial.chebyshev.chebvander(angle / np.abs(angle).max(), CONSERVATIVE)
+    return torque - span @ np.linalg.lstsq(span, torque, rcond=None)[0]
 
 
 def linear_joint(motion: Motion) -> tuple[float, float]:
@@ -427,12 +435,13 @@ class Pass:
         laws_beside = laws - self.frame @ (self.frame.T @ laws)
         g_std = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", table[:, nameless], covariance[nameless, nameless], table[:, nameless]), 0))
         x, v = self.base[:, 0], self.base[:, 1]
-        loss, peak = float(np.sum((d * v + laws) * v)), float(k * np.abs(x).max())
+        loss = float(np.sum((d * v + lost(laws[:, None], x)[:, 0]) * v))
+        peak = float(k * np.abs(x).max())
         sizes: dict[str, Size] = {}
         for i in self.chosen:
             begin = base + at.index(self.items[i].columns[0])
             part = slice(begin, begin + len(self.items[i].columns))
-            torque, work = table[:, part] @ c[part], table[:, part].T @ v
+            torque, work = table[:, part] @ c[part], lost(table[:, part], x).T @ v
             where, own = int(np.abs(torque).argmax()), covariance[part, part]
             sizes[self._family(self.terms[i])] = Size(
                 torque_share=float(np.abs(torque[where]) / peak),
