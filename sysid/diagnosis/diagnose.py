@@ -21,7 +21,7 @@ from sysid.diagnosis.motion import NODES, motion_of
 from sysid.diagnosis.posterior import Found, Posterior, posterior
 from sysid.diagnosis.record import record_deviation
 from sysid.diagnosis.slow_flow import slow_posterior
-from sysid.diagnosis.verdict import Hint, Status, Verdict, decide
+from sysid.diagnosis.verdict import LITTLE, Hint, Status, Verdict, decide
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.fitting.joint import FitOptions, check_parameters, fit_joint
@@ -47,6 +47,8 @@ EVEN = 0.5
 """Probability from which a family is taken to act."""
 PAIRED = 5
 """Single laws from which pairs are made with the best one."""
+SURE = 0.9
+"""Probability of a set from which the equations decide."""
 STOP_LIKELY = 0.2
 """Probability of a stop from which the motion is put on a grid twice as fine: a stiff stop is met and left within a few nodes."""
 
@@ -220,7 +222,8 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
     with stage(0.6, 1.0, "fits"):
         fits = _fits(found, releases, board, options, own, base)
     found, fits = _weighed(found, fits)
-    verdict = decide(found, left=left)
+    explained = 1 - (min(c.beyond for _, c in fits) / base.beyond) ** 2 if base.beyond else 1.0
+    verdict = decide(found, left=left, explained=explained)
     want = frozenset(verdict.families) - {"rest"}
     best = next((c for s, c in fits if frozenset(s.families) - {"rest"} == want), base)
     deviation = record_deviation(best.fit, board) if not want else None
@@ -272,7 +275,7 @@ def _weighed(found: Posterior, fits: list[tuple[Found, Candidate]]) -> tuple[Pos
     once = {c.effects: (one, c) for one, c in reversed(fits)}
     chances = weigh([(one, c.fit) for one, c in once.values()], len(found.inclusion))
     if chances is None:
-        return _carrying(found, fits), fits
+        return _carrying(_by_fits(found, fits), fits), fits
     both = sorted(zip(chances, once.values(), strict=True), key=lambda item: -item[0])
     top, moved = both[0][0], found.inclusion.get("rest", 0.0)
     again: list[tuple[Found, Candidate]] = []
@@ -313,8 +316,9 @@ def _fits(
         if not names:
             fits[names] = one, replace(base, score=score)
             return
+        near = {"rest_angle": 0.0, **one.parameters} if one.parameters else None
         try:
-            fit = fit_joint(releases, board, (*own, *names), options, base.fit.problem.scales)
+            fit = fit_joint(releases, board, (*own, *names), options, base.fit.problem.scales, near)
         except SysidError:
             return
         fits[names] = one, Candidate(effects=names, score=score, fit=fit)
@@ -340,6 +344,22 @@ def _fits(
                 )
             )
     return list(fits.values())
+
+
+def _by_fits(found: Posterior, fits: list[tuple[Found, Candidate]]) -> Posterior:
+    """Return the posterior with the simplest law first whose fit is about the best, where the equations are not sure.
+
+    About the best is an error beyond the noise within `BENDS` of the least one.
+    """
+    least = min(c.beyond for _, c in fits)
+    if found.share <= LITTLE and found.sets[0].probability > SURE:
+        return found
+    near = [(one, c) for one, c in fits if c.beyond <= (1 + BENDS) * least]
+    one, candidate = min(near, key=lambda item: (len(item[1].fit.problem.names), item[1].beyond))
+    rest = tuple(s for s in found.sets if s.families != one.families)
+    chance = max(one.probability, found.sets[0].probability)
+    sizes = {**found.sizes, **sizes_of(candidate.fit, candidate.effects)}
+    return replace(found, sets=(replace(one, probability=chance), *rest), sizes=sizes)
 
 
 def _carrying(found: Posterior, fits: list[tuple[Found, Candidate]]) -> Posterior:

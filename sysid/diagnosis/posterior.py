@@ -71,7 +71,7 @@ class Found:
     probability: float
     """Of the families."""
     parameters: Mapping[str, float]
-    """By 'effect.parameter', in their units: where a fit may start."""
+    """'stiffness', 'damping' and 'effect.parameter', in their units: where a fit may start."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -258,9 +258,18 @@ class Cell:
 
 
 def found_sets(
-    cells: Sequence[tuple[Problem, Sets]], terms: Sequence[Term | None], families: Sequence[str], sizes: Sequence[Array], base: int
+    cells: Sequence[tuple[Problem, Sets]], terms: Sequence[Term | None], families: Sequence[str], sizes: Sequence[Array],
+    linear: Mapping[str, tuple[float, float]],
 ) -> tuple[tuple[Found, ...], tuple[Found, ...], dict[str, float], int, list[int]]:
-    """Return sets of families and single families over all hypotheses, inclusion, the best hypothesis, and its best items."""
+    """Return sets of families and single families over all hypotheses, inclusion, the best hypothesis, and its best items.
+
+    Args:
+        cells: Hypotheses of the noise with the evidence of their sets.
+        terms: All terms; None stands for another rest angle.
+        families: Names of the families.
+        sizes: Strength of each term's columns at which a coefficient is 1.
+        linear: Value of 'stiffness' and 'damping' where their coefficients are 0, and the unit of these.
+    """
     logs = np.concatenate([s.log_evidence for _, s in cells])
     masks = np.concatenate([s.families for _, s in cells])
     rows = np.concatenate([s.items for _, s in cells])
@@ -276,16 +285,19 @@ def found_sets(
 
     def found(probability: float, mask: int) -> Found:
         cell, items = best(mask)
-        return _found(solve(cells[cell][0], items), terms, sizes, base, probability)
+        return _found(solve(cells[cell][0], items), terms, sizes, cells[cell][0].base, linear, probability)
 
     sets = tuple(found(probability, mask) for probability, mask in ranked[:SETS])
     singles = tuple(found(probability, mask) for probability, mask in ranked if mask and mask & (mask - 1) == 0)
     return sets, singles, inclusion, *best(ranked[0][1])
 
 
-def _found(scored: Scored, terms: Sequence[Term | None], sizes: Sequence[Array], at: int, probability: float) -> Found:
+def _found(
+    scored: Scored, terms: Sequence[Term | None], sizes: Sequence[Array], at: int, linear: Mapping[str, tuple[float, float]],
+    probability: float,
+) -> Found:  # fmt: skip
     """Return a set of terms with their parameters."""
-    parameters: dict[str, float] = {}
+    parameters = {name: zero + unit * float(m) for (name, (zero, unit)), m in zip(linear.items(), scored.means, strict=False)}
     for i in scored.items:
         term, size = terms[i], sizes[i]
         means = scored.means[at : at + len(size)] * size
@@ -396,10 +408,16 @@ class Pass:
     def _summary(self, cells: Sequence["Cell"]) -> Posterior:
         """Return sets, inclusion, sizes and torques from all evidence."""
         sets, singles, inclusion, which, self.chosen = found_sets(
-            [(c.problem, c.sets) for c in cells], self.terms, self.families, self.sizes, self.base.shape[1]
+            [(c.problem, c.sets) for c in cells], self.terms, self.families, self.sizes, self._linear()
         )
         self.cell, self.cells = cells[which], cells
         return self._torques(sets, singles, inclusion)
+
+    def _linear(self) -> dict[str, tuple[float, float]]:
+        """Return stiffness and damping of the smoother, and their units."""
+        w, inertia = self.motion.frequency, self.laws.scales.inertia
+        units = {"stiffness": inertia * w * w, "damping": inertia * w}
+        return {name: (getattr(self.state, name) * unit, unit) for name, unit in units.items()}
 
     def _torques(
         self, sets: tuple[Found, ...], singles: tuple[Found, ...], inclusion: Mapping[str, float]

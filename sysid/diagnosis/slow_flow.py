@@ -216,7 +216,9 @@ def slow_posterior(fast: Posterior, parts: Mapping[str, Effect], inertia: float)
                 constant = -0.5 * spread - 0.5 * reduced[0, 0] + more
                 cells.append((problem, replace(sets, log_evidence=sets.log_evidence + constant), tau))
     scaled = [np.ones(t.columns.shape[2]) for t in kept]
-    ranked = found_sets([(p, s) for p, s, _ in cells], kept, families, scaled, 2)
+    unit = inertia * motion.frequency**2
+    linear = {"stiffness": (unit, unit), "damping": (0.0, inertia * motion.frequency)}
+    ranked = found_sets([(p, s) for p, s, _ in cells], kept, families, scaled, linear)
     sets, singles, inclusion, which, best = ranked
     problem, _, tau = cells[which]
     scored = solve(problem, best)

@@ -1,6 +1,7 @@
 """Fit one joint to releases: the search, then removal of parameters that the data do not need, then outliers."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,13 +13,17 @@ from sysid.errors import SysidError, did_you_mean
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, make_records
 from sysid.fitting.result import JointFit, summarise
-from sysid.fitting.search import scales_of, search
+from sysid.fitting.search import scales_of, search, starting_points
 from sysid.fitting.smoothing import is_table, learn
 from sysid.joint.structure import Structure, structure_of
 from sysid.least_squares import Minimum
 from sysid.noise.floor import noise_floor
 from sysid.noise.whiteness import correlation_length
 from sysid.roll import Release
+
+
+BESIDE = 3
+"""Starts of the catalogue tried beside one that is near the minimum."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -196,6 +201,7 @@ def fit_joint(
     effects: Sequence[str] = (),
     options: FitOptions | None = None,
     scales: Scales | None = None,
+    start: Mapping[str, float] | None = None,
 ) -> JointFit:
     """Fit stiffness, damping, rest angle and the parameters of some effects to releases.
 
@@ -205,6 +211,7 @@ def fit_joint(
         effects: All effects of the joint.
         options: Options of the fit.
         scales: Sizes of the problem, where another fit of these releases knows them.
+        start: All parameters near the minimum, tried beside the first ones of the catalogue.
 
     Raises:
         SysidError: Nothing to fit, an effect that free decays cannot identify, or no convergence.
@@ -225,7 +232,9 @@ def fit_joint(
         raise SysidError(
             f"a learned torque and a prior of {', '.join(options.priors)}: fit the one without the other."
         )
-    problem, minimum, evaluations = (learn if learns else search)(
+    first = starting_points(structure, scales, fixed)
+    starts = first if start is None else [start, *first[:BESIDE]]
+    problem, minimum, evaluations = (learn if learns else partial(search, starts=starts))(
         structure, records, scales, bias=bias, fixed=fixed, bounded=options.bounds, steps_per_period=fine,
         priors={**record_priors(structure, board, options, fixed), **priors_of(board, options)},
     )  # fmt: skip
