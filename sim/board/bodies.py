@@ -72,7 +72,7 @@ _DECK_COLOUR, _METAL, _WHEEL_COLOUR, _MARKER = "d4ad78", "8c9199", "edede6", "33
 
 def colour(digits: str) -> list[float]:
     """Return red, green, blue and opacity as shares of full [1]."""
-    return [*(value / 255 for value in bytes.fromhex(digits)), 1.0]
+    return [*(round(value / 255, 2) for value in bytes.fromhex(digits)), 1.0]
 
 
 def wheel_friction(board: Board) -> tuple[float, float, float]:
