@@ -37,8 +37,6 @@ ATOL = 1e-10
 """Tolerances of DOP853, relative and in rad: the motion is right to about 1e-8 rad, 1e-5 of a sensor's noise."""
 _LARGEST = 2 * math.pi
 """Roll beyond which a deck has turned over [rad]."""
-_PROBES = (0.2, 0.4, 0.6, 0.8, 1.0)
-"""Fractions of a step at which the guards are evaluated [1]: a kink crossed twice within one step shows."""
 _MAX_STEPS = 20_000
 """A few seconds of computing: a release needs some hundred steps, with hard stops some thousand."""
 
@@ -322,7 +320,7 @@ def _first_event(
     end: float,
 ) -> tuple[str, float] | None:
     """Return name and time of the first guard that becomes negative between `begin` and `end`."""
-    probes = [begin, *(begin + f * (end - begin) for f in _PROBES[:-1]), end]
+    probes = np.linspace(begin, end, 6).tolist()  # a kink crossed twice within one step shows
     states = path(np.array(probes)).T
     first: tuple[str, float] | None = None
     for name, guard in guards:
