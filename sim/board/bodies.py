@@ -128,13 +128,9 @@ def add_deck(root: mujoco.MjsBody, board: Board, inertia: float, tilt_range: flo
 
 
 def add_truck(
-    root: mujoco.MjsBody,
-    board: Board,
-    end: Literal["front", "rear"],
-    tilt_range: float,
-    coupling: Coupling,
+    root: mujoco.MjsBody, board: Board, end: Literal["front", "rear"], tilt_range: float, coupling: Coupling,
     wheel_friction: Sequence[float],
-) -> None:
+) -> None:  # fmt: skip
     """Add a truck on its steering joint with two wheels; the body's origin is the middle of its axle."""
     geometry = board.geometry
     sign = 1.0 if end == "front" else -1.0
@@ -177,13 +173,9 @@ def _add_wheel(
 
 
 def add_body(
-    parent: mujoco.MjsBody,
-    name: str,
-    pos: Place,
-    mass: float,
-    inertia: Array,
+    parent: mujoco.MjsBody, name: str, pos: Place, mass: float, inertia: Array,
     centre: Place | Array = _ORIGIN,
-) -> mujoco.MjsBody:
+) -> mujoco.MjsBody:  # fmt: skip
     """Add a body at `pos` [m] in its parent, of this mass [kg] and inertia [kg*m^2] about its own axes through `centre` [m]."""
     return parent.add_body(name=name, pos=pos, mass=mass, ipos=centre, inertia=inertia, explicitinertial=True)
 

@@ -198,13 +198,9 @@ def _static_torque(board: Board, tilt: Array) -> Array:
 
 
 def fit_inertia_and_damping(
-    board: Board,
-    start: Board,
-    build: Callable[[Board], mujoco.MjModel],
-    amplitudes: Sequence[float],
-    *,
+    board: Board, start: Board, build: Callable[[Board], mujoco.MjModel], amplitudes: Sequence[float], *,
     after_step: AfterStep | None = None,
-) -> Board:
+) -> Board:  # fmt: skip
     """Fit roll inertia and damping so that MuJoCo's decay is the law's; start rates are free.
 
     The parameters of a second body (support or hanging) are fitted too. Parts that MuJoCo cannot represent are left out of the
@@ -236,14 +232,9 @@ def fit_inertia_and_damping(
 
 
 def evaluate(
-    board: Board,
-    written: Board,
-    build: Callable[[Board], mujoco.MjModel],
-    amplitudes: Sequence[float],
-    how: str,
-    *,
-    after_step: AfterStep | None = None,
-) -> Compensation:
+    board: Board, written: Board, build: Callable[[Board], mujoco.MjModel], amplitudes: Sequence[float],
+    how: str, *, after_step: AfterStep | None = None,
+) -> Compensation:  # fmt: skip
     """Measure both errors of a written board in MuJoCo: unloaded decay and static stiffness."""
     model = build(written)
     error = step_error = decay_error(board, model, amplitudes, after_step=after_step)

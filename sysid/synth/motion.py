@@ -221,17 +221,9 @@ def _followed() -> Generator[None]:
 
 @_followed()
 def simulate(
-    law: TrueLaw,
-    start: Condition,
-    begin: float,
-    end: float,
-    times: Array,
-    hand: Hand | None = None,
-    *,
-    accelerations: bool = False,
-    rtol: float = RTOL,
-    atol: float = ATOL,
-) -> tuple[Array, Condition]:
+    law: TrueLaw, start: Condition, begin: float, end: float, times: Array, hand: Hand | None = None, *,
+    accelerations: bool = False, rtol: float = RTOL, atol: float = ATOL,
+) -> tuple[Array, Condition]:  # fmt: skip
     """Integrate from `begin` to `end` [s] and sample at `times` [s], shape (n,), ascending, in between.
 
     Args:
@@ -314,11 +306,9 @@ def _longest_step(law: TrueLaw) -> float:
 
 
 def _first_event(
-    guards: list[tuple[str, Callable[[float, Array], float]]],
-    path: Callable[[Array | float], Array],
-    begin: float,
-    end: float,
-) -> tuple[str, float] | None:
+    guards: list[tuple[str, Callable[[float, Array], float]]], path: Callable[[Array | float], Array],
+    begin: float, end: float,
+) -> tuple[str, float] | None:  # fmt: skip
     """Return name and time of the first guard that becomes negative between `begin` and `end`."""
     probes = np.linspace(begin, end, 6).tolist()  # a kink crossed twice within one step shows
     states = path(np.array(probes)).T
