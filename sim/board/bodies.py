@@ -52,12 +52,12 @@ thirds of the radius of a small contact patch. The 0.01 m of the authors' releas
 COASTING = (-5.160, 0.7831, 0.02918)
 """Rolling friction [m] for a loss of speed [m/s^2] at 1 m/s: c₀, c₁, c₂ of ln friction = c₀ + c₁ L + c₂ L² with L = ln loss.
 
-Within 4 % of what this scene does under 33 kg from 0.007 to 0.6 m/s² (`benchmarks/results/hands_off.md`). A pyramidal cone makes
+It is within 4 % of this scene under 33 kg, from 0.007 to 0.6 m/s² (`benchmarks/results/hands_off.md`). A pyramidal cone makes
 of rolling friction a loss that grows with the speed and falls with the load."""
 
 WHEEL_IMPEDANCE = (0.99, 0.999)
-"""First two numbers of a wheel's solimp [1]. MuJoCo scales the softness of a contact by the mobility of its bodies: by its
-default, these light wheels sink by 23 mm under a rider, with these numbers by 0.8 mm."""
+"""First two numbers of a wheel's solimp [1]. MuJoCo scales the softness of a contact by the mobility of its bodies. These light
+wheels sink by 0.8 mm under a rider, by 23 mm with the defaults."""
 
 _DIRECT_ARMATURE = 1.0
 """Armature [kg*m^2] of a truck joint that is set from outside: contacts must not turn it within a step. An armature loads its

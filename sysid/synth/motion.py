@@ -4,8 +4,8 @@ The integrator shares nothing with the fitted model (no CasADi, no MuJoCo), and 
 test that recovers their truth compares two independent accounts of the same physics. An effect without a formula here acts by
 the catalogue's law; then the integration alone is independent.
 
-Smooth stretches are integrated by DOP853. The integration stops at each kink or jump of a law (friction that sticks or slips, a
-dead band, a stop, a slider that yields), changes its mode and continues, so that friction sticks and dissipates exactly. It
+Smooth stretches are integrated by DOP853. The integration stops at each kink or jump of a law: friction that sticks or slips, a
+dead band, a stop, a slider that yields. Then it changes the mode and continues, so friction sticks and dissipates exactly. It
 also stops at the knots of a hand's spline, over which a step of eighth order would miss its tolerance.
 
 Equation of motion, with x = φ − s − rest and u = v − w:
