@@ -16,8 +16,9 @@ from typing import Any, Self
 import tomlkit
 
 from sysid.errors import SysidError, did_you_mean
-from sysid.files import shipped_data, write_atomically
+from sysid.files import read_small, shipped_data, write_atomically
 from sysid.quantity import Quantity, slide_unit
+from sysid.shown import MOST_SHOWN, Shown
 
 SCHEMA = 1
 """Version of the record's format; another one is refused."""
@@ -49,8 +50,8 @@ OPTIONAL = {
     "published": PUBLISHED_UNITS,
 }  # fmt: skip
 """Optional sections."""
-TOLD = ("fit", "check", "model")
-"""Sections that commands write."""
+TOLD = {"fit": "fit", "check": "last_check", "model": "model"}
+"""Sections that commands write, and the fields that hold them."""
 TOLD_NUMBERS = {"rmse_before", "rmse", "heldout_rmse", "noise_floor", "nrmse", "tolerance"}
 """Numbers that commands read from these sections and from the history."""
 PHYSICAL = (1e-9, 1e6)
@@ -71,8 +72,8 @@ class BoardEffect:
     """The file that it needs, where it is an effect of the user's own."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Board:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Board(Shown):
     """The record of one board or joint."""
 
     name: str
@@ -91,7 +92,7 @@ class Board:
     """Stiffness and damping as printed by the source, for comparison only."""
     effects: tuple[BoardEffect, ...] = ()
     fit: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    check: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    last_check: Mapping[str, Any] = field(default_factory=dict[str, Any])
     model: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """The MuJoCo model of the joint, and its pose: file, joint, keyframe, pose, free, payload."""
     history: tuple[Mapping[str, Any], ...] = ()
@@ -113,6 +114,34 @@ class Board:
     def save(self, path: str | Path) -> None:
         """Write the record into a TOML file, in one step: a crash at any moment leaves an old one whole."""
         save_board(self, Path(path))
+
+    def brief(self) -> str:
+        """Return name, inertia, stiffness, damping, effects, and whether it passed the check."""
+        k, d = self.tilt["stiffness"], self.tilt["damping"]
+        numbers = [f"I = {self.inertia}", *([] if self.is_unmeasured else [f"k = {k}", f"d = {d}"])]
+        parts = [
+            f"{part.name} ({', '.join(f'{name} {q}' for name, q in fitted[:MOST_SHOWN])})"
+            if fitted
+            else part.name
+            for part in self.effects
+            for fitted in [[(name, q) for name, q in part.parameters.items() if q.value]]
+        ]
+        state = (
+            "passed"
+            if self.passed
+            else "out of date"
+            if self.check_is_stale
+            else "not passed"
+            if self.last_check
+            else "not run"
+        )
+        lines = [
+            f"{type(self).__name__} {self.name}: {self.description}",
+            f"  {', '.join(numbers)}",
+            *(f"  + {part}" for part in parts[:MOST_SHOWN]),
+            f"  check: {state}",
+        ]
+        return "\n".join(lines)
 
     @property
     def stiffness(self) -> float:
@@ -137,18 +166,18 @@ class Board:
     @property
     def passed(self) -> bool:
         """Whether `check` accepted the board as it is recorded now."""
-        return bool(self.check.get("passed", False)) and not self.check_is_stale
+        return bool(self.last_check.get("passed", False)) and not self.check_is_stale
 
     @property
     def check_is_stale(self) -> bool:
         """Whether the record has changed since it was checked: another fit, or an edit by hand."""
-        return bool(self.check) and self.check.get("digest") != self.digest
+        return bool(self.last_check) and self.last_check.get("digest") != self.digest
 
     @property
     def digest(self) -> str:
         """SHA-256 of geometry, masses, inertia, tilt joint and effects, which a check judges."""
         judged = replace(
-            self, description="", source="", decay={}, published={}, fit={}, check={}, history=()
+            self, description="", source="", decay={}, published={}, fit={}, last_check={}, history=()
         )
         return hashlib.sha256(board_to_toml(judged).encode()).hexdigest()
 
@@ -223,11 +252,24 @@ class Board:
 
     def checked(self, entry: Mapping[str, Any]) -> Self:
         """Return a copy with the verdict of a check, valid until the judged numbers change."""
-        return replace(self, check={**entry, "digest": self.digest})
+        return replace(self, last_check={**entry, "digest": self.digest})
 
     def with_tilt(self, **quantities: Quantity) -> Self:
         """Return a copy with some quantities of the tilt joint replaced."""
         return replace(self, tilt={**self.tilt, **quantities})
+
+
+def require_record(board: object) -> None:
+    """Accept the record of a joint.
+
+    Raises:
+        SysidError: It is something else.
+    """
+    if not isinstance(board, Board):
+        raise SysidError(
+            f"a {type(board).__name__} is no joint. A joint is sysid.Joint.load('pink'), "
+            "sysid.Joint.from_mjcf('robot.xml', 'knee') or sysid.Joint.new('rig', '0.0087±0.0001')."
+        )
 
 
 def boards_folder(workspace: Path) -> Path:
@@ -280,7 +322,7 @@ def load_board(path: Path) -> Board:
             message names file, field and the expected value.
     """
     try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+        raw = tomllib.loads(read_small(path))
     except (OSError, UnicodeDecodeError) as error:
         raise SysidError(f"{path}: cannot read the board record ({error}).") from error
     except (tomllib.TOMLDecodeError, RecursionError) as error:
@@ -318,7 +360,7 @@ def board_to_toml(board: Board) -> str:
             table["parameters"] = _quantities(effect.parameters)
             effects.append(table)
         document["effect"] = effects
-    for name, content in (("model", board.model), ("fit", board.fit), ("check", board.check)):
+    for name, content in (("model", board.model), ("fit", board.fit), ("check", board.last_check)):
         if content:
             document[name] = dict(content)
     if board.history:
@@ -375,7 +417,9 @@ class _Reader:
                 self._told(f"history[{i}]", line) for i, line in enumerate(self._tables(raw, "history"))
             ),
             **{name: self._quantities(raw, name, units) for name, units in OPTIONAL.items() if name in raw},
-            **{name: self._told(name, self._table(raw, name)) for name in TOLD if name in raw},
+            **{
+                field: self._told(name, self._table(raw, name)) for name, field in TOLD.items() if name in raw
+            },
         )
 
     def _told(self, where: str, raw: Mapping[str, Any]) -> Mapping[str, Any]:

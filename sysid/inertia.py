@@ -244,7 +244,7 @@ def with_inertia(board: Board, inertia: Quantity) -> Board:
         BoardEffect(e.name, {key: _rescaled(q, board.inertia, inertia) for key, q in e.parameters.items()})
         for e in board.effects
     )
-    return replace(board.with_tilt(**tilt), inertia=inertia, effects=effects, check={})
+    return replace(board.with_tilt(**tilt), inertia=inertia, effects=effects, last_check={})
 
 
 def _rescaled(quantity: Quantity, old: Quantity, new: Quantity) -> Quantity:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import date
 from typing import Any
 
 from sim.check.decays import check_scene
@@ -10,14 +11,15 @@ from sim.compensation.parasitics import DECK, TiltJoint, measure_parasitics
 from sim.compensation.scene import ClampedScene
 from sysid.board import Board
 from sysid.roll import Release
+from sysid.shown import Shown
 from sysid.text import WIDTH, table
 
 ROUNDING = 1e-6
 """Parts below this share of the board's own stiffness, damping or inertia are rounding [1]: poles are measured to 1e-8."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Verdict(Shown):
     """Verdict of `check` on a scene."""
 
     case: Case
@@ -42,6 +44,29 @@ class Verdict:
             for one in self.case.decays.releases
             if one.cut > 0
         )
+
+    def entry(self) -> dict[str, Any]:
+        """Return the verdict as a record's [check] section holds it; see `Board.checked`."""
+        decays = self.case.decays
+        return {
+            "passed": self.passed,
+            "nrmse": float(f"{decays.nrmse:.4g}"),
+            "tolerance": decays.tolerance,
+            "scene": self.case.scene.name,
+            "logs": list(dict.fromkeys(one.release.log for one in decays.releases)),
+            "date": date.today().isoformat(),
+        }
+
+    def brief(self) -> str:
+        """Return the verdict, the error and the scene."""
+        decays = self.case.decays
+        head = f"{'passed' if self.passed else 'not passed'}: NRMSE {100 * decays.nrmse:.2f} %, {100 * decays.tolerance:g} % allowed"
+        lines = [
+            f"Check of {self.case.board.name} in {self.case.scene.name}",
+            f"  {head}",
+            *([] if self.passed else [f"  {self.refusal()}"]),
+        ]
+        return "\n".join(lines)
 
     def refusal(self) -> str:
         """Return the failures and their causes as sentences."""

@@ -128,9 +128,10 @@ def fit(
     intervals = show_intervals(result.joint, record, common, printer, profile=profile, draws=bootstrap)
     for line in scene.lines() if scene else ():
         printer.say(line)
-    if result.joint.excess > TOLERANCE:
-        command = space_of(common, arguments).command("diagnose", *record.options, logs=logs)
-        printer.say(f"to learn what is missing: {command}")
+    missing = result.joint.excess > TOLERANCE
+    verb, why = ("diagnose", "learn what is missing") if missing else ("check", "check it in MuJoCo")
+    command = space_of(common, arguments).command(verb, *record.options, logs=logs)
+    printer.say(f"next: {why}: {command}")
     written = [_draw(common, result)]
     if tables_of(result.joint):
         written.append(_draw_learned(common, result))

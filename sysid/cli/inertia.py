@@ -344,7 +344,7 @@ def _save(board: str, result: Quantity, outcome: Outcome, printer: Printer) -> s
         printer.note(
             f"{board}: {name} {old.tilt[name]} → {new.tilt[name]}, as the decay fixes its ratio to I"
         )
-    if old.check:
+    if old.last_check:
         printer.warn(f"{board}: the check of the old record no longer counts; run it again.")
     printer.say(f"saved: {path}")
     return str(path)

@@ -41,7 +41,7 @@ class VideoArguments:
     camera_angle: _Pair = None
     """Where the deck's axis points, to the right and down from the line of sight, in degrees."""
     pivot: _Pair = None
-    """Point in px that a single dot turns about."""
+    """Point that a single dot, or x and y of a table, turn about: in px, or in the table's unit."""
     no_shake: Flag = False
     """The camera stands still; take no shake out."""
     front: Flag = False
@@ -185,7 +185,7 @@ def unused_options(log: Path, arguments: LogArguments) -> list[str]:
     given, usual = (arguments, LogArguments()) if is_film(log) else (arguments.video, _NO_VIDEO)
     names = ("column", "unit", "axis", "time_column", "source", "lever_arm", "keep_outliers")
     if not is_film(log):
-        names = tuple(field.name for field in fields(VideoArguments))
+        names = tuple(field.name for field in fields(VideoArguments) if field.name != "pivot")
     return ["--" + name.replace("_", "-") for name in names if getattr(given, name) != getattr(usual, name)]
 
 

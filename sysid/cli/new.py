@@ -54,8 +54,10 @@ def new(
     from sysid.fitting.joint import known_priors, prior_in_words
 
     printer = Printer(common)
-    if not name or Path(name).name != name:
-        raise SysidError(f"'{name}' is no name for a record: it becomes a file's, so leave out folders.")
+    if not name.strip(" .") or name.startswith(".") or Path(name).name != name or not name.isprintable():
+        raise SysidError(
+            f"{name!r} is no name for a record: it becomes a file's. Use letters, digits and hyphens."
+        )
     if name in common.space.board_names():
         raise SysidError(
             f"there is a record '{name}' already. Choose another name, or remove {common.space.board_path(name)}."

@@ -88,6 +88,24 @@ def logs_of(
     return files
 
 
+def logs_or_fitted(
+    record: Board, logs: Sequence[Path], arguments: LogArguments, printer: Printer
+) -> tuple[list[Path], LogArguments]:
+    """Return the logs given and how they are read, else those that a record was fitted to, read as they were then.
+
+    Raises:
+        SysidError: Neither is there.
+    """
+    if logs:
+        return list(logs), arguments
+    arguments = as_fitted(record, logs, arguments, printer)
+    found = [file.found for file in logs_of(record, (), arguments, printer, None) if file.found]
+    if not found:
+        raise SysidError(no_logs(record, space_of(printer.common, arguments)))
+    printer.note(f"logs of the fit: {', '.join(map(str, found))}")
+    return found, arguments
+
+
 def no_logs(board: Board, space: Workspace) -> str:
     """Return why there is nothing to look at, and what to do."""
     if not board.fit.get("logs"):

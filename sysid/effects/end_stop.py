@@ -53,6 +53,7 @@ EFFECT = TorqueEffect(
     name="end-stop",
     title="end stop or bumper",
     family="stop",
+    also_called=("stop", "bumper", "limit", "hard stop"),
     parameters=(
         Parameter(
             "angle",

@@ -13,6 +13,7 @@ from sysid.joint.law import JointLaw
 from sysid.joint.sampled import stepped
 from sysid.joint.sensor import clock_ratio, read
 from sysid.roll import Array
+from sysid.shown import Shown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,8 +24,8 @@ FINER = (1, 2, 4, 8)
 """Factors of that number, tried in turn where the motion diverges: a stiff internal state may need shorter steps."""
 
 
-@dataclass(frozen=True, slots=True)
-class Trajectory:
+@dataclass(frozen=True, slots=True, repr=False)
+class Trajectory(Shown):
     """A simulated release."""
 
     time: Array
@@ -33,6 +34,11 @@ class Trajectory:
     """Reading of an angle sensor [rad], shape (n,)."""
     rate: Array
     """Its rate [rad/s], shape (n,)."""
+
+    def brief(self) -> str:
+        """Return how long it is, and between which angles it moves."""
+        low, high = float(self.roll.min()), float(self.roll.max())
+        return f"Trajectory: {len(self.time)} samples in {self.time[-1]:.4g} s, {low:.4g} to {high:.4g} rad"
 
     def to_dataframe(self) -> "pd.DataFrame":
         """Return a table: time_s, roll_rad, rate_rad_s."""

@@ -216,7 +216,7 @@ boards = st.builds(
         max_size=3,
     ).map(tuple),
     fit=sections,
-    check=sections,
+    last_check=sections,
     history=st.lists(sections, max_size=3).map(tuple),
 )
 
@@ -397,7 +397,7 @@ def test_commands_beside_each_other_lose_nothing(tmp_path: Path, pink: Board) ->
     now = space.load_board("pink")
     assert [line["stiffness"] for line in now.history] == [15.0, 16.0]
     assert now.stiffness == 16.0
-    assert not now.check
+    assert not now.last_check
 
 
 @pytest.mark.parametrize(
