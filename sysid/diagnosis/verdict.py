@@ -59,6 +59,9 @@ def decide(found: Posterior, *, left: float) -> Verdict:
         left: Share of the linear joint's error that is beyond the sensor's noise; none of it, nothing can be unexplained.
     """
     best = found.sets[0]
+    nothing = next((s for s in found.sets if not set(s.families) - {"rest"}), None)
+    if nothing is not None and nothing.probability * ODDS > sum(s.probability for s in found.sets):
+        best = nothing  # an effect is named where its absence is unlikely, at 95 %
     named = tuple(f for f in best.families if matters(f, found.sizes.get(f)))
     effects = tuple(e for e, f in zip(best.effects, best.families, strict=True) if f in named)
     strange = found.nameless > NAMELESS and found.nameless > BESIDE * found.named

@@ -7,7 +7,7 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.effects import catalogue, effect
-from sysid.effects._base import TorqueEffect
+from sysid.effects._base import Scales, TorqueEffect
 from sysid.errors import SysidError, did_you_mean
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, make_records
@@ -191,9 +191,20 @@ def priors_of(board: Board, options: FitOptions) -> dict[str, tuple[float, float
 
 
 def fit_joint(
-    releases: Sequence[Release], board: Board, effects: Sequence[str] = (), options: FitOptions | None = None
+    releases: Sequence[Release],
+    board: Board,
+    effects: Sequence[str] = (),
+    options: FitOptions | None = None,
+    scales: Scales | None = None,
 ) -> JointFit:
     """Fit stiffness, damping, rest angle and the parameters of some effects to releases.
+
+    Args:
+        releases: Free decays.
+        board: The record.
+        effects: All effects of the joint.
+        options: Options of the fit.
+        scales: Sizes of the problem, where another fit of these releases knows them.
 
     Raises:
         SysidError: Nothing to fit, an effect that free decays cannot identify, or no convergence.
@@ -205,7 +216,7 @@ def fit_joint(
         raise SysidError("no release to fit. Let the deck go and record until it rests.")
     noise = noise_floor(releases, rate=options.use_rate)
     records = make_records(releases, noise.std, rate=options.use_rate)
-    scales = scales_of(records, board)
+    scales = scales or scales_of(records, board)
     structure = structure_of(effects)
     fixed, bias = held_parameters(structure, board, options)
     fine = options.steps_per_period * (3 if structure.nonsmooth else 1)
