@@ -213,7 +213,7 @@ def unseen(fit: TraceFit, noise: float = 0.0) -> tuple[float, Array]:
     late = refitted(fit, [slice(cut, None) for cut in cuts])
     if early is None or late is None:
         return 0.0, np.zeros(2)
-    if fit.damping_ratio > ONE_RATE:
+    if fit.damping_ratio > ONE_RATE and min(early.decay_rate, late.decay_rate) > 0:
         moved = math.log(late.decay_rate / early.decay_rate)
         return abs(moved) / math.hypot(*(_rate_std(half) for half in (early, late))), np.array([0.0, moved])
     apart = late.poles - early.poles
@@ -226,12 +226,9 @@ def unseen(fit: TraceFit, noise: float = 0.0) -> tuple[float, Array]:
 
 def _rate_std(fit: TraceFit) -> float:
     """Return the standard deviation of the logarithm of the decay rate."""
-    here, steps = math.log(fit.decay_rate), np.sqrt(np.diag(fit.covariance)) * 1e-3
-    slope = np.array([
-        (math.log(replace(fit, poles=fit.poles + step).decay_rate) - here) / max(step.sum(), 1e-300)
-        for step in np.diag(steps)
-    ])  # fmt: skip
-    return math.sqrt(max(float(slope @ fit.covariance @ slope), 1e-30))
+    steps = np.diag([1e-4, 1e-4 * float(fit.poles[1])])
+    slope = [(replace(fit, poles=fit.poles + step).decay_rate / fit.decay_rate - 1) / step.sum() for step in steps]
+    return math.sqrt(max(float(np.array(slope) @ fit.covariance @ np.array(slope)), 1e-30))
 
 
 def _half(one: FittedTrace, fit: TraceFit) -> int:

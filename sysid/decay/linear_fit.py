@@ -32,6 +32,8 @@ GRID = 40
 MOST = 16_384
 """Points of that grid at most."""
 
+GROWTH = 20.0
+"""Logarithm of the growth that a trace may have at most: a swing that grows so far began below any noise."""
 OVERDAMPED = 0.95
 """Damping ratio from which the start of a release is looked at too."""
 ROUNDS = 6
@@ -322,6 +324,8 @@ def _search(traces: Sequence[Trace], poles: Array, beyond: Sequence[Beyond] = ()
     longest = max(float(trace.time[-1] - trace.time[0]) for trace in traces)
 
     def evaluate(poles: Array) -> Normal:
+        if rates(poles)[0] * longest < -GROWTH:
+            return Normal(math.inf, np.zeros(2), np.eye(2))
         parts = [project(trace, poles, one) for trace, one in zip(traces, known, strict=True)]
         gradient = sum((part[2].T @ part[1] for part in parts), np.zeros(2))
         hessian = sum((part[2].T @ part[2] for part in parts), np.zeros((2, 2)))

@@ -366,18 +366,6 @@ def test_a_hand_that_stops_a_deck_in_its_swing_ends_the_release():
     assert 4.5 < release.time[-1] < 4.95
 
 
-@pytest.mark.parametrize(
-    ("sizes", "hand"), [((4.893, 4.105, 3.716), True), ((1.0, 0.67, 0.5), False), ((1.0, 0.8, 0.64), False)]
-)
-def test_a_first_swing_that_loses_more_than_any_drag_was_helped_by_a_hand(sizes, hand):
-    """A pendulum that a hand still led; swings under v³, and under a viscous damper."""
-    from types import SimpleNamespace
-
-    from sysid.releases.chains import _first_swing_is_odd
-
-    assert _first_swing_is_odd([SimpleNamespace(size=size) for size in sizes]) is hand  # pyright: ignore
-
-
 @pytest.mark.parametrize("rate", [100.0, 200.0, 1000.0])
 @pytest.mark.parametrize("noise", [0.0, 0.02 * DEGREE, 0.1 * DEGREE])
 @pytest.mark.parametrize("zeta", [0.04, 0.4])
