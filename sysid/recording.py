@@ -116,7 +116,9 @@ class Recording:
             if one.hold and one.start - given > EARLY_RELEASE_SHARE * one.hold
         )
         driven = tuple(
-            f"something drives it until {shown(one.driven_until)}: free from then on" for one in found if one.driven_until
+            f"something drives it until {shown(one.driven_until)}: free from then on"
+            for one in found
+            if one.driven_until
         )
         recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held, *driven)), releases=found)
         return recording if keep_zero else recording._from_rest()

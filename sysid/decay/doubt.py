@@ -13,7 +13,16 @@ from typing import Literal
 
 import numpy as np
 
-from sysid.decay.linear_fit import FittedTrace, TraceFit, decay_basis, motion, project, rates, refitted, response
+from sysid.decay.linear_fit import (
+    FittedTrace,
+    TraceFit,
+    decay_basis,
+    motion,
+    project,
+    rates,
+    refitted,
+    response,
+)
 from sysid.noise.floor import NoiseFloor, local_noise
 from sysid.noise.whiteness import lag_one
 from sysid.quantity import Z95, Quantity
@@ -21,8 +30,8 @@ from sysid.roll import Array, Release
 
 SURE = 4.0
 """Deviations from which a departure is named: by chance in one of a thousand logs with a dozen tests each."""
-MATTERS = np.array([0.02, 0.1])
-"""Shift of ω_n and of ζ, as shares of them, from which a second law matters: half of what a policy is randomised by."""
+MATTERS = np.array([0.01, 0.05])
+"""Shift of ω_n and of ζ, as shares of them, from which a second law matters: a tenth of the usual randomisation of a policy."""
 OPEN = np.array([0.1, 0.3])
 """Shift of ω_n and of ζ that a log must be able to exclude: the usual randomisation of a policy."""
 USUAL = 0.1
@@ -69,7 +78,7 @@ class SecondLaw:
 
     @property
     def left_open(self) -> Array:
-        """Deviations of the numbers, were it as large as such torques usually are, shape (2,)."""
+        """Deviations of ln ω_n and ln ζ (dimensionless), were it as large as such torques usually are, shape (2,)."""
         return np.abs(self.shift) / math.hypot(1 / max(self.std, 1e-12), 1 / USUAL)
 
 
@@ -149,9 +158,11 @@ def judged(
 
 
 def to_logs(fit: TraceFit) -> Array:
-    """Return the derivatives of (ln ω_n, ln ζ) by (ln m, τ), shape (2, 2); beyond critical damping of (ln ω_n, ln d/k)."""
+    """Return the derivatives of (ln ω_n, ln ζ) by (ln m [1], τ [s]), shape (2, 2); beyond critical damping of (ln ω_n, ln d/k)."""
     tau = float(fit.poles[1]) or 1e-12
-    return np.array([[-0.5, 0.0], [-0.5, 1 / tau]] if fit.damping_ratio < 1 else [[-0.5, 0.0], [0.0, 1 / tau]])
+    return np.array(
+        [[-0.5, 0.0], [-0.5, 1 / tau]] if fit.damping_ratio < 1 else [[-0.5, 0.0], [0.0, 1 / tau]]
+    )
 
 
 def second_laws(fit: TraceFit) -> list[SecondLaw]:
@@ -206,7 +217,7 @@ def unseen(fit: TraceFit, noise: float = 0.0) -> tuple[float, Array]:
         noise: Of the sensor, where the residual is more than that: the residual then says nothing of how far halves differ by chance.
 
     Returns:
-        Their distance in deviations, and the shift of ln ω_n and ln ζ, shape (2,); 0 where a half is too short.
+        Their distance in deviations [1], and the shift of ln ω_n and ln ζ [1], shape (2,); 0 where a half is too short.
     """
     cuts = [_half(one, fit) for one in fit.releases]
     early = refitted(fit, [slice(0, cut) for cut in cuts])
@@ -219,7 +230,9 @@ def unseen(fit: TraceFit, noise: float = 0.0) -> tuple[float, Array]:
     apart = late.poles - early.poles
     spread = early.covariance + late.covariance
     if noise:
-        spread = sum(((noise / half.noise) ** 2 * half.white_covariance for half in (early, late)), np.zeros((2, 2)))
+        spread = sum(
+            ((noise / half.noise) ** 2 * half.white_covariance for half in (early, late)), np.zeros((2, 2))
+        )
     deviations = math.sqrt(max(float(apart @ np.linalg.pinv(spread) @ apart), 0.0))
     return deviations, to_logs(fit) @ apart
 
@@ -227,7 +240,9 @@ def unseen(fit: TraceFit, noise: float = 0.0) -> tuple[float, Array]:
 def _rate_std(fit: TraceFit) -> float:
     """Return the standard deviation of the logarithm of the decay rate."""
     steps = np.diag([1e-4, 1e-4 * float(fit.poles[1])])
-    slope = [(replace(fit, poles=fit.poles + step).decay_rate / fit.decay_rate - 1) / step.sum() for step in steps]
+    slope = [
+        (replace(fit, poles=fit.poles + step).decay_rate / fit.decay_rate - 1) / step.sum() for step in steps
+    ]
     return math.sqrt(max(float(np.array(slope) @ fit.covariance @ np.array(slope)), 1e-30))
 
 
@@ -250,7 +265,7 @@ def scattered(releases: Sequence[Release], rests: Sequence[Quantity]) -> bool:
         > max(SURE * math.hypot(a.std, b.std), LEVELS_APART * min(one.amplitude, other.amplitude))
         for (one, a), (other, b) in combinations(zip(releases, rests, strict=False), 2)
     ]
-    if not any(apart) or len(rests) < 3:
+    if not any(apart) or len(rests) < 3 or len({release.start for release in releases}) < 3:
         return any(apart)
     value, std = (np.array([getattr(rest, name) for rest in rests]) for name in ("value", "std"))
     time = np.array([release.start for release in releases])
@@ -275,7 +290,9 @@ def _widened(fit: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, float]:
     noise *= 1.0 + Z95 * math.sqrt(2.0 / max(count, 1))
     if power <= noise:
         return fit, 1.0
-    if all(one.trace.known_std for one in fit.releases):  # its covariance knows already how long its errors last
+    if all(
+        one.trace.known_std for one in fit.releases
+    ):  # its covariance knows already how long its errors last
         return replace(fit, covariance=fit.covariance * power / noise), math.sqrt(power / noise)
     left = max(values - 2 - 3 * len(fit.releases), 1.5)
     covariance = fit.white_covariance * (1.0 + (power - noise) / (left * fit.noise**2))

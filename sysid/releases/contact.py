@@ -21,9 +21,11 @@ FINE = 48
 """Samples a period that are looked at, of more: means over a block, so that no noise is lost."""
 ERRORS = np.array([0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0])
 """Torque noise as a share of the joint's own torque at its widest swing, over a radian of its swing; the last one is a hand's."""
+BENT = 0.02
+"""Torque noise beyond which a law is not linear, as `ERRORS` [1]."""
 TREMOR = 0.01
 """Way that a hand which holds a joint trembles in a radian of its swing, as a share of the widest one."""
-ASIDE = 0.1
+ASIDE = 0.03
 """Distance from its rest at which dry friction may hold a joint, as a share of its widest swing; farther off a hand holds it."""
 LAG = 0.2
 """Periods between the samples that the law is learned from: near a quarter, where the motion tells stiffness and damping apart."""
@@ -109,7 +111,9 @@ def _learned(
             if last - first < 4 * lag + len(kernel):
                 continue
             even = np.arange(time[first], time[last - 1], step)
-            part = (np.interp(even, time[first:last], roll[first:last]) - spans[i].rest) / max(spans[i].size, 1e-12)
+            part = (np.interp(even, time[first:last], roll[first:last]) - spans[i].rest) / max(
+                spans[i].size, 1e-12
+            )
             mean = np.convolve(part, kernel / kernel.sum(), "valid")
             table = np.zeros((len(mean) - 2 * lag, 3 + len(spans)))
             table[:, 0], table[:, 1], table[:, 2] = mean[2 * lag :], mean[lag:-lag], mean[: -2 * lag]
@@ -145,11 +149,14 @@ def _stretches(time: Array, roll: Array, noise: float, span: Span, law: Law) -> 
     found: list[tuple[float, float]] = []
     since, begin = first, first
     while begin < last - 2:
-        end = begin + _free_for(time[begin:last], roll[begin:last], noise, span, law)
+        end = begin + _free_for(time[begin:last], roll[begin:last], noise, span, law)[0]
         if end - begin > 2 * step or end >= last:
             back = slice(end - 1, since - 1 if since else None, -1)
-            begin = end - _free_for(-time[back], roll[back], noise, span, Law(law.stiffness, -law.damping))
-            start = span.begin if begin - first <= (step / 4 if span.held else 0) else float(time[begin])
+            count, error = _free_for(-time[back], roll[back], noise, span, Law(law.stiffness, -law.damping))
+            begin = end - count
+            # A law that is not linear looks like a push in the first quarter of a swing.
+            room = (step if error > BENT else step / 4) if span.held else 0
+            start = span.begin if begin - first <= room else float(time[begin])
             stop = span.end if last - end <= step / 4 else float(time[end - 1])
             if found and begin - since < step / 2:  # no hand is that quick: the law is not all linear there
                 start = found.pop()[0]
@@ -159,14 +166,14 @@ def _stretches(time: Array, roll: Array, noise: float, span: Span, law: Law) -> 
     return found
 
 
-def _free_for(time: Array, roll: Array, noise: float, span: Span, law: Law) -> int:
-    """Return for how many samples from the first on the joint moves freely.
+def _free_for(time: Array, roll: Array, noise: float, span: Span, law: Law) -> tuple[int, float]:
+    """Return for how many samples from the first on the joint moves freely, and with how much torque noise.
 
     A hand acts from some sample on to another one, or to the last; before the first it acts no more often than each change costs.
     """
     likelihood = _log_likelihood_ratio(time, roll - span.rest, noise, span.size, law)
     gain = np.cumsum(likelihood, axis=0)
-    count = len(gain)
+    count, which = len(gain), 0
     while count > 2:
         part, price = gain[:count], math.log(len(gain))
         highest = np.maximum.accumulate(part, axis=0)
@@ -179,7 +186,7 @@ def _free_for(time: Array, roll: Array, noise: float, span: Span, law: Law) -> i
             break
         until = int(np.argmax(fall[:, which])) if what == 1 else count - 1
         count = int(np.argmax(part[: until + 1, which])) + 1
-    return count
+    return count, float(ERRORS[which])
 
 
 def _log_likelihood_ratio(time: Array, angle: Array, noise: float, size: float, law: Law) -> Array:
@@ -199,7 +206,9 @@ def _log_likelihood_ratio(time: Array, angle: Array, noise: float, size: float, 
     p, r, q = np.full(count, 1e4 * noise**2), np.zeros(count), np.full(count, (3 * omega * size) ** 2)
     held, spread_held, moves = float(angle[0]), noise**2, 0.5
     found = np.zeros((len(time), count - 1))
-    rows = zip(steps.tolist(), xx.tolist(), odd.tolist(), vx.tolist(), vv.tolist(), angle.tolist(), strict=True)
+    rows = zip(
+        steps.tolist(), xx.tolist(), odd.tolist(), vx.tolist(), vv.tolist(), angle.tolist(), strict=True
+    )
     for i, (h, a, b, c, d, seen) in enumerate(rows):
         x, v = a * x + b * v, c * x + d * v
         p, r, q = (

@@ -93,7 +93,10 @@ def _where_free(roll: Roll) -> list[Release]:
         if last - first < FEWEST_SAMPLES:
             continue
         part = replace(roll[first:last], free=None)
-        for given in ((), (float(part.time[0]),)):  # a return that the log cuts off has no rest to be found by
+        for given in (
+            (),
+            (float(part.time[0]),),
+        ):  # a return that the log cuts off has no rest to be found by
             try:
                 found += find_releases(part, releases=given)
                 break
@@ -115,6 +118,8 @@ class _Free:
     """Time for which the deck was held still before [s]."""
     end: float
     """[s]"""
+    settles: bool
+    """Whether it comes to rest by itself before."""
 
 
 def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> list[_Free]:
@@ -129,7 +134,11 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
         stop = float(signal.time[last])
         if other is not None:
             stop = min(stop, float(signal.time[other.swings[0].left]) if other.start is None else other.start)
-        spans.append(Span(begin, max(begin, _rested(signal, segment, begin, stop)), segment.rest, segment.size, hold > 0))
+        spans.append(
+            Span(
+                begin, max(begin, _rested(signal, segment, begin, stop)), segment.rest, segment.size, hold > 0
+            )
+        )
         holds.append(hold)
     # A hand that pushes makes the first swing last.
     later = [swing.duration for segment in segments for swing in segment.wide[1:4] or segment.wide]
@@ -138,18 +147,22 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
     found: list[_Free] = []
     for segment, span, hold, parts in zip(segments, spans, holds, stretches, strict=True):
         kept = [
-            _Free(segment, begin, hold if begin == span.begin else 0.0, end)
+            _Free(
+                segment, begin, hold if begin == span.begin else 0.0, end, segment.settles and end == span.end
+            )
             for begin, end in parts
             if begin == span.begin or (segment.start is None and _swings_in(signal, segment, begin, end))
         ]
         # One swing does not tell a hand from a joint that is not linear.
-        found += kept or [_Free(segment, span.begin, hold, span.end)]
+        found += kept or [_Free(segment, span.begin, hold, span.end, segment.settles)]
     return found
 
 
 def _swings_in(signal: SmoothedSignal, segment: Segment, begin: float, end: float) -> bool:
     """Whether a joint swings twice and more between two times [s]."""
-    inside = [one for one in segment.swings if begin < signal.time[one.reached] and signal.time[one.left] < end]
+    inside = [
+        one for one in segment.swings if begin < signal.time[one.reached] and signal.time[one.left] < end
+    ]
     return len(inside) > 1 and inside[0].size > STILL * segment.size
 
 
@@ -209,7 +222,9 @@ def _release(roll: Roll, signal: SmoothedSignal, free: _Free, number: int) -> Re
     """Cut one free decay out of the log."""
     segment, begin, hold, finish = free.segment, free.begin, free.hold, free.end
     last = signal.roll[(signal.time >= finish - segment.half_period) & (signal.time <= finish)]
-    still = bool(len(last)) and float(np.std(last)) < max(STILL * segment.size / 2, 1.5 * signal.noise)
+    still = free.settles or (
+        bool(len(last)) and float(np.std(last)) < max(STILL * segment.size / 2, 2.5 * signal.noise)
+    )
     end: Literal["rest", "caught", "log"] = "rest" if still else "caught"
     if not still and finish >= signal.time[-1] - 1e-9:
         end = "log"
