@@ -1,3 +1,4 @@
+# ruff: noqa: B023
 """Random logs with hands, motors and sensors of known truth, and what `decay` says of them.
 
     python benchmarks/decay_suite.py --seed 0 --count 3000 --jobs 8
@@ -103,7 +104,7 @@ def make(kind: str, seed: int) -> Made:
     elif kind == "pendulum":
         amplitude = float(rng.uniform(0.5, 2.2))
         torque = lambda x, v: omega**2 * (np.sin(x) - x)  # noqa: E731
-    pieces, now, rest, rest_rate, step = [], 0.0, 0.0, 0.0, 1 / sampling
+    pieces, now, step = [], 0.0, 1 / sampling
 
     def add(duration, move):
         nonlocal now

@@ -198,7 +198,7 @@ def _log_likelihood_ratio(time: Array, angle: Array, noise: float, size: float, 
     steps = np.abs(np.diff(time, prepend=time[0]))
     root = complex(0.25 * law.damping**2 - law.stiffness) ** 0.5 or 1e-9
     fade = np.exp(-0.5 * law.damping * steps)
-    even, odd = fade * np.cosh(root * steps).real, fade * (np.sinh(root * steps) / root).real
+    even, odd = fade * np.real(np.cosh(root * steps)), fade * np.real(np.sinh(root * steps) / root)
     xx, vx, vv = even + 0.5 * law.damping * odd, -law.stiffness * odd, even - 0.5 * law.damping * odd
     omega, count = math.sqrt(law.stiffness), len(ERRORS)
     power = (ERRORS * law.stiffness * size) ** 2 / omega
