@@ -2,7 +2,7 @@
 
     v̇ = -β v - c sgn v,  v(t) = (v₀ + c/β) e^(-βt) - c/β  until it stops,  β = d/I,  c = friction/I
 
-A pure exponential is also the return of an overdamped spring. The turns decide: a spring does not let its joint go round.
+A pure exponential is also the return of an overdamped spring. The angle decides: a spring does not let its joint go round.
 """
 
 import math

@@ -214,7 +214,7 @@ def unseen(fit: TraceFit, noise: float = 0.0) -> tuple[float, Array]:
     """Compare the law of the early half of each release with that of the late half.
 
     Args:
-        noise: Of the sensor, where the residual is more than that: the residual then says nothing of how far halves differ by chance.
+        noise: Of the sensor, where the residual is more than noise and does not measure chance.
 
     Returns:
         Their distance in deviations [1], and the shift of ln ω_n and ln ζ [1], shape (2,); 0 where a half is too short.
@@ -257,8 +257,8 @@ def _half(one: FittedTrace, fit: TraceFit) -> int:
 def scattered(releases: Sequence[Release], rests: Sequence[Quantity]) -> bool:
     """Whether the releases come to rest at different angles, and not further the later.
 
-    Dry friction F holds a joint anywhere within F/k of its rest. A linear decay with a level of its own for each release takes that
-    for a stiffer spring: hardly more residual, and a stiffness that is off by tens of percent.
+    Dry friction F holds a joint anywhere within F/k of its rest. A linear decay with a level for each release takes that for a
+    stiffer spring. The residual hardly grows, and the stiffness is off by tens of percent.
     """
     apart = [
         abs(a.value - b.value)
@@ -276,8 +276,7 @@ def scattered(releases: Sequence[Release], rests: Sequence[Quantity]) -> bool:
 def _widened(fit: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, float]:
     """Widen the covariance where the residual is significantly more than noise, and return by which factor.
 
-    Such a residual follows the motion, so that it has few independent values however many samples draw it, and the fit takes up
-    a part of it: five values of a release.
+    Such a residual follows the motion. It has few independent values, and the fit takes up five of each release.
     """
     power, noise, count, values = 0.0, 0.0, 0, 0.0
     for one in fit.releases:

@@ -154,8 +154,8 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
 def local_noise(curves: Sequence[tuple[Array, Array]], poles: Array) -> NoiseFloor:
     """Return the noise of sampled decays: their scatter about a linear law whose amplitude, phase and level change with time.
 
-    In windows of a period, of three times as many samples as the law has freedoms there at least. What a filter smooths is noise too,
-    as long as it lasts for less than that; and motion that is sampled coarsely is none.
+    A window lasts a period, and has three samples for each freedom of the law. Filtered noise counts in full if it lasts for less
+    than a window. Motion that is sampled coarsely does not count.
 
     Args:
         curves: When each decay was sampled [s], and its signal, each pair of shape (n,).

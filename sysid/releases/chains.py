@@ -93,8 +93,8 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
 def _undriven(signal: SmoothedSignal, segment: Segment) -> Segment:
     """Return a segment without the swings at its beginning that something drives.
 
-    A joint loses at least as much of a wide swing as of a small one, whatever its law. Where the first swings lose less than a quarter
-    of the later ones' loss, energy comes from outside. A mean loss is known to its first and its last swing.
+    A passive joint loses at least as much of a wide swing as of a small one. Where the first swings lose less than a quarter of
+    the later ones' loss, energy comes from outside. The first and the last swing give the mean loss and its deviation.
     """
     whole = segment.swings if segment.settles else segment.swings[:-1]  # the last one is cut
     sizes = np.array([swing.size for swing in whole])

@@ -2,9 +2,9 @@
 
     ẍ = -k (x - r) - d ẋ + torque noise
 
-A free joint needs little torque noise, as much as its law is not linear; a hand or a motor needs as much as the joint's own torque. The
-same filter runs with a ladder of noises. A stretch is free as long as a small noise is likelier than the large one; the change point
-is where the sum of log-likelihood ratios is largest (Page, 1954). Its price is that of the two numbers that a change adds (BIC).
+A free joint needs little torque noise: its departure from the linear law. A hand or a motor needs as much as the joint's own torque.
+The same filter runs with a ladder of noises. A stretch is free while a small noise is likelier than the large one. The change point
+maximises the sum of log-likelihood ratios (Page, 1954). Its price is that of the two numbers that a change adds (BIC).
 """
 
 import math
@@ -21,8 +21,6 @@ FINE = 48
 """Samples a period that are looked at, of more: means over a block, so that no noise is lost."""
 ERRORS = np.array([0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0])
 """Torque noise as a share of the joint's own torque at its widest swing, over a radian of its swing; the last one is a hand's."""
-BENT = 0.02
-"""Torque noise beyond which a law is not linear, as `ERRORS` [1]."""
 TREMOR = 0.01
 """Way that a hand which holds a joint trembles in a radian of its swing, as a share of the widest one."""
 ASIDE = 0.03
@@ -51,8 +49,8 @@ class Span:
     """[rad]"""
     size: float
     """Widest swing [rad]."""
-    held: bool = False
-    """Whether it was held still until it begins: then that time is known to a part of a sample."""
+    let_go: bool = False
+    """Whether it was held still and then pulled home at once: then it begins there, however its law bends."""
 
 
 def free_stretches(
@@ -99,7 +97,7 @@ def _learned(
 ) -> Law | None:
     """Return the law of the free stretches by least squares, each with its own rest; None where they tell none.
 
-    A linear decay at even times obeys x(t + s) = α x(t) + β x(t - s) + c, whatever s is, and so does any moving average of it.
+    A linear decay at even times obeys x(t + s) = α x(t) + β x(t - s) + c for any s. So does any moving average of it.
     """
     step = float(np.median(np.diff(time)))
     lag = max(1, round(LAG * period / step))
@@ -149,14 +147,11 @@ def _stretches(time: Array, roll: Array, noise: float, span: Span, law: Law) -> 
     found: list[tuple[float, float]] = []
     since, begin = first, first
     while begin < last - 2:
-        end = begin + _free_for(time[begin:last], roll[begin:last], noise, span, law)[0]
+        end = begin + _free_for(time[begin:last], roll[begin:last], noise, span, law)
         if end - begin > 2 * step or end >= last:
             back = slice(end - 1, since - 1 if since else None, -1)
-            count, error = _free_for(-time[back], roll[back], noise, span, Law(law.stiffness, -law.damping))
-            begin = end - count
-            # A law that is not linear looks like a push in the first quarter of a swing.
-            room = (step if error > BENT else step / 4) if span.held else 0
-            start = span.begin if begin - first <= room else float(time[begin])
+            begin = end - _free_for(-time[back], roll[back], noise, span, Law(law.stiffness, -law.damping))
+            start = span.begin if begin == first or (span.let_go and not found) else float(time[begin])
             stop = span.end if last - end <= step / 4 else float(time[end - 1])
             if found and begin - since < step / 2:  # no hand is that quick: the law is not all linear there
                 start = found.pop()[0]
@@ -166,14 +161,14 @@ def _stretches(time: Array, roll: Array, noise: float, span: Span, law: Law) -> 
     return found
 
 
-def _free_for(time: Array, roll: Array, noise: float, span: Span, law: Law) -> tuple[int, float]:
-    """Return for how many samples from the first on the joint moves freely, and with how much torque noise.
+def _free_for(time: Array, roll: Array, noise: float, span: Span, law: Law) -> int:
+    """Return for how many samples from the first on the joint moves freely.
 
-    A hand acts from some sample on to another one, or to the last; before the first it acts no more often than each change costs.
+    A hand acts from one sample to another, or to the last. Each change costs its price.
     """
     likelihood = _log_likelihood_ratio(time, roll - span.rest, noise, span.size, law)
     gain = np.cumsum(likelihood, axis=0)
-    count, which = len(gain), 0
+    count = len(gain)
     while count > 2:
         part, price = gain[:count], math.log(len(gain))
         highest = np.maximum.accumulate(part, axis=0)
@@ -186,7 +181,7 @@ def _free_for(time: Array, roll: Array, noise: float, span: Span, law: Law) -> t
             break
         until = int(np.argmax(fall[:, which])) if what == 1 else count - 1
         count = int(np.argmax(part[: until + 1, which])) + 1
-    return count, float(ERRORS[which])
+    return count
 
 
 def _log_likelihood_ratio(time: Array, angle: Array, noise: float, size: float, law: Law) -> Array:
