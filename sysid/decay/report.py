@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from sysid.quantity import Quantity, slide_unit
@@ -69,7 +70,12 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
             if decay.slides
             else "k and d need the roll inertia I: k = I ω_n², d = 2 ζ ω_n I (husky-sysid inertia)"
         )
-    return "\n".join(lines)
+    return "\n".join(part for line in lines for part in _wrapped(line, width))
+
+
+def _wrapped(line: str, width: int) -> list[str]:
+    """Return a line in parts of at most `width` characters; a table as it is."""
+    return [line] if "\n" in line else wrap(line, width, break_long_words=False, break_on_hyphens=False)
 
 
 def _row(name: str, quantity: Quantity) -> tuple[str, str, str]:
