@@ -135,8 +135,7 @@ def table_row(row: Mapping[str, Any]) -> dict[str, Any]:
 def _passed(result: Mapping[str, Any]) -> str | None:
     if "passed" in result:
         return "matches" if result["passed"] else "differs"
-    linear = result.get("residual", {}).get("linear")
-    return None if linear is None else "linear" if linear else "not linear"
+    return result.get("residual", {}).get("status")
 
 
 def unfinished(

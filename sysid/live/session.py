@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sysid.board import Board
+from sysid.decay.report import verdict
 from sysid.errors import SysidError
 from sysid.free_decay import FreeDecay, fit_decay
 from sysid.quantity import Quantity
@@ -33,6 +34,8 @@ class Numbers:
     releases: int
     stiffness: Quantity
     damping: Quantity
+    verdict: str
+    """Whether the law is linear, as `decay` says it."""
 
 
 @dataclass(slots=True)
@@ -71,7 +74,7 @@ class Session:
         else:
             self.trouble = ""
             numbers = self.decay.numbers
-            self.history.append(Numbers(len(found), numbers.stiffness, numbers.damping))
+            self.history.append(Numbers(len(found), numbers.stiffness, numbers.damping, verdict(self.decay)))
         return new
 
     @property
