@@ -15,6 +15,7 @@ from sysid.logs.formats.registry import open_log
 from sysid.logs.sources.registry import Reading, Source, choose_source
 from sysid.logs.table.choose import Choice, columns_of, find_column
 from sysid.logs.table.clock import MIN_SAMPLES, Clock, even_clock, repair_clock, usual_step
+from sysid.logs.table.free import free_rows, telling_column
 from sysid.logs.table.names import Column
 from sysid.logs.table.options import LogOptions
 from sysid.logs.table.outliers import measured_motion
@@ -50,7 +51,9 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
     time, columns = columns_of(log, options)
     source, choice = choose_source(log, columns, time, options)
     also = [find_column(log, name, columns, "also").name for name in options.also]
-    names = [name for name in (*choice.columns, time and time.name, choice.std, *also) if name]
+    tells = telling_column(columns, choice.columns[0])
+    says = () if tells is None else (tells[1],)
+    names = [name for name in (*choice.columns, time and time.name, choice.std, *also, *says) if name]
     data = log.read(list(dict.fromkeys(names)))
     try:
         clock, data, cleaned = _clean(choice, time, data, options)
@@ -68,11 +71,16 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
         raise SysidError(f"{path}: {error}") from None
     kept = np.searchsorted(clock.time, roll.time)  # a source may leave out samples
     extra = {name: data[name][kept] for name in also}
+    free = None
+    if tells is not None:
+        free, said = free_rows(*tells, data[tells[1]][kept], roll.time, data[choice.columns[0]][kept])
+        cleaned += said
     rate = 1 / usual_step(roll.time)
     sampling = f"samples: {roll.time.size} in {roll.time[-1] - roll.time[0]:.4g} s at {rate:.4g} Hz"
     return replace(
         roll,
         extra=extra,
+        free=free,
         notes=(*log.notes, *choice.remarks.notes, *cleaned.notes, *roll.notes, *clock.notes, sampling),
         warnings=(*clock.warnings, *cleaned.warnings, *choice.remarks.warnings, *roll.warnings),
     )

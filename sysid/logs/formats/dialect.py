@@ -30,6 +30,7 @@ DIALECTS = (
 COMMENTS = ("#", "%", "//")
 _BOMS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf", "+inf", "#n/a", "<na>"}
+_FLAGS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?")
 _DAY = (
     r"\d{4}-\d\d?-\d\d?[T ]|\d{4}/\d\d?/\d\d? |\d\d?[./-]\d\d?[./-]\d{2,4},? |\d\d?[- ][A-Za-z]{3}[- ]\d{4} "
@@ -259,8 +260,9 @@ def read_number(cell: str, decimal: str) -> float:
     Raises:
         ValueError: It is neither.
     """
-    if cell.strip().lower() in _MISSING:
-        return float("nan")
+    plain = cell.strip().lower()
+    if plain in _MISSING or plain in _FLAGS:
+        return _FLAGS.get(plain, float("nan"))
     plain = plain_number(cell, decimal)
     if not _NUMBER.fullmatch(plain):
         raise ValueError(cell)
@@ -275,4 +277,6 @@ def cell_unit(cell: str) -> str | None:
 
 def is_number(cell: str, decimal: str) -> bool:
     """Return whether a cell is a number or stands for a missing one."""
-    return cell.strip().lower() in _MISSING or bool(_NUMBER.fullmatch(plain_number(cell, decimal)))
+    return cell.strip().lower() in _MISSING | _FLAGS.keys() or bool(
+        _NUMBER.fullmatch(plain_number(cell, decimal))
+    )

@@ -181,7 +181,7 @@ def _log(path: Path, name: str, table: Table) -> LogFile:
 def _number(value: Any) -> float:
     """Return a value as a number, NaN where it is none; texts may be numbers."""
     try:
-        return float("nan") if isinstance(value, bool) or value is None else float(value)
+        return float("nan") if value is None else float(value)
     except (TypeError, ValueError):
         return float("nan")
 
