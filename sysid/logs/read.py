@@ -15,6 +15,7 @@ from sysid.logs.formats.registry import open_log
 from sysid.logs.sources.registry import Reading, Source, choose_source
 from sysid.logs.table.choose import Choice, columns_of, find_column
 from sysid.logs.table.clock import MIN_SAMPLES, Clock, even_clock, repair_clock, usual_step
+from sysid.logs.table.file import LogFile
 from sysid.logs.table.free import free_rows, telling_column
 from sysid.logs.table.names import Column
 from sysid.logs.table.options import LogOptions
@@ -47,7 +48,16 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
         from sysid.video_roll import roll_from_video
 
         return roll_from_video(path, replace(options.video or VideoOptions(), rate=options.rate))
-    log = with_own_clocks(with_whole_clock(open_log(path)))
+    return roll_of_table(open_log(path), options)
+
+
+def roll_of_table(table: LogFile, options: LogOptions) -> Roll:
+    """Turn named columns, of a file or in memory, into roll against time.
+
+    Raises:
+        SysidError: They hold no roll, or too little to be a measurement.
+    """
+    path, log = table.path, with_own_clocks(with_whole_clock(table))
     time, columns = columns_of(log, options)
     source, choice = choose_source(log, columns, time, options)
     also = [find_column(log, name, columns, "also").name for name in options.also]
