@@ -20,10 +20,10 @@ from sysid.board import Board, board_to_toml
 from sysid.effects import catalogue
 from sysid.quantity import Quantity
 from sysid.synth import SynthOptions, synthesise
-from sysid.synth.sensors import DIALECTS, Sensor
+from sysid.synth.sensors import Sensor
 
-SHARES = [0.3, 0.15, 0.05, 0.15, 0.15, 0.1, 0.1]
-"""Of the dialects."""
+SHARES = {"angle": 0.3, "angle-deg": 0.2, "gyro": 0.15, "imu": 0.15, "phyphox": 0.1, "sensor-logger": 0.1}
+"""Of the dialects of a joint that turns."""
 SHIPPED = Path(__file__).parents[1] / "data"
 Random = np.random.Generator
 
@@ -73,7 +73,7 @@ def log_with_truth(rng: Random, folder: Path, board: Board, *, quick: bool = Fal
     duration = float(np.clip(rng.uniform(3.5, 6) / (zeta * omega), 1.0, 6.0 if quick else 25.0))
     count = 2 if quick else int(rng.integers(2, 5))
     angles = tuple(float(a) for a in rng.uniform(0.06, 0.19, count) * rng.choice([-1, 1], count))
-    dialect = str(rng.choice(DIALECTS, p=SHARES))
+    dialect = str(rng.choice(list(SHARES), p=list(SHARES.values())))
     sensor = Sensor(
         noise=math.radians(math.exp(rng.uniform(math.log(0.02), math.log(0.3)))),
         quantisation=math.radians(rng.choice([0.0, 0.0, 0.01, 0.05])),

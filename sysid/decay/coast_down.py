@@ -79,7 +79,8 @@ def fit_coast_down(releases: Sequence[Release]) -> CoastDown:
 
     def residuals(p: Array) -> Array:
         parts = [
-            trace.weight * (trace.measured - model(trace.time, np.concatenate([p[:2], p[2 + 2 * i : 4 + 2 * i]])))
+            trace.weight
+            * (trace.measured - model(trace.time, np.concatenate([p[:2], p[2 + 2 * i : 4 + 2 * i]])))
             for i, trace in enumerate(traces)
         ]
         return np.concatenate(parts)
@@ -88,7 +89,10 @@ def fit_coast_down(releases: Sequence[Release]) -> CoastDown:
         here = residuals(p)
         steps = 1e-5 * np.maximum(np.abs(p), 1e-2 * np.abs(begin).max())
         jacobian = np.column_stack(
-            [(residuals(p + step * unit) - here) / step for step, unit in zip(steps, np.eye(len(p)), strict=True)]
+            [
+                (residuals(p + step * unit) - here) / step
+                for step, unit in zip(steps, np.eye(len(p)), strict=True)
+            ]
         )
         return Normal(0.5 * float(here @ here), jacobian.T @ here, jacobian.T @ jacobian)
 

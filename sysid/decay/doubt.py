@@ -13,7 +13,16 @@ from typing import Literal
 
 import numpy as np
 
-from sysid.decay.linear_fit import FittedTrace, TraceFit, decay_basis, motion, project, rates, refitted, response
+from sysid.decay.linear_fit import (
+    FittedTrace,
+    TraceFit,
+    decay_basis,
+    motion,
+    project,
+    rates,
+    refitted,
+    response,
+)
 from sysid.noise.floor import NoiseFloor, local_noise
 from sysid.noise.whiteness import lag_one
 from sysid.quantity import Z95, Quantity
@@ -151,7 +160,9 @@ def judged(
 def to_logs(fit: TraceFit) -> Array:
     """Return the derivatives of (ln ω_n, ln ζ) by (ln m, τ), shape (2, 2); beyond critical damping of (ln ω_n, ln d/k)."""
     tau = float(fit.poles[1]) or 1e-12
-    return np.array([[-0.5, 0.0], [-0.5, 1 / tau]] if fit.damping_ratio < 1 else [[-0.5, 0.0], [0.0, 1 / tau]])
+    return np.array(
+        [[-0.5, 0.0], [-0.5, 1 / tau]] if fit.damping_ratio < 1 else [[-0.5, 0.0], [0.0, 1 / tau]]
+    )
 
 
 def second_laws(fit: TraceFit) -> list[SecondLaw]:
@@ -219,7 +230,9 @@ def unseen(fit: TraceFit, noise: float = 0.0) -> tuple[float, Array]:
     apart = late.poles - early.poles
     spread = early.covariance + late.covariance
     if noise:
-        spread = sum(((noise / half.noise) ** 2 * half.white_covariance for half in (early, late)), np.zeros((2, 2)))
+        spread = sum(
+            ((noise / half.noise) ** 2 * half.white_covariance for half in (early, late)), np.zeros((2, 2))
+        )
     deviations = math.sqrt(max(float(apart @ np.linalg.pinv(spread) @ apart), 0.0))
     return deviations, to_logs(fit) @ apart
 
@@ -278,7 +291,9 @@ def _widened(fit: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, float]:
     noise *= 1.0 + Z95 * math.sqrt(2.0 / max(count, 1))
     if power <= noise:
         return fit, 1.0
-    if all(one.trace.known_std for one in fit.releases):  # its covariance knows already how long its errors last
+    if all(
+        one.trace.known_std for one in fit.releases
+    ):  # its covariance knows already how long its errors last
         return replace(fit, covariance=fit.covariance * power / noise), math.sqrt(power / noise)
     left = max(values - 2 - 3 * len(fit.releases), 1.5)
     covariance = fit.white_covariance * (1.0 + (power - noise) / (left * fit.noise**2))

@@ -44,10 +44,14 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
         name = f"{Path(one.log).name} {one.number}" if several else str(one.number)
         size = f"{decay.position(one.amplitude)} {one.side}"
         hold = f"{one.hold:.2f} s" if one.hold else "moving"
-        rows.append((name, f"{one.start:.3f}", size, hold, f"{one.time[-1]:.3f}", ENDS[one.end], str(len(peaks))))
+        rows.append(
+            (name, f"{one.start:.3f}", size, hold, f"{one.time[-1]:.3f}", ENDS[one.end], str(len(peaks)))
+        )
     head = ("release", "t [s]", "amplitude", "held", "until", "end", "peaks")
     shown = [(name, q) for name, q in decay.numbers.items() if math.isfinite(q.value)]
-    values = [(LABELS[name], q) for name, q in shown] + [(OTHERS[name], q) for name, q in decay.others.items()]
+    values = [(LABELS[name], q) for name, q in shown] + [
+        (OTHERS[name], q) for name, q in decay.others.items()
+    ]
     value = "value ± 95 %" if decay.linear else "value ± 95 %, if the law were linear"
     lines += [
         table(head, rows, width=width),

@@ -45,6 +45,7 @@ EVEN = 0.5
 STOP_LIKELY = 0.2
 """Probability of a stop from which the motion is put on a grid twice as fine: a stiff stop is met and left within a few nodes."""
 
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
     """One set of effects, fitted."""
@@ -140,7 +141,9 @@ class Diagnosis:
             space: Where the board is; the current folder, if left out.
             given: Logs as a command shall name them; those of the releases, if left out.
         """
-        return diagnosis_report.report(self, width, space or Workspace(Path()), given or tuple(map(Path, self.logs)))
+        return diagnosis_report.report(
+            self, width, space or Workspace(Path()), given or tuple(map(Path, self.logs))
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of `husky-sysid diagnose --json`."""
@@ -169,7 +172,9 @@ class Diagnosis:
 def fittable(names: Sequence[str]) -> tuple[str, ...]:
     """Return those of some effects that `fit` can add: not another number of the record."""
     parts = [effect(name) for name in names]
-    return tuple(p.name for p in parts if (p.identifiable_from_decay or p.identifiable_with) and p.role != "shift")
+    return tuple(
+        p.name for p in parts if (p.identifiable_from_decay or p.identifiable_with) and p.role != "shift"
+    )
 
 
 def diagnose(
@@ -215,7 +220,12 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
     best = next((c for s, c in fits if frozenset(s.families) - {"rest"} == want), base)
     deviation = record_deviation(best.fit, board) if not want else None
     if deviation is not None and deviation.effects and verdict.status == "none-missing":
-        verdict = replace(verdict, status="missing", effects=(*verdict.effects, *deviation.effects), indistinguishable_from=deviation.alike)
+        verdict = replace(
+            verdict,
+            status="missing",
+            effects=(*verdict.effects, *deviation.effects),
+            indistinguishable_from=deviation.alike,
+        )
     ordered = sorted({c.effects: c for _, c in reversed(fits)}.values(), key=lambda c: c.score)
     rival = next((c for c in ordered if c.effects != best.effects), None)
     step = ""
@@ -254,7 +264,9 @@ def judge(releases: Sequence[Release], board: Board, noise: float, *, rate: bool
     return slow_posterior(found, parts, inertia) or found
 
 
-def _weighed(found: Posterior, fits: list[tuple[Found, Candidate]]) -> tuple[Posterior, list[tuple[Found, Candidate]]]:
+def _weighed(
+    found: Posterior, fits: list[tuple[Found, Candidate]]
+) -> tuple[Posterior, list[tuple[Found, Candidate]]]:
     """Return the posterior and the fits by output error, where one of these reaches the noise; else as they are.
 
     Each fit has a rest angle of its own, so that it says nothing of another rest angle: the equations do.
@@ -274,9 +286,15 @@ def _weighed(found: Posterior, fits: list[tuple[Found, Candidate]]) -> tuple[Pos
             replace(one, probability=chance * max(moved, 1 - moved), families=families, effects=effects),
             replace(candidate, score=2 * float(np.log(top / max(chance, 1e-300)))),
         ))  # fmt: skip
-    inclusion = {f: sum(c for c, (one, _) in zip(chances, once.values(), strict=True) if f in one.families) for f in found.inclusion}
+    inclusion = {
+        f: sum(c for c, (one, _) in zip(chances, once.values(), strict=True) if f in one.families)
+        for f in found.inclusion
+    }
     best = again[0][1]
-    sizes = {**{f: size for f, size in found.sizes.items() if f == "rest"}, **sizes_of(best.fit, best.effects)}
+    sizes = {
+        **{f: size for f, size in found.sizes.items() if f == "rest"},
+        **sizes_of(best.fit, best.effects),
+    }
     exact = reaches_noise(best.fit)
     return replace(
         found, sets=tuple(one for one, _ in again), inclusion={**inclusion, **({"rest": moved} if "rest" in inclusion else {})},
@@ -285,7 +303,12 @@ def _weighed(found: Posterior, fits: list[tuple[Found, Candidate]]) -> tuple[Pos
 
 
 def _fits(
-    found: Posterior, releases: Sequence[Release], board: Board, options: FitOptions, own: tuple[str, ...], base: Candidate
+    found: Posterior,
+    releases: Sequence[Release],
+    board: Board,
+    options: FitOptions,
+    own: tuple[str, ...],
+    base: Candidate,
 ) -> list[tuple[Found, Candidate]]:
     """Return the likeliest sets with their fits; a set that cannot be fitted is left out."""
     fits: list[tuple[Found, Candidate]] = []

@@ -49,9 +49,13 @@ class Shape:
             steps = [middle + f * (end - middle) for end in ends for f in (0.25, 0.5, 0.75) if end != middle]
             for value in steps:
                 values = (*self.values[:axis], value, *self.values[axis + 1 :])
-                quarter = [(b - (b - a) / 4, b + (c - b) / 4) for b, (a, c) in zip(values, self.spacing, strict=True)]
+                quarter = [
+                    (b - (b - a) / 4, b + (c - b) / 4) for b, (a, c) in zip(values, self.spacing, strict=True)
+                ]
                 found.append(Shape(values, self.share / 4, tuple(quarter)))
-        quarter = [(b - (b - a) / 4, b + (c - b) / 4) for b, (a, c) in zip(self.values, self.spacing, strict=True)]
+        quarter = [
+            (b - (b - a) / 4, b + (c - b) / 4) for b, (a, c) in zip(self.values, self.spacing, strict=True)
+        ]
         return [Shape(self.values, self.share / 4, tuple(quarter)), *found]
 
 
@@ -132,7 +136,9 @@ def shape_values(p: Parameter, scales: Scales, count: int) -> Array:
     return np.linspace(low, p.high, count) if p.high / low <= LINEAR else np.geomspace(low, p.high, count)
 
 
-def _torque(part: TorqueEffect, state: JointState, p: Mapping[str, Any], z: Sequence[Any], spread: Any) -> Any:
+def _torque(
+    part: TorqueEffect, state: JointState, p: Mapping[str, Any], z: Sequence[Any], spread: Any
+) -> Any:
     """Return the torque of a law, dry friction smeared by how well the rate is known [N*m]."""
     torque = part.torque(NUMPY, state, p, z)
     if part.friction is None:
@@ -200,7 +206,11 @@ class Laws:
         ends = [list(zip(np.r_[a[0], a[:-1]], a, np.r_[a[1:], a[-1]], strict=True)) for a in axes]
         points = list(product(*ends))
         return [
-            Shape(tuple(float(b) for _, b, _ in point), 1 / len(points), tuple((float(a), float(c)) for a, _, c in point))
+            Shape(
+                tuple(float(b) for _, b, _ in point),
+                1 / len(points),
+                tuple((float(a), float(c)) for a, _, c in point),
+            )
             for point in points
         ]
 
@@ -215,16 +225,22 @@ class Laws:
         """Return the columns of a law at each shape, shape (r, n, c)."""
         sets = [self._parameters(kinds, shape.values) for shape in shapes]
         stacked = {p.name: np.array([one[p.name] for one in sets]) for p in part.parameters}
-        wide = JointState(state.tilt[..., None], state.rate[..., None], state.roll[..., None], state.stiffness)
+        wide = JointState(
+            state.tilt[..., None], state.rate[..., None], state.roll[..., None], state.stiffness
+        )
         states = self._driven(part, wide, stacked) if part.states else [()] * len(sets)
         found: list[Array] = []
         for i, values in enumerate(sets):
-            alone = [{**values, **{q.name: 0.0 for q in kinds.strengths if q is not p}} for p in kinds.strengths]
+            alone = [
+                {**values, **{q.name: 0.0 for q in kinds.strengths if q is not p}} for p in kinds.strengths
+            ]
             torques = [_torque(part, state, one, states[i], spread) for one in alone or [values]]
             found.append(-np.stack(torques, axis=-1) / self.unit)
         return found
 
-    def _driven(self, part: TorqueEffect, state: JointState, p: Mapping[str, Array]) -> list[tuple[Array, ...]]:
+    def _driven(
+        self, part: TorqueEffect, state: JointState, p: Mapping[str, Array]
+    ) -> list[tuple[Array, ...]]:
         """Return the states of a law at each of g shapes, driven by the motion: a tuple of shape (r, n) each."""
         motion = self.motion
         rows, nodes = motion.reading.shape
@@ -240,7 +256,11 @@ class Laws:
         for j in range(nodes):
             if part.states[0].return_map:
                 moved = tilt[:, j + 1] - tilt[:, j]
-                z = [s.return_map(NUMPY, zi, moved, p) for s, zi in zip(part.states, z, strict=True) if s.return_map]
+                z = [
+                    s.return_map(NUMPY, zi, moved, p)
+                    for s, zi in zip(part.states, z, strict=True)
+                    if s.return_map
+                ]
             elif j:
                 for i in range(parts):
                     at = [_between(state, j, (i + f) / parts) for f in (0.0, 0.5)]
@@ -258,7 +278,10 @@ class Laws:
         sets = [self._parameters(kinds, shape.values) for shape in shapes]
         p = {q.name: np.array([one[q.name] for one in sets]) for q in part.parameters}
         d = self.scales.damping
-        angle, rate = smoothed.angle[..., None] * motion.amplitude, smoothed.rate[..., None] * motion.amplitude * w
+        angle, rate = (
+            smoothed.angle[..., None] * motion.amplitude,
+            smoothed.rate[..., None] * motion.amplitude * w,
+        )
         s = part.states[0].start(NUMPY, motion.hold[:, None] * motion.amplitude, 0.0, k, p)
         v = np.zeros_like(s)
         h = motion.step / w
@@ -292,5 +315,7 @@ SEEN_TORQUE = 1e-3
 def _between(state: JointState, node: int, share: float) -> JointState:
     """Return the state at a share of the step before a node."""
     early, late = 1 - share, share
-    tilt, rate, roll = (early * a[:, node - 1] + late * a[:, node] for a in (state.tilt, state.rate, state.roll))
+    tilt, rate, roll = (
+        early * a[:, node - 1] + late * a[:, node] for a in (state.tilt, state.rate, state.roll)
+    )
     return JointState(tilt, rate, roll, state.stiffness)

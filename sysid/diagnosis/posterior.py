@@ -123,7 +123,10 @@ class State:
 
 
 def posterior(
-    motion: Motion, parts: Mapping[str, Effect], inertia: float, grids: Mapping[str, list[Shape]] | None = None
+    motion: Motion,
+    parts: Mapping[str, Effect],
+    inertia: float,
+    grids: Mapping[str, list[Shape]] | None = None,
 ) -> Posterior:
     """Return the posterior of sets of laws.
 
@@ -146,7 +149,9 @@ def posterior(
         if not plan and not louder:
             return found
         state = replace(step.next_state(found), louder=louder or state.louder)
-        local = maximum_filter1d(np.abs(found.torque), motion.nodes_a_period // 16 + 1, axis=1) / state.stiffness
+        local = (
+            maximum_filter1d(np.abs(found.torque), motion.nodes_a_period // 16 + 1, axis=1) / state.stiffness
+        )
         envelope = np.maximum(motion.envelope, local)
         if louder:
             motion, plan = _with_noise(motion, state, envelope), [False, True]
@@ -159,7 +164,9 @@ def linear_joint(motion: Motion) -> tuple[float, float]:
     for _ in range(5):
         smoother = Smoother(motion, k, d, motion.envelope)
         smoothed = smoother.smooth(0.3, spread=False)
-        columns = np.column_stack([smoother.flat(c) for c in (smoothed.angle, smoothed.rate, *_levels(motion))])
+        columns = np.column_stack(
+            [smoother.flat(c) for c in (smoothed.angle, smoothed.rate, *_levels(motion))]
+        )
         smoother.prepare(columns, np.zeros((smoother.size, 0)))
         gram, _ = smoother.gram(SHARES[-1])
         change = np.linalg.solve(gram[1:, 1:] + np.eye(len(gram) - 1), gram[1:, 0])
@@ -201,7 +208,9 @@ def _with_noise(motion: Motion, state: State, envelope: Array) -> Motion:
         louder = replace(motion, variance=motion.variance * scale)
         smoother = Smoother(louder, state.stiffness, state.damping, envelope, state.contact)
         costs[scale] = min(smoother.smooth(share, state.torque, spread=False).cost for share in SHARES)
-    return replace(motion, variance=motion.variance * min(costs, key=lambda scale: costs[scale] + 8 * np.log(scale) ** 2))
+    return replace(
+        motion, variance=motion.variance * min(costs, key=lambda scale: costs[scale] + 8 * np.log(scale) ** 2)
+    )
 
 
 def _without_hands(motion: Motion, state: State, envelope: Array) -> Motion:
@@ -218,7 +227,11 @@ def _without_hands(motion: Motion, state: State, envelope: Array) -> Motion:
         samples = int(np.isfinite(motion.variance[row, begin:end]).sum())
         return float(misfit[row, begin:end].sum()) / max(samples, 1), samples
 
-    usual = float(np.median([block(r, j, j + size)[0] for r, n in enumerate(length) for j in range(0, max(n - size, 1), size)]))
+    usual = float(
+        np.median(
+            [block(r, j, j + size)[0] for r, n in enumerate(length) for j in range(0, max(n - size, 1), size)]
+        )
+    )
 
     def stands_out(row: int, begin: int, end: int) -> bool:
         mean, samples = block(row, begin, end)
@@ -248,7 +261,11 @@ class Cell:
 
 
 def found_sets(
-    cells: Sequence[tuple[Problem, Sets]], terms: Sequence[Term | None], families: Sequence[str], sizes: Sequence[Array], base: int
+    cells: Sequence[tuple[Problem, Sets]],
+    terms: Sequence[Term | None],
+    families: Sequence[str],
+    sizes: Sequence[Array],
+    base: int,
 ) -> tuple[tuple[Found, ...], dict[str, float], int, list[int]]:
     """Return sets of families and inclusion summed over all hypotheses, the best hypothesis, and the items of its best set."""
     logs = np.concatenate([s.log_evidence for _, s in cells])
@@ -257,7 +274,9 @@ def found_sets(
     which = np.concatenate([np.full(len(s.log_evidence), i) for i, (_, s) in enumerate(cells)])
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
-    ranked = sorted(((float(weights[masks == m].sum()), int(m)) for m in np.unique(masks)), reverse=True)[:SETS]
+    ranked = sorted(((float(weights[masks == m].sum()), int(m)) for m in np.unique(masks)), reverse=True)[
+        :SETS
+    ]
     inclusion = {f: float(weights[masks >> i & 1 == 1].sum()) for i, f in enumerate(families)}
     sets: list[Found] = []
     firsts: list[tuple[int, list[int]]] = []
@@ -269,7 +288,9 @@ def found_sets(
     return tuple(sets), inclusion, *firsts[0]
 
 
-def _found(scored: Scored, terms: Sequence[Term | None], sizes: Sequence[Array], at: int, probability: float) -> Found:
+def _found(
+    scored: Scored, terms: Sequence[Term | None], sizes: Sequence[Array], at: int, probability: float
+) -> Found:
     """Return a set of terms with their parameters."""
     parameters: dict[str, float] = {}
     for i in scored.items:
@@ -277,7 +298,9 @@ def _found(scored: Scored, terms: Sequence[Term | None], sizes: Sequence[Array],
         means = scored.means[at : at + len(size)] * size
         at += len(size)
         if term is not None:
-            strengths = {n: float(m * u) for n, m, u in zip(term.strengths, means, term.unit, strict=True) if n}
+            strengths = {
+                n: float(m * u) for n, m, u in zip(term.strengths, means, term.unit, strict=True) if n
+            }
             scale = float(means[0]) if term.strengths[0] else 1.0
             ratios = {n: v * (scale if n in term.ratios else 1.0) for n, v in term.parameters.items()}
             parameters |= {f"{term.effect}.{n}": v for n, v in {**ratios, **strengths}.items()}
@@ -290,7 +313,13 @@ class Pass:
     """One pass: columns, Gram matrices, evidence."""
 
     def __init__(
-        self, motion: Motion, smoothed: Smoothed, parts: Mapping[str, Effect], inertia: float, state: State, envelope: Array
+        self,
+        motion: Motion,
+        smoothed: Smoothed,
+        parts: Mapping[str, Effect],
+        inertia: float,
+        state: State,
+        envelope: Array,
     ) -> None:
         """Evaluate all laws on a smoothed motion."""
         self.motion, self.smoothed, self.state, self.parts = motion, smoothed, state, parts
@@ -334,7 +363,11 @@ class Pass:
         return self._summary(cells)
 
     def _cells(
-        self, columns: Array, items: Sequence[Item], shares: Sequence[float], sets: Sequence[tuple[int, ...]] = ()
+        self,
+        columns: Array,
+        items: Sequence[Item],
+        shares: Sequence[float],
+        sets: Sequence[tuple[int, ...]] = (),
     ) -> list["Cell"]:
         """Return the evidence of all hypotheses of the noise: of some sets with bends, or of a search."""
         torques = np.column_stack([self.base, columns, self.g])
@@ -352,7 +385,9 @@ class Pass:
                 prior = -np.log(2.0) if tau == 0 else -np.log(2.0 * (len(NAMELESS) - 1))
                 constant = float(-0.5 * spread - 0.5 * reduced[0, 0] + extra + more + prior)
                 problem = Problem(reduced, self.wide, items, self.state.damping, bend)
-                found = joined([single(problem, solve(problem, s)) for s in sets]) if sets else search(problem)
+                found = (
+                    joined([single(problem, solve(problem, s)) for s in sets]) if sets else search(problem)
+                )
                 found = replace(found, log_evidence=found.log_evidence + constant)
                 cells.append(Cell(share, tau, whole, problem, found))
         return cells
@@ -394,7 +429,9 @@ class Pass:
         loose = [c for i in self.chosen for c in self.items[i].bends]
         first = 1 + base + self.columns.shape[1]
         of_g = np.arange(first, first + self.g.shape[1]) if tau else np.arange(0)
-        free = np.r_[np.arange(1, 1 + base), at, loose, of_g, np.arange(first + self.g.shape[1], len(gram))].astype(np.intp)
+        free = np.r_[
+            np.arange(1, 1 + base), at, loose, of_g, np.arange(first + self.g.shape[1], len(gram))
+        ].astype(np.intp)
         strengths = solve(self.cell.problem, self.chosen).means[base:]
         bend = BEND * np.repeat(np.abs(strengths), BENDS) if loose else []
         prior = np.r_[self.wide, [STRENGTH] * len(at), np.maximum(bend, 1e-9), [tau] * len(of_g), self.loose]
@@ -403,7 +440,9 @@ class Pass:
         low = np.full(len(free), -np.inf)
         low[base : base + len(at)] = [0.0 if s else -np.inf for i in self.chosen for s in self.items[i].signs]
         low[1] = 1e-3 - self.state.damping
-        c = lsq_linear(root.T, np.linalg.solve(root, right), (low, np.full(len(free), np.inf)), method="bvls").x
+        c = lsq_linear(
+            root.T, np.linalg.solve(root, right), (low, np.full(len(free), np.inf)), method="bvls"
+        ).x
         covariance = np.linalg.inv(inner)
         table = np.column_stack([self.base, self.columns, self.g])
         use = free[free < 1 + table.shape[1]]
@@ -413,11 +452,21 @@ class Pass:
         k, d = self.state.stiffness + c[0], self.state.damping + c[1]
         laws, g = table[:, named] @ c[named], table[:, nameless] @ c[nameless]
         rest = table[:, 2:base] @ c[2:base]
-        self.strengths = {i: c[base + at.index(self.items[i].columns[0]) :][: len(self.items[i].columns)] * self.sizes[i] for i in self.chosen}
+        self.strengths = {
+            i: c[base + at.index(self.items[i].columns[0]) :][: len(self.items[i].columns)] * self.sizes[i]
+            for i in self.chosen
+        }
         known = np.linalg.qr(np.column_stack([self.base, table[:, base : base + len(at)]]))[0]
         g_beside = g - known @ (known.T @ g)
         laws_beside = laws - self.frame @ (self.frame.T @ laws)
-        g_std = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", table[:, nameless], covariance[nameless, nameless], table[:, nameless]), 0))
+        g_std = np.sqrt(
+            np.maximum(
+                np.einsum(
+                    "ij,jk,ik->i", table[:, nameless], covariance[nameless, nameless], table[:, nameless]
+                ),
+                0,
+            )
+        )
         x, v = self.base[:, 0], self.base[:, 1]
         loss, peak = float(np.sum((d * v + laws) * v)), float(k * np.abs(x).max())
         sizes: dict[str, Size] = {}
@@ -453,8 +502,13 @@ class Pass:
         near = SHARES[max(at - 2, 0) : at + 2]
         state = self.state
         return State(
-            state.stiffness, state.damping, max(self.cell.share, SHARES[0] * 2), found.torque, contact, self._finer(), near,
-
+            state.stiffness,
+            state.damping,
+            max(self.cell.share, SHARES[0] * 2),
+            found.torque,
+            contact,
+            self._finer(),
+            near,
         )
 
     def _contact(self, term: Term, strengths: Array) -> Contact:

@@ -177,7 +177,18 @@ def local_noise(curves: Sequence[tuple[Array, Array]], poles: Array) -> NoiseFlo
             if square > 0:
                 fade, phase = np.exp(-decay * t), np.sqrt(square) * t
                 c, s = fade * np.cos(phase), fade * np.sin(phase)
-                table = np.column_stack([np.ones_like(t), ramp, c, s, ramp * c, ramp * s, fade**2 * np.cos(2 * phase), fade**2 * np.sin(2 * phase)])
+                table = np.column_stack(
+                    [
+                        np.ones_like(t),
+                        ramp,
+                        c,
+                        s,
+                        ramp * c,
+                        ramp * s,
+                        fade**2 * np.cos(2 * phase),
+                        fade**2 * np.sin(2 * phase),
+                    ]
+                )
             else:
                 table = np.polynomial.legendre.legvander(ramp, _FREEDOMS - 1)
             orthogonal, _ = np.linalg.qr(table / (np.linalg.norm(table, axis=0) + 1e-300))

@@ -6,7 +6,6 @@ at another pace, or makes swings that grow.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 

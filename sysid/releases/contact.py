@@ -109,7 +109,9 @@ def _learned(
             if last - first < 4 * lag + len(kernel):
                 continue
             even = np.arange(time[first], time[last - 1], step)
-            part = (np.interp(even, time[first:last], roll[first:last]) - spans[i].rest) / max(spans[i].size, 1e-12)
+            part = (np.interp(even, time[first:last], roll[first:last]) - spans[i].rest) / max(
+                spans[i].size, 1e-12
+            )
             mean = np.convolve(part, kernel / kernel.sum(), "valid")
             table = np.zeros((len(mean) - 2 * lag, 3 + len(spans)))
             table[:, 0], table[:, 1], table[:, 2] = mean[2 * lag :], mean[lag:-lag], mean[: -2 * lag]
@@ -199,7 +201,9 @@ def _log_likelihood_ratio(time: Array, angle: Array, noise: float, size: float, 
     p, r, q = np.full(count, 1e4 * noise**2), np.zeros(count), np.full(count, (3 * omega * size) ** 2)
     held, spread_held, moves = float(angle[0]), noise**2, 0.5
     found = np.zeros((len(time), count - 1))
-    rows = zip(steps.tolist(), xx.tolist(), odd.tolist(), vx.tolist(), vv.tolist(), angle.tolist(), strict=True)
+    rows = zip(
+        steps.tolist(), xx.tolist(), odd.tolist(), vx.tolist(), vv.tolist(), angle.tolist(), strict=True
+    )
     for i, (h, a, b, c, d, seen) in enumerate(rows):
         x, v = a * x + b * v, c * x + d * v
         p, r, q = (

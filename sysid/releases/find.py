@@ -95,7 +95,10 @@ def _where_free(roll: Roll) -> list[Release]:
         if last - first < FEWEST_SAMPLES:
             continue
         part = replace(roll[first:last], free=None)
-        for given in ((), (float(part.time[0]),)):  # a return that the log cuts off has no rest to be found by
+        for given in (
+            (),
+            (float(part.time[0]),),
+        ):  # a return that the log cuts off has no rest to be found by
             try:
                 found += find_releases(part, releases=given)
                 break
@@ -131,7 +134,11 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
         stop = float(signal.time[last])
         if other is not None:
             stop = min(stop, float(signal.time[other.swings[0].left]) if other.start is None else other.start)
-        spans.append(Span(begin, max(begin, _rested(signal, segment, begin, stop)), segment.rest, segment.size, hold > 0))
+        spans.append(
+            Span(
+                begin, max(begin, _rested(signal, segment, begin, stop)), segment.rest, segment.size, hold > 0
+            )
+        )
         holds.append(hold)
     # A hand that pushes makes the first swing last.
     later = [swing.duration for segment in segments for swing in segment.wide[1:4] or segment.wide]
@@ -151,7 +158,9 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
 
 def _swings_in(signal: SmoothedSignal, segment: Segment, begin: float, end: float) -> bool:
     """Whether a joint swings twice and more between two times [s]."""
-    inside = [one for one in segment.swings if begin < signal.time[one.reached] and signal.time[one.left] < end]
+    inside = [
+        one for one in segment.swings if begin < signal.time[one.reached] and signal.time[one.left] < end
+    ]
     return len(inside) > 1 and inside[0].size > STILL * segment.size
 
 

@@ -190,7 +190,8 @@ def _start(blocks: Blocks, scale: float = 1.0) -> tuple[Array, complex, float]:
 def roll_from_accelerometer(reading: Reading) -> Roll:
     """Return the roll of a swing from three accelerations.
 
-    Along the motion they feel g sin φ + r φ̈, so that frequency and damping need no lever arm r; the size of the swing does.
+    Along the motion they feel g sin φ + r φ̈, which is proportional to φ in a swing. So frequency and damping need no lever
+    arm r; the size of the swing does, and the accelerations along the arm tell it where the swing is wide.
 
     Raises:
         SysidError: They hold no gravity, or the axis is upright.
@@ -224,7 +225,6 @@ def roll_from_accelerometer(reading: Reading) -> Roll:
     tilt = swing.gravity + omega**2 * swing.arm.real
     scale_std = abs(omega**2 * float(swing.std[3]) / tilt)
     if not scale_std < CONSISTENT:
-        swing = _swung(blocks, omega, 0j, 0j)
         tilt, scale_std = swing.gravity, 1.0
         remarks += warning(
             "nothing tells the lever arm from the axis to the accelerometer: frequency and damping are right, the size of the "
@@ -242,16 +242,14 @@ def roll_from_accelerometer(reading: Reading) -> Roll:
             f"sits ({', '.join(f'{100 * v:.1f}' for v in arm)}) cm from the axis of rotation, {how}",
         )
     shown = ", ".join(f"{value:.2f}" for value in axis * choice.sign)
-    std = float(np.median(blocks.accel_std)) / abs(tilt)
+    along = plane.of(accel).imag
+    roll = along / tilt
+    roll = (along + swing.gravity * (roll - np.sin(roll))) / tilt
+    std = noise_of(reading.time, along).std / abs(tilt)
     remarks += note("axis", f"({shown}) of the sensor, taken as forward") + plane.zero
-    remarks += note("noise", f"{np.rad2deg(std):.2g}° in each of {len(swing.angle)} means")
-    return replace(reading, time=blocks.edges).as_roll(
-        swing.angle,
-        np.full(len(swing.angle), std),
-        "accelerometer",
-        remarks,
-        zero="constant",
-        scale_std=scale_std,
+    remarks += note("noise", f"{np.rad2deg(std):.2g}° from the whole signal")
+    return reading.as_roll(
+        roll, np.full(roll.size, std), "accelerometer", remarks, zero="constant", scale_std=scale_std
     )
 
 
@@ -261,7 +259,8 @@ def _swung(blocks: Blocks, omega: float, first: complex, arm: complex | None) ->
     along = np.interp(blocks.edges, 0.5 * (blocks.edges[1:] + blocks.edges[:-1]), blocks.accel.imag)
     start = along / (size if abs(size) > 1.0 else np.copysign(1.0, size))
     with np.errstate(all="ignore"):  # a start that leads nowhere
-        swing = smooth_swing(blocks, start, arm=arm, first=first, stiff=0.1 * float(np.std(start)))
+        stiff = 0.1 * float(np.std(start))
+        swing = smooth_swing(blocks, start, arm=arm, first=first, arm_std=USUAL_ARM, stiff=stiff)
     return swing if np.isfinite(swing.cost) else replace(swing, cost=np.inf)
 
 

@@ -87,6 +87,7 @@ def smooth_swing(
     arm: complex | None = None,
     first: complex = 0j,
     gain_std: float = GAIN_STD,
+    arm_std: float = LONGEST_ARM,
     stiff: float = 0.0,
 ) -> Swing:
     """Find angle, offset, gain, gravity and lever arm.
@@ -97,6 +98,7 @@ def smooth_swing(
         arm: The lever arm [m], where it is known.
         first: Where the search for the lever arm begins [m].
         gain_std: Of the gyro's gain error [1].
+        arm_std: Of the lever arm, before it is known [m].
         stiff: Standard deviation of the fourth difference of the angle [rad]; 0 for none, which needs a gyro.
     """
     from scipy import sparse
@@ -112,7 +114,7 @@ def smooth_swing(
     rates = blocks.rate if blocks.rate is not None else np.zeros(n)
     phi, rho = start.copy(), first if arm is None else arm
     const = np.array([0.0, 0.0, STANDARD_GRAVITY, rho.real, rho.imag])
-    prior = np.array([np.inf, gain_std, np.inf, LONGEST_ARM, LONGEST_ARM])
+    prior = np.array([np.inf, gain_std, np.inf, arm_std, arm_std])
     free = np.array([has_gyro, has_gyro, True, arm is None, arm is None])
     cost, now, left, inverse = np.inf, np.inf, np.zeros(n, complex), np.eye(5)
     for _ in range(ROUNDS):
