@@ -1,7 +1,7 @@
 """Reads any log or film into one `Roll`.
 
-What is inferred (column, unit, axis, clock) is written into `Roll.notes`, what is wrong with the log into
-`Roll.warnings`, and every inference can be overridden by `LogOptions`.
+Inferences (column, unit, axis, clock) go into `Roll.notes`, faults of the log into `Roll.warnings`. `LogOptions`
+override every inference.
 """
 
 from dataclasses import replace
@@ -12,6 +12,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.logs.formats.own_clock import with_own_clocks, with_whole_clock
 from sysid.logs.formats.registry import open_log
+from sysid.logs.gates import refuse_with_numbers
 from sysid.logs.sources.registry import Reading, Source, choose_source
 from sysid.logs.table.choose import Choice, columns_of, find_column
 from sysid.logs.table.clock import MIN_SAMPLES, Clock, even_clock, repair_clock, usual_step
@@ -58,6 +59,8 @@ def roll_of_table(table: LogFile, options: LogOptions) -> Roll:
         SysidError: They hold no roll, or too little to be a measurement.
     """
     path, log = table.path, with_own_clocks(with_whole_clock(table))
+    if options.column is None:
+        refuse_with_numbers(log)
     time, columns = columns_of(log, options)
     source, choice = choose_source(log, columns, time, options)
     also = [find_column(log, name, columns, "also").name for name in options.also]
@@ -136,7 +139,7 @@ def _clean(
 def _without_outliers(
     source: Source, choice: Choice, clock: Clock, data: dict[str, Array]
 ) -> tuple[dict[str, Array], Remarks]:
-    """Drop lone samples that no motion explains, from the clock too, and say where they were."""
+    """Drop lone outliers, from the clock too, and report where they were."""
     motion = {name: data[name] for name in choice.columns[: source.moving]}
     kept, remarks = measured_motion(motion, clock.time, choice.unit, rates=source.quantity == "rate")
     if kept is not None:

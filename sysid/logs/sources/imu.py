@@ -28,11 +28,11 @@ from sysid.quantity import Z95
 from sysid.roll import Array, Roll
 
 TRIAD_UNITS = ("rad/s", "deg/s", "mrad/s", "mdeg/s")
-"""Units that three-axis gyros write; a speed in rpm is that of a wheel, and its column says so."""
+"""Units of three-axis gyros; a speed in rpm is a wheel's."""
 PART = 10.0
 """Length of the liveliest part of a record, which tells the gyro's unit [s]."""
 MIN_ERROR_RATIO, MIN_GAIN_RATIO = 1.2, 20.0
-"""Ratio of what another unit leaves to what the best does, at least; and of the size of a count to its standard deviation [1]."""
+"""Least ratio of another unit's residual to the best one's, and of the size of a count to its standard deviation [1]."""
 USUAL_ARM = 0.5
 """Standard deviation of a lever arm on a board, before it is known [m]."""
 LASTING = 2.0
@@ -169,7 +169,7 @@ def _start(blocks: Blocks, scale: float = 1.0) -> tuple[Array, complex, float]:
     The angle is the gyro's integral; with its course given, gravity, a slow drift and the lever arm are linear.
 
     Args:
-        blocks: What was measured.
+        blocks: The measurement.
         scale: Of the gyro [rad/s in its unit].
     """
     assert blocks.rate is not None
@@ -190,8 +190,8 @@ def _start(blocks: Blocks, scale: float = 1.0) -> tuple[Array, complex, float]:
 def roll_from_accelerometer(reading: Reading) -> Roll:
     """Return the roll of a swing from three accelerations.
 
-    Along the motion they feel g sin φ + r φ̈, which is proportional to φ in a swing. So frequency and damping need no lever
-    arm r; the size of the swing does, and the accelerations along the arm tell it where the swing is wide.
+    Along the motion they feel g sin φ + r φ̈, which is proportional to φ in a swing. So frequency and damping need no
+    lever arm r. The size of the swing does: accelerations along the arm tell it if the swing is wide.
 
     Raises:
         SysidError: They hold no gravity, or the axis is upright.

@@ -1,13 +1,13 @@
 """The angle of a sensor that turns about one axis, from gyro and accelerometer together, or from the accelerometer alone.
 
 Least squares over the whole record finds the angle φ at the edges of short blocks, and the constants of the sensors. Each
-block says three things of the angles at its edges: the gyro's mean rate is the difference of the angles, but for its
-offset b and gain error c; and the two accelerations square to the axis, written as one complex number, are
+block measures the angles at its edges. The gyro's mean rate is their difference, but for its offset b and gain error
+c. The two accelerations square to the axis, as one complex number, are
 
     a = G e^(iφ) - (i φ̈ + φ̇²) ρ
 
-with gravity G and the lever arm ρ from the axis to the accelerometer. The angles have no prior, so the estimate is unbiased,
-and each sensor counts with what it is good to: the gyro where the motion is fast, gravity where it is slow. A linear filter
+with gravity G and the lever arm ρ from the axis to the accelerometer. The angles have no prior, so the estimate is
+unbiased. Each sensor counts by its noise: the gyro in fast motion, gravity in slow motion. A linear filter
 that treats all times alike leaves the frequency and the damping of a decay as they are.
 """
 
@@ -60,7 +60,7 @@ class Blocks:
 
 @dataclass(frozen=True, slots=True)
 class Swing:
-    """What gyro and accelerometer say together."""
+    """Result of gyro and accelerometer together."""
 
     angle: Array
     """At the blocks' edges [rad], shape (n + 1,)."""
@@ -93,10 +93,10 @@ def smooth_swing(
     """Find angle, offset, gain, gravity and lever arm.
 
     Args:
-        blocks: What was measured.
+        blocks: The measurement.
         start: First guess of the angle at the blocks' edges [rad], shape (n + 1,).
         arm: The lever arm [m], where it is known.
-        first: Where the search for the lever arm begins [m].
+        first: First guess of the lever arm [m].
         gain_std: Of the gyro's gain error [1].
         arm_std: Of the lever arm, before it is known [m].
         stiff: Standard deviation of the fourth difference of the angle [rad]; 0 for none, which needs a gyro.
@@ -184,8 +184,8 @@ def _stencil(weights: Array, rows: int, nodes: int) -> Any:
 def block_means(time: Array, values: Sequence[Array], step: float) -> tuple[Array, list[Array]]:
     """Return the edges of blocks of about `step` [s] on an even clock, and the means of values, shape (n,) each, between them.
 
-    The means are those of a cubic spline through the samples, so that neither uneven stamps nor few samples a period shift
-    them; across a gap it would swing out, and the line through its ends takes its place.
+    The means are those of a cubic spline through the samples: uneven stamps or few samples a period do not shift
+    them. A line bridges gaps, where a spline would overshoot.
     """
     from scipy.interpolate import CubicSpline
 

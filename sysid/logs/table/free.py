@@ -68,7 +68,7 @@ def free_rows(
         if b - a >= MIN_SAMPLES
     ]
     listed = ", ".join(spans[:5]) + (f" and {len(spans) - 5} more" if len(spans) > 5 else "")
-    return free, note("free", f"'{name}' says that nothing drives the joint from {listed}")
+    return free, note("free", f"'{name}' reports a free joint from {listed}")
 
 
 def _long_runs(near: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
