@@ -8,6 +8,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.logs.sources.axis import find_roll_axis
 from sysid.logs.sources.registry import LENGTHS, Reading, Source
+from sysid.logs.sources.swing_smoother import integral_of
 from sysid.logs.table.choose import Choice, chosen, triple
 from sysid.logs.table.names import RATE_UNITS, Column, unit_kind
 from sysid.logs.table.noise import noise_of
@@ -116,7 +117,7 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
     bias = estimate_bias(time[counted], rate[counted], noise.std)
     free = rate - np.interp(time, time[counted], bias.value)
     steps = np.diff(time)
-    angle = np.concatenate(([0.0], np.cumsum(0.5 * (free[1:] + free[:-1]) * steps)))
+    angle = np.asarray(integral_of(time, free)(time), np.float64)
     angle -= resting_level(angle[counted])
     walk = noise.std * np.sqrt(np.cumsum(np.concatenate((steps[:1], steps))) * np.median(steps))
     rate_std = np.full(rate.size, noise.std)

@@ -11,13 +11,14 @@ unbiased. Each sensor counts by its noise: the gyro in fast motion, gravity in s
 that treats all times alike leaves the frequency and the damping of a decay as they are.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from sysid.logs.table.clock import GAP
 from sysid.roll import Array
 
 STANDARD_GRAVITY = 9.80665
@@ -28,6 +29,8 @@ ROUNDS = 8
 """Steps of Gauss and Newton; the fourth moves the angle by less than rounding."""
 GAIN_STD = 0.02
 """Typical gain error of a MEMS gyro, as a share: 1 to 3 % in data sheets."""
+MOST_FILLED = 1000
+"""Nodes of the line across a gap: bounds the memory."""
 LONGEST_ARM = 5.0
 """Standard deviation of a lever arm before it is known [m]."""
 _EDGES = np.array([[-1.0, 13.0, 13.0, -1.0]]) / 24
@@ -181,18 +184,24 @@ def _stencil(weights: Array, rows: int, nodes: int) -> Any:
     return sparse.csr_matrix((np.tile(weights.ravel(), rows), at), shape=(rows, nodes))
 
 
-def block_means(time: Array, values: Sequence[Array], step: float) -> tuple[Array, list[Array]]:
-    """Return the edges of blocks of about `step` [s] on an even clock, and the means of values, shape (n,) each, between them.
+def integral_of(time: Array, values: Array) -> Callable[[Array], Array]:
+    """Return the integral of a cubic spline through samples, shape (n,), as a function of time [s].
 
-    The means are those of a cubic spline through the samples: uneven stamps or few samples a period do not shift
-    them. A line bridges gaps, where a spline would overshoot.
+    Uneven stamps or few samples a period do not shift it. A line bridges gaps, where a spline would overshoot.
     """
     from scipy.interpolate import CubicSpline
 
-    edges = np.linspace(time[0], time[-1], max(8, int((time[-1] - time[0]) / step)) + 1)
     steps = np.diff(time)
-    gaps = np.flatnonzero(steps > 3 * np.median(steps))
-    fill = [np.linspace(time[k], time[k + 1], 2 + int(steps[k] / np.median(steps)))[1:-1] for k in gaps]
+    usual = float(np.median(steps))
+    gaps = np.flatnonzero(steps > GAP * usual)
+    fill = [
+        np.linspace(time[k], time[k + 1], 2 + min(int(steps[k] / usual), MOST_FILLED))[1:-1] for k in gaps
+    ]
     fine = np.sort(np.concatenate([time, *fill]))
-    sums = [CubicSpline(fine, np.interp(fine, time, column)).antiderivative()(edges) for column in values]
-    return edges, [np.diff(total) / np.diff(edges) for total in sums]
+    return CubicSpline(fine, np.interp(fine, time, values)).antiderivative()
+
+
+def block_means(time: Array, values: Sequence[Array], step: float) -> tuple[Array, list[Array]]:
+    """Return the edges of blocks of about `step` [s] on an even clock, and the means of values, shape (n,) each, between them."""
+    edges = np.linspace(time[0], time[-1], max(8, int((time[-1] - time[0]) / step)) + 1)
+    return edges, [np.diff(integral_of(time, column)(edges)) / np.diff(edges) for column in values]
