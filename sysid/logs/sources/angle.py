@@ -17,7 +17,7 @@ from sysid.noise.sensor import saturated
 from sysid.roll import Array, Roll
 from sysid.text import display
 
-TURN = 360.0
+TURN = TURNS["deg"]
 """Angles that count on over a turn in whole numbers are counts, for degrees begin again [deg]."""
 LEAST_DEGREES, MOST_RADIANS = 0.5, 30.0
 """Between these, a log without a unit may be in either. Sensors still see a swing of half a degree, and an arm may

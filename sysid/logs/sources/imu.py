@@ -13,7 +13,6 @@ from sysid.logs.sources.gyro import half_cycle, rate_scale, roll_from_rate
 from sysid.logs.sources.registry import Reading, Source
 from sysid.logs.sources.swing_smoother import (
     PER_SWING,
-    STANDARD_GRAVITY,
     Blocks,
     Swing,
     block_means,
@@ -255,7 +254,7 @@ def roll_from_accelerometer(reading: Reading) -> Roll:
 
 def _swung(blocks: Blocks, omega: float, first: complex, arm: complex | None) -> Swing:
     """Smooth accelerations alone: the search begins from a swing at `omega` [rad/s] with the lever arm `first` [m]."""
-    size = STANDARD_GRAVITY + omega**2 * first.real
+    size = ACCEL_UNITS["g"] + omega**2 * first.real
     along = np.interp(blocks.edges, 0.5 * (blocks.edges[1:] + blocks.edges[:-1]), blocks.accel.imag)
     start = along / (size if abs(size) > 1.0 else np.copysign(1.0, size))
     with np.errstate(all="ignore"):  # a start that leads nowhere
@@ -270,12 +269,12 @@ def accel_in_si(accel: Array, choice: Choice) -> tuple[Array | None, Remarks]:
     if choice.accel_unit is not None:
         scale = ACCEL_UNITS[choice.accel_unit]
     else:
-        usual = 0.8 * STANDARD_GRAVITY, 1.25 * STANDARD_GRAVITY
+        usual = 0.8 * ACCEL_UNITS["g"], 1.25 * ACCEL_UNITS["g"]
         known = {unit: size for unit, size in ACCEL_UNITS.items() if usual[0] < norm * size < usual[1]}
-        scale = next(iter(known.values()), STANDARD_GRAVITY / norm if norm > 100 else 1.0)
+        scale = next(iter(known.values()), ACCEL_UNITS["g"] / norm if norm > 100 else 1.0)
         unit = next(iter(known), f"counts of {scale:.3g} m/s²")
         remarks += note("accelerometer", f"in {unit}, because they rest at {norm:.4g}")
-    if not 0.7 < norm * scale / STANDARD_GRAVITY < 1.4:
+    if not 0.7 < norm * scale / ACCEL_UNITS["g"] < 1.4:
         remarks += warning(
             f"'{choice.columns[-3]}' holds no gravity (it rests at {norm * scale:.2g} m/s²): gyro alone. "
             "Record the accelerometer with gravity"

@@ -19,10 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.logs.table.clock import GAP
+from sysid.logs.table.names import ACCEL_UNITS
 from sysid.roll import Array
 
-STANDARD_GRAVITY = 9.80665
-"""[m/s²], by definition (CGPM 1901)."""
 PER_SWING = 20
 """Blocks in a period: their mean takes (π/20)²/6 = 0.4 % of a swing's amplitude, from gyro and accelerometer alike."""
 ROUNDS = 8
@@ -116,7 +115,7 @@ def smooth_swing(
     has_gyro = blocks.rate is not None
     rates = blocks.rate if blocks.rate is not None else np.zeros(n)
     phi, rho = start.copy(), first if arm is None else arm
-    const = np.array([0.0, 0.0, STANDARD_GRAVITY, rho.real, rho.imag])
+    const = np.array([0.0, 0.0, ACCEL_UNITS["g"], rho.real, rho.imag])
     prior = np.array([np.inf, gain_std, np.inf, arm_std, arm_std])
     free = np.array([has_gyro, has_gyro, True, arm is None, arm is None])
     cost, now, left, inverse = np.inf, np.inf, np.zeros(n, complex), np.eye(5)

@@ -5,9 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from sysid.logs.table.names import ANGLE_UNITS
 from sysid.roll import Array
 
-TURNS: Mapping[str, float] = {"deg": 360.0, "rad": 2 * np.pi}
+TURNS: Mapping[str, float] = {unit: 2 * np.pi / ANGLE_UNITS[unit] for unit in ("deg", "rad")}
 """A whole turn by unit."""
 NEARLY = 0.75
 """Share of a turn that is too far for a motion from one row to the next."""
