@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sysid.board import Board, require_record
+from sysid.board import Board
 from sysid.decay import report as decay_report
 from sysid.decay.coast_down import fit_coast_down, spins_down
 from sysid.decay.doubt import SURE, Judgement, judged, sensor_noise

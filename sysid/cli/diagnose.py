@@ -1,6 +1,7 @@
 """`husky-sysid diagnose`: what the model is missing, or that nothing is, or that nothing known explains it."""
 
 from pathlib import Path
+
 from sysid.cli.console import Common, FitTexts, Printer
 from sysid.cli.log_options import LogArguments, load_recordings, space_of
 from sysid.cli.parameter_options import parse_fixed

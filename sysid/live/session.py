@@ -19,11 +19,11 @@ EACH_SIDE = 3
 AMPLITUDE_RATIO = 3.0
 """Ratio of the widest to the smallest first amplitude from which what grows with it shows."""
 BEGINNING = 0.3
-"""Stretch at the beginning of a log in which nobody has touched the deck yet [s]."""
+"""Stretch at the beginning of a log before anybody touches the deck [s]."""
 SAME_REST = 0.4
 """Share of an amplitude by which two rest levels may differ: friction makes less, a hand that holds the deck all of it."""
 DEFAULT_ANGLE = np.radians(10.0)
-"""Where nobody has released yet [rad]."""
+"""Angle of the first release [rad]."""
 _NUMBERS = ("no", "one", "two", "three")
 
 

@@ -106,7 +106,9 @@ class Background:
         if self.stands or usual.sum() < MIN_PATCHES:
             return still(len(turn), focal, centre, found=self.stands)
         spread = 0.0 if self.lens.known else FOCAL_SPREAD
-        places = (self.lens.straighten(one) @ np.array([1, 1j]) - centre for one in (home[usual], seen[:, usual]))
+        places = (
+            self.lens.straighten(one) @ np.array([1, 1j]) - centre for one in (home[usual], seen[:, usual])
+        )
         return find_shake(*(np.asarray(one, np.complex128) for one in places), focal, centre, turn, spread)
 
     def _follow(self, small: Picture) -> Points:
@@ -160,7 +162,10 @@ def _gain(picture: Picture, other: Picture) -> float:
     """
     some, first = picture[::8, ::8], other[::8, ::8]
     ratio = float(np.median((first + 1.0) / (some + 1.0)))
-    costs = [float(np.mean(COST[cv2.absdiff(cv2.convertScaleAbs(some, alpha=gain), first)])) for gain in (1.0, ratio)]
+    costs = [
+        float(np.mean(COST[cv2.absdiff(cv2.convertScaleAbs(some, alpha=gain), first)]))
+        for gain in (1.0, ratio)
+    ]
     return ratio if costs[1] < costs[0] else 1.0
 
 
@@ -171,7 +176,10 @@ def _corners(small: Picture) -> Points:
     found: list[Points] = []
     corners_in: Any = cv2.goodFeaturesToTrack  # its stubs do not know that it may find none
     # Eight cells across and six down; a patch at the border is not whole.
-    sides = [np.linspace(WINDOW, size - WINDOW, count + 1).astype(int) for size, count in zip(small.shape, (6, 8), strict=True)]
+    sides = [
+        np.linspace(WINDOW, size - WINDOW, count + 1).astype(int)
+        for size, count in zip(small.shape, (6, 8), strict=True)
+    ]
     for top, bottom in zip(sides[0], sides[0][1:], strict=False):
         for left, right in zip(sides[1], sides[1][1:], strict=False):
             cell = slice(top, bottom), slice(left, right)
