@@ -105,7 +105,13 @@ def row(name: str, folder: Path) -> list[str]:
     follows = next(note for note in roll.notes if note.startswith("follows: "))
     inside = np.mean(np.abs(error) < 1.96 * roll.std)
     shake = next((note for note in roll.notes if note.startswith(("shake", "camera"))), "")
-    return [name, follows[9:].split(":")[0].split(";")[0], f"{np.degrees(error.std()):.3f}", f"{100 * inside:.0f} %", shake]
+    return [
+        name,
+        follows[9:].split(":")[0].split(";")[0],
+        f"{np.degrees(error.std()):.3f}",
+        f"{100 * inside:.0f} %",
+        shake,
+    ]
 
 
 def main() -> None:
@@ -122,7 +128,10 @@ def main() -> None:
     if arguments.only:
         return
     titles = ["film", "what is followed", "RMSE [°]", "95 % covers", "camera"]
-    write_result("video_backgrounds.md", f"# Films with other backgrounds\n\n`benchmarks/video_backgrounds.py`: drawn films, 640x360 at 60 frames/s, of a plate that is let go at 14°.\n\n{table(titles, rows)}")
+    write_result(
+        "video_backgrounds.md",
+        f"# Films with other backgrounds\n\n`benchmarks/video_backgrounds.py`: drawn films, 640x360 at 60 frames/s, of a plate that is let go at 14°.\n\n{table(titles, rows)}",
+    )
     write_between(PAGE, "backgrounds", table(titles[:3], [cells[:3] for cells in rows]))
 
 

@@ -15,8 +15,8 @@ from sysid.video.trackers._base import Target, rests_at
 
 SHUTTER_SEEN = 0.5
 """A read-out counts as seen in the film if that leaves less than this share of its uncertainty."""
-STILL_CAMERA = 0.15
-"""Scatter of the board's middle at the end of a film up to which nothing shakes [px]."""
+MAX_SCALE_STD = 0.1
+"""Standard deviation of the scale of an angle above which it is unknown [1]: a fifth at 95 %, no longer small beside 1."""
 MAX_OFF_LEVEL = np.radians(5.0)
 """A board that ends a film further from level is doubted to rest there [rad]: board and camera are level to a degree or two."""
 OLD_CODECS = frozenset(
@@ -67,6 +67,8 @@ def inferred(
         )
     if track.shake.moves:
         yield f"shake: {np.degrees(track.shake.size):.2g}° of the camera's, taken out by the background"
+    elif not track.shake.found:
+        yield "camera: taken to stand still, as nothing of the background can be followed"
     if not before.std[READOUT]:
         source = "given" if options.readout is not None else "the phone notes in the file"
         yield f"read-out: {camera.readout * 1e3:.3g} ms, as {source}"
@@ -91,17 +93,13 @@ def _level_std(track: Track, lens: Lens, camera: CameraState) -> float:
     return float(np.sqrt(change @ camera.covariance @ change))
 
 
-def _stands_still(track: Track) -> bool:
-    """Return whether the board itself stands still in the picture at the end of the film, and so does the camera."""
-    end = track.points[-max(10, len(track.points) // 10) :].astype(np.float64)
-    seen = end[:, np.isfinite(end).all(axis=(0, 2))]
-    return seen.size > 0 and float(np.std(seen.mean(axis=1), axis=0).max()) < STILL_CAMERA
-
-
 def faults(clip: Clip, target: Target, track: Track, found: AngleTrack) -> Iterator[str]:
     """Yield what is wrong with a film."""
-    if not track.shake.found and not _stands_still(track):
-        yield "too little background to see whether the camera shakes; use a tripod (and say --no-shake)"
+    if found.scale_std > MAX_SCALE_STD:
+        yield (
+            f"the scale of the angle is unknown: ± {200 * found.scale_std:.0f} % of it. Period and damping ratio are not affected; "
+            "give the point that it turns about with --pivot, film a wider swing, or use a marker or two stickers"
+        )
     if track.repeated:
         yield f"{track.repeated} frames without a later time stamp than the one before are left out"
     if found.outliers:

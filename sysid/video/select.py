@@ -114,7 +114,9 @@ def follow_board(reel: Reel) -> Followed:
     if turning := [one for one in usable if one.turns]:
         missed = [f"{one.target.what} does not turn" for one in usable if not one.turns]
     best = _best(reel, turning or usable)
-    return _to_the_end(reel, replace(best, target=replace(best.target, why="; ".join([best.target.why, *missed]))))
+    return _to_the_end(
+        reel, replace(best, target=replace(best.target, why="; ".join([best.target.why, *missed])))
+    )
 
 
 def _followed_in_memory(reel: Reel, target: Target) -> Followed | str:
@@ -129,7 +131,9 @@ def _followed_in_memory(reel: Reel, target: Target) -> Followed | str:
         return f"{target.what} is none of the board: pictures turned back by it do not agree"
     size = float(np.abs(one.found.shape - one.found.shape.mean()).mean())
     if (bent := np.sqrt(max(one.found.noise**2 - BODY_FLOOR**2, 0.0)) / size) > MAX_BENT:
-        return f"{target.what} lies at several depths or bends: by {100 * bent:.1f} % of its size when it rests"
+        return (
+            f"{target.what} lies at several depths or bends: by {100 * bent:.1f} % of its size when it rests"
+        )
     return replace(one, laid=laid)
 
 
@@ -174,15 +178,21 @@ def _best(reel: Reel, usable: list[Followed]) -> Followed:
     first = next((one for one in usable if one.target.shows_level), min(usable, key=lambda one: one.std))
     best = min((one for one in usable if _same_swing(one, first)), key=lambda one: one.std)
     # A target too uncertain to agree contradicts nothing.
-    stray = [one for one in usable if one.std < MAX_DISAGREEMENT * first.swing and not _same_swing(one, first)]
+    stray = [
+        one for one in usable if one.std < MAX_DISAGREEMENT * first.swing and not _same_swing(one, first)
+    ]
     for one in stray:
         if one.target.kind == first.target.kind:
             raise SysidError(
                 f"{reel.clip.path}: two bodies swing, each with {first.target.what}. Give the region of the one that is to "
                 f"be measured: --roi {first.region} or --roi {one.region}."
             )
-    others = ", ".join(f"{one.target.what} ±{2 * np.degrees(one.std):.2g}°" for one in usable if one is not best)
-    target = replace(best.target, why=f"{best.target.why}: ±{2 * np.degrees(best.std):.2g}° in this film ({others})")
+    others = ", ".join(
+        f"{one.target.what} ±{2 * np.degrees(one.std):.2g}°" for one in usable if one is not best
+    )
+    target = replace(
+        best.target, why=f"{best.target.why}: ±{2 * np.degrees(best.std):.2g}° in this film ({others})"
+    )
     if stray:
         names = " and ".join(one.target.what for one in stray)
         words = f"{names} moves otherwise than {first.target.what} and is not used; --roi keeps to the board"
@@ -244,7 +254,8 @@ def _strays(track: Track, angle: Array) -> bool:
     path, circle = path[seen], np.stack([np.ones(seen.sum()), np.exp(1j * angle[seen])], axis=1)
     fit, *_ = np.linalg.lstsq(circle, path, rcond=None)
     stray, moved = (
-        float(np.quantile(np.abs(off), 0.8)) for off in (path - circle @ fit, path - np.median(path.real) - 1j * np.median(path.imag))
+        float(np.quantile(np.abs(off), 0.8))
+        for off in (path - circle @ fit, path - np.median(path.real) - 1j * np.median(path.imag))
     )
     # A hundredth of the picture's width is the play of trucks.
     return stray > max(MAX_STRAY * moved, track.shake.centre.real / 50)
@@ -277,7 +288,9 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
         apart = np.abs(found.angle - points.angle - np.nanmedian(found.angle - points.angle))
         both = apart < MAX_DISAGREEMENT * led.swing
         trust = 1 / points.own[both]
-        gain = float(np.polyfit(found.angle[both], points.angle[both], 1, w=trust)[0]) if both.sum() > 2 else 1.0
+        gain = (
+            float(np.polyfit(found.angle[both], points.angle[both], 1, w=trust)[0]) if both.sum() > 2 else 1.0
+        )
         common = np.sqrt(np.maximum(points.std**2 - points.own**2, 0))
         common = np.where(np.isfinite(common), common, np.nanmax(common))
         # Their own doubt of the scale contradicts nothing: Stein's shrinkage.

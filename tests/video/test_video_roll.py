@@ -405,11 +405,10 @@ def test_shake_is_a_rotation_and_tells_the_lens():
     seen = seen + 0.08 * (rng.normal(size=seen.shape) + 1j * rng.normal(size=seen.shape))
     seen[:, 3] += 25  # something that moves on its own
     seen[::3, 5] = np.nan
-    shake = find_shake(home, seen, 576.0, centre, np.zeros(len(seen)))
+    shake = find_shake(home, seen, 576.0, centre, np.zeros(len(seen)), 0.25)
     score = (shake.motion[:, 2] - turns[:, 2]) / shake.std
-    assert shake.significant
-    assert shake.focal == pytest.approx(focal, rel=0.05)
-    assert abs(np.log(shake.focal / focal)) < 2 * shake.focal_std < 0.3
+    assert shake.moves
+    assert shake.focal == pytest.approx(focal, rel=0.1)
     assert 0.85 < np.sqrt(np.mean(score**2)) < 1.2
     points = rng.uniform(0, 300, (200, 5, 2))
     there = (

@@ -183,7 +183,8 @@ def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Co
         design = np.stack([1 + there.real * bend, 1j + there.imag * bend, 1j * there, there], axis=-1)
         weighted = (design * weight[..., None]).conj().transpose(0, 2, 1)
         # A hair's breadth of damping, so that frames without patches are no error.
-        inverse = np.linalg.inv((weighted @ design).real + np.diag([1e-6, 1e-6, 1e-2, 1e-2]))
+        normal = (weighted @ design).real + np.diag([1e-6, 1e-6, 1e-2, 1e-2])
+        inverse = np.asarray(np.linalg.inv(normal), np.float64)
         motion = motion + (inverse @ (weighted @ gap[:, :, None]).real)[..., 0]
     motion[weight.sum(axis=1) < MIN_PATCHES - 1] = np.nan
     return motion, np.where(found, gap, np.nan), inverse[:, 2, 2]

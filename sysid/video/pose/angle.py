@@ -47,6 +47,12 @@ class AngleTrack:
     own: Array
     """Share of `std` that is not common to all frames [rad], shape (n,)."""
 
+    @property
+    def scale_std(self) -> float:
+        """Share of the swing that is open in common for all frames [1]: of direction, lens and pivot."""
+        common = np.sqrt(np.nanmax(np.maximum(self.std**2 - self.own**2, 0.0)))
+        return float(common / np.nanmax(np.abs(self.angle - np.nanmedian(self.angle))))
+
 
 def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior | None = None) -> AngleTrack:
     """Estimate the angle of a rigid body in every frame that shows all of its points.

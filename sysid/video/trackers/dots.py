@@ -351,7 +351,7 @@ def _target(reel: Reel, dots: tuple[Dot, ...], other: Callable[[], Target | None
             joined=((0, 1),),
             zero_note="where the line between the dots is level in the picture",
         )
-        if all(dot.alone for dot in dots):
+        if all(dot.alone for dot in dots) and not _among_others(reel.look, dots):
             return pair
         return replace(
             pair,
@@ -359,8 +359,7 @@ def _target(reel: Reel, dots: tuple[Dot, ...], other: Callable[[], Target | None
             why=f"two patches of colour ({size})",
             zero=level_at_rest,
             shows_level=False,
-            zero_note="where the deck is at the end of the film: colours run on about both patches, as in a print, and "
-            "nobody put them on level",
+            zero_note="where the deck is at the end of the film: they are part of a print, which nobody put on level",
         )
     return Target(
         follower=follower,
@@ -374,6 +373,15 @@ def _target(reel: Reel, dots: tuple[Dot, ...], other: Callable[[], Target | None
         shows_body=False,
         direction_from="",
     )
+
+
+def _among_others(look: Survey, dots: tuple[Dot, ...]) -> bool:
+    """Return whether a third patch turns with two dots: they are specks of a print, not two stickers."""
+    patches = _patches(look.frames[0].cut(look.box), look)
+    some = (
+        dot for dot in patches if all(np.linalg.norm(dot.place - other.place) > dot.radius for other in dots)
+    )
+    return any(_turn_as_one((dots[0], dot), look) for dot in some)
 
 
 def _other_pair(reel: Reel, dots: tuple[Dot, ...]) -> Target | None:

@@ -34,6 +34,8 @@ TURN_BIN = np.radians(1.0)
 """Turns that are told apart when lines are looked for [rad]."""
 LINES = 4
 """Lines that one picture may vote for, of each polarity; and edges that are followed at most."""
+START_SCALE = 2.0
+"""Distance of a point from its edge that is believed at first [px]: the search steps by as much."""
 SEARCH_SIDE = 640
 """Longer side of the pictures in which lines are looked for [px]."""
 
@@ -77,7 +79,9 @@ class Slopes:
 
     def along(self, place: Array, normal: Array) -> Array:
         """Return the change along normals at places in the film, both of shape (..., 2)."""
-        x, y = np.moveaxis((place - self.corner - (self.times - 1) / 2) / self.times, -1, 0).astype(np.float32)
+        x, y = np.moveaxis((place - self.corner - (self.times - 1) / 2) / self.times, -1, 0).astype(
+            np.float32
+        )
         rows = x.reshape(len(x), -1), y.reshape(len(y), -1)
         parts = (cv2.remap(one, *rows, cv2.INTER_LINEAR).reshape(x.shape) for one in (self.across, self.down))
         return np.asarray(sum(part * normal[..., axis] for axis, part in enumerate(parts)), np.float64)
@@ -87,7 +91,10 @@ def slopes_of(frame: Frame) -> Slopes:
     """Return the change of brightness in a frame, halved until it is small."""
     small, times = halved(frame.picture, SEARCH_SIDE)
     smooth = cv2.GaussianBlur(small, (0, 0), 1.0)
-    across, down = (np.asarray(cv2.Scharr(smooth, cv2.CV_32F, *axis), np.float32) / 32 for axis in ((1, 0), (0, 1)))
+    across, down = (
+        np.asarray(cv2.Scharr(smooth, cv2.CV_32F, *axis, scale=1 / 32), np.float32)
+        for axis in ((1, 0), (0, 1))
+    )
     return Slopes(across, down, np.array(frame.corner, float), times)
 
 
@@ -121,12 +128,15 @@ def find_edges(look: Survey) -> Edges | None:
 
 def _without_still(every: Sequence[Slopes], shifts: Array) -> list[Slopes]:
     """Return the change of brightness without what most pictures share: lines that stand still, and the body where it rests."""
-    found = [{}, *({} for _ in every[1:])]
+    found: list[dict[str, Image]] = [{} for _ in every]
     for name in ("across", "down"):
         parts = [getattr(one, name) for one in every]
         moves = [np.column_stack([np.eye(2), (shift - shifts[0]) / every[0].times]) for shift in shifts]
         size, flags = parts[0].shape[::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        usual = np.median([cv2.warpAffine(one, move, size, flags=flags) for one, move in zip(parts, moves, strict=True)], axis=0)
+        usual = np.median(
+            [cv2.warpAffine(one, move, size, flags=flags) for one, move in zip(parts, moves, strict=True)],
+            axis=0,
+        )
         for row, (one, move) in enumerate(zip(parts, moves, strict=True)):
             still = cv2.warpAffine(usual, move, size, flags=cv2.INTER_LINEAR)
             # The rest of a line that a camera turns a little is a share of it.
@@ -141,7 +151,9 @@ def _learned(edges: Edges, frames: Sequence[Frame]) -> Edges:
     seen = [(frame.shift, points) for frame in frames if (points := follower.update(frame)) is not None]
     if len(seen) < len(frames) / 3:
         return edges
-    z = np.array([points - shift for shift, points in seen]) @ [1, 1j] - np.repeat(edges.pivot @ [1, 1j], PIECES)
+    z = np.array([points - shift for shift, points in seen]) @ [1, 1j] - np.repeat(
+        edges.pivot @ [1, 1j], PIECES
+    )
     off = fit_edges(z, _rough_turn(z)).pivot[::PIECES]
     pivot = np.stack([off.real, off.imag], axis=1)
     return Edges(edges.pivot + pivot, edges.ends - pivot[:, None])
@@ -236,7 +248,11 @@ def _ends(every: list[Slopes], pivots: Array, turns: Array, box: Box) -> Array:
     while len(found) < LINES and left.max() > 0.4 * strongest > 0:
         row = int(np.argmax(left))
         line = np.abs(alike[max(row - 1, 0) : row + 2].sum(axis=0))
-        on = np.flatnonzero(line > 0.4 * np.quantile(line[line > 0], 0.8)) if (line > 0).any() else np.zeros(0, int)
+        on = (
+            np.flatnonzero(line > 0.4 * np.quantile(line[line > 0], 0.8))
+            if (line > 0).any()
+            else np.zeros(0, int)
+        )
         run = max(np.split(on, np.flatnonzero(np.diff(on) > 2) + 1), key=len)
         left[max(row - 2, 0) : row + 3] = 0
         if len(run) < 5:
@@ -299,10 +315,16 @@ class EdgeFollower:
         score = np.maximum(seen, 0).mean(axis=(1, 2))
         best = int(np.argmax(score))
         # What any line across the picture shows is no edge.
-        return float(turn[best]), frame.shift + down[best] * normal[best], float(score[best] - np.median(score))
+        return (
+            float(turn[best]),
+            frame.shift + down[best] * normal[best],
+            float(score[best] - np.median(score)),
+        )
 
     def _box(self, frame: Frame, middle: float, reach: float) -> Box:
-        ends = self.edges.at(middle + np.linspace(-reach, reach, 9), np.broadcast_to(frame.shift, (9, 2))).reshape(-1, 2)
+        ends = self.edges.at(
+            middle + np.linspace(-reach, reach, 9), np.broadcast_to(frame.shift, (9, 2))
+        ).reshape(-1, 2)
         left, top = (ends.min(axis=0) - 30).astype(int).tolist()
         right, bottom = (ends.max(axis=0) + 30).astype(int).tolist()
         return left, top, right, bottom
@@ -325,7 +347,9 @@ def _line(along: Array, off: Array) -> tuple[float, float, np.ndarray]:
     y, weight = np.where(seen, off, 0.0), seen.astype(float)
     fit, rest = np.zeros(2), off
     for _ in range(6):
-        fit = np.linalg.solve(design.T @ (weight[:, None] * design) + 1e-6 * np.eye(2), design.T @ (weight * y))
+        fit = np.linalg.solve(
+            design.T @ (weight[:, None] * design) + 1e-6 * np.eye(2), design.T @ (weight * y)
+        )
         rest = np.abs(y - design @ fit)
         scale = 1.5 * float(np.median(rest[seen])) + POINT_FLOOR if seen.any() else 1.0
         weight = seen / (1 + (rest / (2 * scale)) ** 2) ** 2
@@ -359,8 +383,9 @@ def fit_edges(z: Complex, start: Array) -> EdgeFit:
     place, angle, pivot = np.where(seen, z, 0), start.copy(), np.zeros(z.shape[1], complex)
     weight, height = seen.astype(float), np.zeros(z.shape[1])
     along = rest = variance = np.zeros(0)
-    for scale in 2.0 * 0.8 ** np.arange(24):  # [px], so that points on something else lose their weight one by one
-        turned = np.exp(-1j * angle)[:, None] * (place - pivot)
+    # Points on something else lose their weight one by one.
+    for scale in START_SCALE * 0.8 ** np.arange(24):
+        turned: Complex = np.exp(-1j * angle)[:, None] * (place - pivot)
         share = weight * attitude_share(angle, TURN_BIN)[:, None] + 1e-12
         height = np.average(turned.imag - _mean(turned.imag - height, weight), axis=0, weights=share)
         along = turned.real - _mean(turned.real, weight)
@@ -371,7 +396,9 @@ def fit_edges(z: Complex, start: Array) -> EdgeFit:
         angle = angle + step
         pivot = pivot + _pivots(off, angle, share)
         rest = np.where(seen, off - step[:, None] * along, 0.0)
-        usual = np.sqrt(np.average(np.minimum(np.abs(rest), 3 * scale) ** 2, axis=0, weights=share * seen + 1e-12))
+        usual = np.sqrt(
+            np.average(np.minimum(np.abs(rest), 3 * scale) ** 2, axis=0, weights=share * seen + 1e-12)
+        )
         usual = np.maximum(usual, max(scale, POINT_FLOOR))
         # A point counts by its own scatter, and less where it is off in one frame.
         weight = seen * (usual.min() / usual) ** 2 / (1 + (rest / (2 * usual)) ** 2) ** 2
@@ -379,12 +406,17 @@ def fit_edges(z: Complex, start: Array) -> EdgeFit:
         variance = np.maximum(noise, POINT_FLOOR**2) / np.maximum((weight * along**2).sum(axis=1), 1e-9)
     # Neighbours err alike, as the wall behind them and compression have it: fewer independent points.
     pieces = (np.sqrt(weight) * rest).reshape(len(z), -1, PIECES)
-    alike = float(np.clip((pieces[..., 1:] * pieces[..., :-1]).sum() / max((pieces**2).sum(), 1e-9), 0.0, 0.9))
+    alike = float(
+        np.clip((pieces[..., 1:] * pieces[..., :-1]).sum() / max((pieces**2).sum(), 1e-9), 0.0, 0.9)
+    )
     count = weight.sum(axis=1) / np.maximum((weight * along**2).sum(axis=1), 1e-9)
     variance = variance * (1 + alike) / (1 - alike) + BODY_FLOOR**2 * count / pieces.shape[1]
     # One slope for all edges, each with a height of its own.
     total = (weight.sum(axis=0) + 1e-9).reshape(-1, PIECES)
-    along, height = np.average(along, axis=0, weights=weight.sum(axis=1) + 1e-9).reshape(-1, PIECES), height.reshape(-1, PIECES)
+    along, height = (
+        np.average(along, axis=0, weights=weight.sum(axis=1) + 1e-9).reshape(-1, PIECES),
+        height.reshape(-1, PIECES),
+    )
     along, height = along - _mean(along, total), height - _mean(height, total)
     level = np.arctan((total * along * height).sum() / (total * along**2).sum())
     return EdgeFit(angle + level, variance, weight, rest, pivot)
@@ -435,14 +467,18 @@ def fit_turn(view: View, matrix: Array, before: CameraState, *, pivot: Array) ->
         return fit_edges(z - moved, start)
 
     fit = fit_at(before.value)
-    unknown = spread_by(before.value, before.covariance, fit.angle, lambda x: fit_at(x).angle, time, view.share, READOUT)
+    unknown = spread_by(
+        before.value, before.covariance, fit.angle, lambda x: fit_at(x).angle, time, view.share, READOUT
+    )
     trusted = fit.weight.sum(axis=1)
     wrong = trusted < 0.4 * float(np.median(trusted))
     angle = np.where(wrong, np.nan, fit.angle)
     own = np.sqrt(np.where(wrong, np.nan, fit.variance + smear(angle) ** 2))
     noise = float(np.sqrt(np.average(fit.rest**2, weights=fit.weight)))
     lost = int((wrong & np.isfinite(view.points).any(axis=(1, 2))).sum())
-    return AngleTrack(unwrap(angle), np.hypot(own, np.sqrt(unknown)), before, noise, lost, np.array([1 + 0j]), own)
+    return AngleTrack(
+        unwrap(angle), np.hypot(own, np.sqrt(unknown)), before, noise, lost, np.array([1 + 0j]), own
+    )
 
 
 def _rough_turn(z: Complex) -> Array:
