@@ -100,6 +100,9 @@ def follow_board(reel: Reel) -> Followed:
     for targets in find_targets(reel):
         with ThreadPoolExecutor() as pool:
             several = list(pool.map(partial(_followed_in_memory, reel), targets))
+        missed += [
+            one for one, target in zip(several, targets, strict=True) if isinstance(one, str) and target.shows_level
+        ]
         others = [one.target.other() for one in several if isinstance(one, Followed) and one.target.other]
         several += [_followed_in_memory(reel, other) for other in others if other is not None]
         for one in several:
@@ -112,7 +115,7 @@ def follow_board(reel: Reel) -> Followed:
     if not usable:
         raise SysidError(f"{reel.clip.path}: {'; '.join(failed)}. {ADVICE}")
     if turning := [one for one in usable if one.turns]:
-        missed = [f"{one.target.what} does not turn" for one in usable if not one.turns]
+        missed += [f"{one.target.what} does not turn" for one in usable if not one.turns]
     best = _best(reel, turning or usable)
     return _to_the_end(
         reel, replace(best, target=replace(best.target, why="; ".join([best.target.why, *missed])))
