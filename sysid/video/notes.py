@@ -1,4 +1,4 @@
-"""What people are told of a film: what was inferred, and what is wrong with it."""
+"""Words for people about a film: inferences and faults."""
 
 from collections.abc import Iterator
 
@@ -34,7 +34,7 @@ def inferred(
     found: AngleTrack,
     options: VideoOptions,
 ) -> Iterator[str]:
-    """Yield what was inferred; `before` is what was known of the camera beforehand."""
+    """Yield the inferences; `before` is the prior knowledge of the camera."""
     intervals = np.diff(track.time)
     spread = float(np.std(intervals) / np.mean(intervals))
     stamps = "the given rate" if options.rate is not None else "the container's stamps"
@@ -44,7 +44,7 @@ def inferred(
     )
     if track.index[0] > 0:
         yield (
-            f"film: its first {track.index[0]} frames, in which nothing moves, are left out; times are the film's own, from "
+            f"film: its first {track.index[0]} frames show no motion and are left out; times are the film's own, from "
             f"{track.time[0]:.4g} s on"
         )
     if clip.slowed > 1 and options.rate is None:
@@ -81,7 +81,7 @@ def inferred(
 
 
 def _level_std(track: Track, lens: Lens, camera: CameraState) -> float:
-    """Return how well it is known what is level where the body is in the picture [rad].
+    """Return the standard deviation of level at the body's place in the picture [rad].
 
     Above and below the picture's middle, a camera that looks aside of the axis sees level lines at a slope.
     """
@@ -94,11 +94,11 @@ def _level_std(track: Track, lens: Lens, camera: CameraState) -> float:
 
 
 def faults(clip: Clip, target: Target, track: Track, found: AngleTrack) -> Iterator[str]:
-    """Yield what is wrong with a film."""
+    """Yield the faults of a film."""
     if found.scale_std > MAX_SCALE_STD:
         yield (
-            f"the scale of the angle is unknown: ± {200 * found.scale_std:.0f} % of it. Period and damping ratio are not affected; "
-            "give the point that it turns about with --pivot, film a wider swing, or use a marker or two stickers"
+            f"the scale of the angle is unknown: ± {200 * found.scale_std:.0f} %. Period and damping ratio still hold. "
+            "Give the pivot with --pivot, film a wider swing, or use a marker or two stickers"
         )
     if track.repeated:
         yield f"{track.repeated} frames without a later time stamp than the one before are left out"
@@ -113,6 +113,6 @@ def faults(clip: Clip, target: Target, track: Track, found: AngleTrack) -> Itera
     yield from target.warnings
     if clip.codec in OLD_CODECS:
         yield (
-            f"compressed as {clip.codec}, an old way that leaves out more small motion than the deviations hold: k may be "
-            "off by 5 %; give the film as the camera wrote it (H.264, HEVC)"
+            f"compressed as {clip.codec}, which drops small motion beyond the stated deviations. k may be "
+            "off by 5 %. Give the film as the camera wrote it (H.264, HEVC)"
         )

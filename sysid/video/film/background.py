@@ -34,7 +34,7 @@ COST = np.log1p(np.arange(256)).astype(np.float32)
 
 @dataclass(slots=True)
 class Background:
-    """Patches all over the picture, always compared with the first frame, so that nothing drifts."""
+    """Patches all over the picture, compared with the first frame: they do not drift."""
 
     lens: Lens
     stands: bool = False
@@ -132,8 +132,8 @@ class Background:
     def _likelier(self, small: Picture, seen: Points) -> Array:
         """Return the shift and turn on which most patches agree if they are likelier than none.
 
-        The corners of the picture decide, by their median, as a body is in one of them at most: where nothing is seen behind
-        a body, its own motion would explain the picture better than none.
+        The median over the corners of the picture decides: a body reaches into one of them at most. Before a plain wall the
+        motion of the body itself would explain the whole picture better than none.
         """
         good = self._beside & np.isfinite(seen[:, 0])
         estimate: Any = cv2.estimateAffinePartial2D  # its stubs do not know that it may find nothing

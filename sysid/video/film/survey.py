@@ -1,4 +1,4 @@
-"""Where something moves in a film, from small pictures of it."""
+"""Motion in a film: the pixels that change, from small pictures."""
 
 from dataclasses import dataclass, field
 
@@ -15,7 +15,7 @@ MAX_SHAKE = 0.05
 MIN_CHANGE = 18
 """Range of brightness that counts as motion [grey levels]: compression alone reaches 12 in films of 0.05 bit a pixel."""
 MIN_AREA = 40
-"""Least area of what moves [px of the small picture]."""
+"""Least area of a moving region [px of the small picture]."""
 MIN_REGION = 16
 """Least width and height of a region that the user gives [px]."""
 

@@ -1,7 +1,7 @@
 """The straight edges of a bare body: lines that turn about one point.
 
-A line with the normal n at the distance ρ from the origin belongs to a body that turns about q if ρ = h + q·n, whatever the
-turn: h is the distance of the edge from q. The lines of pictures from all over the film vote for h and q; what stands still or
+A line with the normal n at the distance ρ from the origin belongs to a body that turns about q if ρ = h + q·n for all turns.
+h is the distance of the edge from q. The lines of pictures from all over the film vote for h and q; what stands still or
 is carried along keeps no such distance. From then on the body's edges are searched in each frame over turn and shift, and
 measured to a hundredth of a pixel.
 """
@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
+from sysid.video.film.background import SMALL_SIDE
 from sysid.video.film.frames import Frame, halved
 from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
@@ -36,8 +37,6 @@ LINES = 4
 """Lines that one picture may vote for, of each polarity; and edges that are followed at most."""
 START_SCALE = 2.0
 """Distance of a point from its edge that is believed at first [px]: the search steps by as much."""
-SEARCH_SIDE = 640
-"""Longer side of the pictures in which lines are looked for [px]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +88,7 @@ class Slopes:
 
 def slopes_of(frame: Frame) -> Slopes:
     """Return the change of brightness in a frame, halved until it is small."""
-    small, times = halved(frame.picture, SEARCH_SIDE)
+    small, times = halved(frame.picture, SMALL_SIDE)
     smooth = cv2.GaussianBlur(small, (0, 0), 1.0)
     across, down = (
         np.asarray(cv2.Scharr(smooth, cv2.CV_32F, *axis, scale=1 / 32), np.float32)
@@ -99,7 +98,7 @@ def slopes_of(frame: Frame) -> Slopes:
 
 
 def find_edges(look: Survey) -> Edges | None:
-    """Return the edges of the body that turns in some pictures of a film; None where there are none."""
+    """Return the edges of the body that turns in some pictures of a film; None without any."""
     every = [slopes_of(frame.cut(look.box)) for frame in look.frames]
     shifts = np.array([frame.shift for frame in look.frames])
     moving = _without_still(every, shifts)
@@ -198,7 +197,7 @@ def _common_pivots(lines: Array, picture: Rows, box: Box) -> Iterator[tuple[Arra
     Args:
         lines: The lines of all pictures as `_lines` returns them, shape (L, 4).
         picture: Number of the picture of each, shape (L,).
-        box: Where something moves [px]; the pivot is there or within its size beside it.
+        box: The part that moves [px]; the pivot lies there or within its size beside it.
     """
     turn, distance, votes, polarity = lines.T
     design = np.stack([np.ones(len(lines)), -np.sin(turn), np.cos(turn)], axis=1)
@@ -314,7 +313,7 @@ class EdgeFollower:
         seen = way[:, None] * slopes.along(places, np.broadcast_to(normal[:, None, None], places.shape))
         score = np.maximum(seen, 0).mean(axis=(1, 2))
         best = int(np.argmax(score))
-        # What any line across the picture shows is no edge.
+        # The median is the score of any line across the picture.
         return (
             float(turn[best]),
             frame.shift + down[best] * normal[best],
