@@ -1,12 +1,13 @@
 """Angle from ten drawn films that differ in the background: none, soft, changing light, moving people.
 
-    python benchmarks/video_backgrounds.py [--only soft] [--keep DIR]
+    python benchmarks/video_backgrounds.py [--only soft] [--keep DIR] [--rows FILE] [--before FILE]
 
 Each film is a plate that turns about a point by a known angle (`tests/support/drawn_films.py`). The tool gets the file alone.
 Writes benchmarks/results/video_backgrounds.md and the table of docs/video.md.
 """
 
 import argparse
+import json
 import sys
 import tempfile
 from collections.abc import Callable
@@ -104,7 +105,7 @@ def row(name: str, folder: Path) -> list[str]:
     error -= error.mean()
     follows = next(note for note in roll.notes if note.startswith("follows: "))
     inside = np.mean(np.abs(error) < 1.96 * roll.std)
-    shake = next((note for note in roll.notes if note.startswith(("shake", "camera"))), "")
+    shake = next((note.split(",")[0] for note in roll.notes if note.startswith(("shake", "camera"))), "")
     return [
         name,
         follows[9:].split(":")[0].split(";")[0],
@@ -118,21 +119,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="")
     parser.add_argument("--keep", type=Path, default=Path(tempfile.gettempdir()) / "husky-backgrounds")
+    parser.add_argument("--rows", type=Path, help="write the rows to this file alone, to compare with later")
+    parser.add_argument("--before", type=Path, help="rows of an earlier version")
     arguments = parser.parse_args()
     arguments.keep.mkdir(parents=True, exist_ok=True)
-    rows: list[list[str]] = []
-    for name in FILMS:
-        if arguments.only in name:
-            rows.append(row(name, arguments.keep))
-            print(*rows[-1], sep=" | ", flush=True)
-    if arguments.only:
-        return
+    rows = [row(name, arguments.keep) for name in FILMS if arguments.only in name]
     titles = ["film", "what is followed", "RMSE [°]", "95 % covers", "camera"]
-    write_result(
-        "video_backgrounds.md",
-        f"# Films with other backgrounds\n\n`benchmarks/video_backgrounds.py`: drawn films, 640x360 at 60 frames/s, of a plate that is let go at 14°.\n\n{table(titles, rows)}",
-    )
-    write_between(PAGE, "backgrounds", table(titles[:3], [cells[:3] for cells in rows]))
+    if arguments.rows is not None:
+        arguments.rows.write_text(json.dumps(rows))
+    if arguments.only or arguments.rows is not None:
+        print(table(titles, rows))
+        return
+    before = json.loads(arguments.before.read_text()) if arguments.before is not None else []
+    earlier = {cells[0]: cells[2] or "refused" for cells in before}
+    head = "`benchmarks/video_backgrounds.py`: drawn films, 640x360 at 60 frames/s, of a plate that is let go at 14°."
+    write_result("video_backgrounds.md", f"# Films with other backgrounds\n\n{head}\n\n{table(titles, rows)}")
+    cells = [[name, earlier.get(name, ""), error] for name, _, error, *_ in rows]
+    write_between(PAGE, "backgrounds", table(["film", "one version before [°]", "RMSE [°]"], cells))
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ REGION_COLOUR = tuple(bytes.fromhex("b4771f"))
 """Blue, in OpenCV's order: where something moves."""
 PAGE = """<!doctype html><meta charset="utf-8"><title>{name}</title>
 <style>body{{font:16px sans-serif;margin:1em}} canvas{{max-width:100%;cursor:crosshair}} code{{background:#eee;padding:.3em}}</style>
-<p>{what}. Blue: motion; orange: the points to be followed. Wrong? Draw the region of the board with the mouse.</p>
+<p>{what}. Blue: motion; orange: the points to be followed. Wrong? Draw the region with the mouse.</p>
 <p><code id="command">{command}</code></p><canvas id="picture" width="{width}" height="{height}"></canvas>
 <script>
 const canvas = document.getElementById("picture"), pen = canvas.getContext("2d"), image = new Image();
@@ -57,7 +57,7 @@ def write_preview(reel: Reel, command: str, path: Path) -> str:
         path: The page.
 
     Returns:
-        The targets, for people; or the reason that there are none.
+        A description of the targets, or the reason for their absence.
     """
     picture = next(reel.clip.frames()).colour
     width = max(1, reel.clip.width // 500)

@@ -2,8 +2,8 @@
 
 Followed points give the rough motion and the direction of the camera. A slanted view shears a body that turns, so all pictures
 are first made those of a camera along the axis. Pictures from all over the film, turned back, agree where the board is: their mean
-is its picture, with little noise. Each frame is then laid onto that mean by least squares of the brightness, for six numbers of
-an affine motion (Lucas and Kanade, 1981; gradients of the mean, as Baker and Matthews, 2004) and six of the light. The weights
+is its picture, with little noise. Each frame is then laid onto that mean by least squares of the brightness (Lucas and Kanade, 1981; Baker and Matthews, 2004).
+Six numbers describe an affine motion and six the light. The weights
 ignore hands and shine. Four points of the board at these places stand for it from then on.
 """
 

@@ -37,7 +37,7 @@ CAPTURE_RATE = "com.android.capture.fps"
 READOUT = "com.apple.quicktime.camera.framereadouttimeinmicroseconds"
 """Notes of phones: the rate at which a film was taken [Hz], and the time for reading a frame [µs]."""
 MAX_RATE, MAX_READOUT = 1e5, 0.1
-"""Limits that no camera reaches: frames a second [Hz], and time for reading a frame [s]."""
+"""Limits beyond any camera: frames a second [Hz], and time for reading a frame [s]."""
 PLANES, BLACK = "yuv420p", 16
 """How nearly all films hold pictures: 8 bits of brightness from this to 235, and chroma at half the resolution."""
 TO_COLOUR = np.array([[1.164, 2.018, 0.0], [1.164, -0.391, -0.813], [1.164, 0.0, 1.596]])

@@ -5,8 +5,8 @@ import numpy as np
 from sysid.roll import Array
 
 RAMP, STEADY = 1.9, 1.25
-"""Ratio of half periods before and after a change of the film's speed, and largest ratio that a joint shows from one half
-period to the next: stiffness and play change a period little by little."""
+"""Ratio of half periods before and after a change of the film's speed, and the largest ratio from one half
+period to the next for a joint, whose stiffness and play change a period little by little."""
 MIN_STDS, MIN_SHARE = 8.0, 0.02
 """Least half swing that is looked at: in standard deviations, and as a share of the whole."""
 

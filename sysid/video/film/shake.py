@@ -166,8 +166,8 @@ def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Co
         focal: Focal length [px].
 
     Returns:
-        Motion, shape (n, 4), NaN if fewer than four patches agree; residuals [px], shape (n, m); variance of θ for patches of
-        variance 1 px², shape (n,).
+        Motion, shape (n, 4), NaN if fewer than four patches agree; residuals [px], shape (n, m);
+        variance of θ for patches of 1 px², shape (n,).
     """
     found = np.isfinite(seen)
     place = np.where(found, seen, home)

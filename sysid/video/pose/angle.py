@@ -1,7 +1,7 @@
 """The angle of a body that turns about an axis, from points in pictures.
 
-A camera that does not look along the axis sees circles as ellipses, and at more depth than one. A homography, known up to the axis' direction and the
-focal length, takes its picture to that of a camera along the axis, in which points run on circles. Direction, focal length
+A camera that does not look along the axis sees circles as ellipses, and at more depth than one. A homography takes its picture to that of a camera along the
+axis, in which points run on circles. It is known up to the axis' direction and the focal length. Direction, focal length
 and read-out of the shutter make these circles round (`circles`).
 """
 

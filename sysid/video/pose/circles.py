@@ -106,12 +106,11 @@ class Unknowns:
     matrix: Array
     """Camera matrix [px], shape (3, 3)."""
     home: Array
-    """The body in one of the frames, as filmed [px], shape (N, 2). q is counted from its picture along the axis: another axis
-    bends the body as it bends the picture, and leaves little to the other numbers."""
+    """The body in one of the frames, as filmed [px], shape (N, 2). q is counted from its picture along the axis: another axis bends body and picture alike."""
     slope: float = 0.0
     """How depth grows with height, as usual where its points are [1]; 0 across the axis, where that is not unknown."""
     pivot: Array = field(default_factory=lambda: np.zeros(2))
-    """Where the axis is seen on a slanted side [px], shape (2,): c is counted from the slope's part of it."""
+    """Place of the axis on a slanted side [px], shape (2,); c is counted from the slope's part of it."""
 
     @property
     def focal(self) -> float:

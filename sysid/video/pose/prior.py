@@ -7,8 +7,8 @@ POINT_FLOOR = 0.02
 BODY_FLOOR = 0.04
 """Standard deviation of the error that all points of a body or an edge share [px], by compression while it is held. With it the 95 % intervals of k and d hold the truth in 68 rendered films."""
 PLANE_CENTRES = 0.0005
-"""Standard deviation of the circles' centres of points in one plane across the axis [focal lengths]: depths differ by 1 %, a
-twentieth of a focal length aside."""
+"""Standard deviation of the circles' centres of points in one plane across the axis [focal lengths]: depths differ by 1 %,
+a twentieth of it aside."""
 SLOPE = 2.0
 """How depth grows downwards on an upturned tail from below, and upwards on the deck's upper side: 27 degrees to the axis [1]."""
 SLOPE_SPREAD = 0.5

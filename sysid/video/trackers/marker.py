@@ -46,7 +46,7 @@ STEP_WINDOW = 2.8
 0.027° at 2.8)."""
 CORNER_DEAD_ZONE = 0.03
 """Motion that compression drops from black on white, to either side [px]: the error of corners in long films beyond their scatter
-within a frame (0.015 px), as a width."""
+within a frame (0.015 px)."""
 
 
 @dataclass(frozen=True, slots=True)
