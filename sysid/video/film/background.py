@@ -53,7 +53,7 @@ class Background:
     """The background's motion since the first frame [px of the small picture], each (2, 3)."""
 
     def update(self, frame: Frame) -> Array:
-        """Take in the next frame; return the background's shift since the first one [px], shape (2,).
+        """Take in the next frame; return the shift of the picture's middle since the first one [px], shape (2,).
 
         Raises:
             SysidError: The picture changes all at once.
@@ -74,7 +74,8 @@ class Background:
         seen = self._follow(small)
         self._seen.append(seen * scale + (scale - 1) / 2)
         self._poses.append(self._likelier(small, seen))
-        return scale * self._poses[-1][:, 2]
+        middle = np.array([*small.shape[::-1], 0.0]) / 2
+        return scale * (self._poses[-1] @ (middle + [0, 0, 1]) - middle[:2])
 
     def pose(self, number: int) -> tuple[Array, float]:
         """Return the background's motion since the first frame [px of the small picture], shape (2, 3), and the light's loss.
