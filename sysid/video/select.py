@@ -240,7 +240,8 @@ def _fault(one: Followed) -> str | None:
     """Return why an angle is to be refused; None if it is not."""
     frames, what = len(one.found.angle), one.target.what
     # An edge that is lost in the swing, and found again at rest, was another line.
-    least = MIN_SEEN_SHARE if one.target.shows_body or one.track.points.shape[1] == 1 else (1 + MIN_SEEN_SHARE) / 2
+    edge = not one.target.shows_body and one.track.points.shape[1] > 1
+    least = (1 + MIN_SEEN_SHARE) / 2 if edge else MIN_SEEN_SHARE
     if (kept := int(np.isfinite(one.found.angle).sum())) < least * frames:
         return (
             f"{what} is seen in {frames - one.track.lost} of {frames} frames, but turns as one body in only {kept}: something "

@@ -74,8 +74,8 @@ class Background:
         seen = self._follow(small)
         self._seen.append(seen * scale + (scale - 1) / 2)
         self._poses.append(self._likelier(small, seen))
-        middle = np.array([*small.shape[::-1], 0.0]) / 2
-        return scale * (self._poses[-1] @ (middle + [0, 0, 1]) - middle[:2])
+        middle = np.array(small.shape[::-1]) / 2
+        return scale * (self._poses[-1] @ np.append(middle, 1.0) - middle)
 
     def pose(self, number: int) -> tuple[Array, float]:
         """Return the background's motion since the first frame [px of the small picture], shape (2, 3), and the light's loss.
@@ -85,7 +85,7 @@ class Background:
         return self._poses[number], self._gains[number]
 
     def leave_out(self, moving: Mask) -> None:
-        """Stop following patches that reach into the pixels in which something moves, shape (height, width)."""
+        """Stop following patches that reach into pixels that move, shape (height, width) [px]."""
         scale = moving.shape[0] // self._first.shape[0]
         reach = 2 * scale * WINDOW
         near = cv2.boxFilter(moving.astype(np.uint8), -1, (reach, reach), normalize=False) > 0

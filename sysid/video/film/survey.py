@@ -49,7 +49,7 @@ class Motion:
     """How far the camera went [px of the small picture]."""
 
     def add(self, frame: Frame, pose: Array, gain: float) -> None:
-        """Take in the next whole frame, with the background's pose and brightness in it, as `Background.pose` returns them."""
+        """Take in the next whole frame, with the pose, shape (2, 3) [px], and the gain [1] of `Background.pose`."""
         self._shape = frame.picture.shape
         bright = halved(frame.picture, SMALL_SIDE)[0]
         small = in_colour(bright, [halved(one, SMALL_SIDE)[0] for one in frame.chroma])

@@ -57,7 +57,7 @@ class Edges:
         return float(np.abs(np.diff(self.ends[..., 0])).sum())
 
     def at(self, turn: Array, shift: Array) -> Array:
-        """Return the ends [px], shape (..., E, 2, 2), at turns [rad] and shifts [px], shapes (...) and (..., 2)."""
+        """Return the ends [px], shape (..., E, 2, 2), at turns of shape (n,) [rad] and shifts of shape (n, 2) [px]."""
         cos, sin = np.cos(turn)[..., None, None], np.sin(turn)[..., None, None]
         x, y = self.ends[..., 0], self.ends[..., 1]
         turned = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
@@ -77,7 +77,7 @@ class Slopes:
     """Pixels of the film in one of it."""
 
     def along(self, place: Array, normal: Array) -> Array:
-        """Return the change along normals at places in the film, both of shape (..., 2)."""
+        """Return the change along normals [grey levels/px], shape (n, m), at places in the film [px], both of shape (n, m, 2)."""
         x, y = np.moveaxis((place - self.corner - (self.times - 1) / 2) / self.times, -1, 0).astype(
             np.float32
         )
@@ -298,7 +298,7 @@ class EdgeFollower:
         return points.reshape(-1, 2)
 
     def search(self, frame: Frame, slopes: Slopes | None = None) -> tuple[float, Array, float]:
-        """Return the turn [rad] and the shift [px] at which the edges show best, and how much they show there."""
+        """Return the turn [rad] and the shift, shape (2,) [px], at which the edges show best, and the change of brightness there."""
         reach = MAX_TURN if self._lost else MAX_TURN / 3
         middle = 0.0 if self._lost else self._turn + self._step
         slopes = slopes or slopes_of(frame.cut(self._box(frame, middle, reach)))

@@ -42,7 +42,7 @@ MIN_LIKENESS = 0.6
 CONVERGED = 0.15
 """Edges are measured once more where that moves the corners by more than this [px]."""
 STEP_WINDOW = 2.8
-"""Width of the window on an edge, in widths of its step: the pixels' grid shows in narrower ones (0.040° in a long film at 1.4,
+"""Width of the window on an edge, as a multiple of the width of its step: the pixels' grid shows in narrower ones (0.040° in a long film at 1.4,
 0.027° at 2.8)."""
 CORNER_DEAD_ZONE = 0.03
 """Motion that compression drops from black on white, to either side [px]: the error of corners in long films beyond their scatter
