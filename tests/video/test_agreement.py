@@ -91,7 +91,7 @@ def test_an_angle_that_contradicts_itself_or_is_vague_is_none():
         return _fault(
             SimpleNamespace(
                 target=SimpleNamespace(what="the edge", shows_body=False),
-                track=SimpleNamespace(lost=5),
+                track=SimpleNamespace(lost=5, points=np.zeros((90, 1, 2))),
                 found=SimpleNamespace(
                     angle=angle,
                     own=np.full(len(angle), std),
@@ -136,11 +136,18 @@ def test_an_axis_that_no_camera_looks_along_is_none_of_a_board():
             SimpleNamespace(angle=ROLL, own=np.full(90, 0.01), camera_state=state),
         )
         return _fault(
-            SimpleNamespace(target=target, track=None, before=CAMERA, found=found, std=0.01, turns=True)
+            SimpleNamespace(
+                target=target,
+                track=SimpleNamespace(points=np.zeros((90, 1, 2))),
+                before=CAMERA,
+                found=found,
+                std=0.01,
+                turns=True,
+            )
         )
 
     assert fault(35.0) is None
-    assert "no camera behind a board" in fault(-99.0)
+    assert "far aside of any camera" in fault(-99.0)
 
 
 def test_points_that_are_not_seen_are_no_warning():
