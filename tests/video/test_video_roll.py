@@ -432,7 +432,9 @@ def test_memory_grows_by_little_more_than_the_points(marker_film, tmp_path):
         background.shake(0, np.zeros(count))
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-    assert (peaks[1] - peaks[0]) / 1000 < 4000  # bytes a frame, of some hundred patches; a picture has 691200
+    assert (
+        peaks[1] - peaks[0]
+    ) / 1000 < 12000  # bytes a frame, of some hundred patches; a picture has 691200
 
 
 def test_progress_is_told_frame_by_frame(marker_film):

@@ -169,6 +169,14 @@ def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Co
         Motion, shape (n, 4), NaN if fewer than four patches agree; residuals [px], shape (n, m);
         variance of θ for patches of 1 px², shape (n,).
     """
+    # A hundred frames at once take little longer than one, and little memory.
+    parts = [_fit(home, seen[at : at + 100], focal) for at in range(0, len(seen), 100)]
+    motion, rest, spread = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return motion, np.asarray(rest, np.complex128), spread
+
+
+def _fit(home: Complex, seen: Complex, focal: float) -> tuple[Array, Complex, Array]:
+    """Fit a camera's motion to each of some frames: as `fit_rotations`."""
     found = np.isfinite(seen)
     place = np.where(found, seen, home)
     motion, weight = np.zeros((len(seen), 4)), found.astype(np.float64)
