@@ -1,7 +1,7 @@
 """The straight edges of a bare body: lines that turn about one point.
 
-A line with the normal n at the distance ρ from the origin belongs to a body that turns about q if ρ = h + q·n, whatever the
-turn: h is the distance of the edge from q. The lines of pictures from all over the film vote for h and q; what stands still or
+A line with the normal n at the distance ρ from the origin belongs to a body that turns about q if ρ = h + q·n for all turns.
+h is the distance of the edge from q. The lines of pictures from all over the film vote for h and q; what stands still or
 is carried along keeps no such distance. From then on the body's edges are searched in each frame over turn and shift, and
 measured to a hundredth of a pixel.
 """
@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
+from sysid.video.film.background import SMALL_SIDE
 from sysid.video.film.frames import Frame, halved
 from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
@@ -34,8 +35,8 @@ TURN_BIN = np.radians(1.0)
 """Turns that are told apart when lines are looked for [rad]."""
 LINES = 4
 """Lines that one picture may vote for, of each polarity; and edges that are followed at most."""
-SEARCH_SIDE = 640
-"""Longer side of the pictures in which lines are looked for [px]."""
+START_SCALE = 2.0
+"""Distance of a point from its edge that is believed at first [px]: the search steps by as much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +57,7 @@ class Edges:
         return float(np.abs(np.diff(self.ends[..., 0])).sum())
 
     def at(self, turn: Array, shift: Array) -> Array:
-        """Return the ends [px], shape (..., E, 2, 2), at turns [rad] and shifts [px], shapes (...) and (..., 2)."""
+        """Return the ends [px], shape (..., E, 2, 2), at turns of shape (n,) [rad] and shifts of shape (n, 2) [px]."""
         cos, sin = np.cos(turn)[..., None, None], np.sin(turn)[..., None, None]
         x, y = self.ends[..., 0], self.ends[..., 1]
         turned = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
@@ -76,7 +77,7 @@ class Slopes:
     """Pixels of the film in one of it."""
 
     def along(self, place: Array, normal: Array) -> Array:
-        """Return the change along normals at places in the film, both of shape (..., 2)."""
+        """Return the change along normals [grey levels/px], shape (n, m), at places in the film [px], both of shape (n, m, 2)."""
         x, y = np.moveaxis((place - self.corner - (self.times - 1) / 2) / self.times, -1, 0).astype(
             np.float32
         )
@@ -87,16 +88,17 @@ class Slopes:
 
 def slopes_of(frame: Frame) -> Slopes:
     """Return the change of brightness in a frame, halved until it is small."""
-    small, times = halved(frame.picture, SEARCH_SIDE)
+    small, times = halved(frame.picture, SMALL_SIDE)
     smooth = cv2.GaussianBlur(small, (0, 0), 1.0)
     across, down = (
-        np.asarray(cv2.Scharr(smooth, cv2.CV_32F, *axis), np.float32) / 32 for axis in ((1, 0), (0, 1))
+        np.asarray(cv2.Scharr(smooth, cv2.CV_32F, *axis, scale=1 / 32), np.float32)
+        for axis in ((1, 0), (0, 1))
     )
     return Slopes(across, down, np.array(frame.corner, float), times)
 
 
 def find_edges(look: Survey) -> Edges | None:
-    """Return the edges of the body that turns in some pictures of a film; None where there are none."""
+    """Return the edges of the body that turns in some pictures of a film; None without any."""
     every = [slopes_of(frame.cut(look.box)) for frame in look.frames]
     shifts = np.array([frame.shift for frame in look.frames])
     moving = _without_still(every, shifts)
@@ -125,7 +127,7 @@ def find_edges(look: Survey) -> Edges | None:
 
 def _without_still(every: Sequence[Slopes], shifts: Array) -> list[Slopes]:
     """Return the change of brightness without what most pictures share: lines that stand still, and the body where it rests."""
-    found = [{}, *({} for _ in every[1:])]
+    found: list[dict[str, Image]] = [{} for _ in every]
     for name in ("across", "down"):
         parts = [getattr(one, name) for one in every]
         moves = [np.column_stack([np.eye(2), (shift - shifts[0]) / every[0].times]) for shift in shifts]
@@ -195,7 +197,7 @@ def _common_pivots(lines: Array, picture: Rows, box: Box) -> Iterator[tuple[Arra
     Args:
         lines: The lines of all pictures as `_lines` returns them, shape (L, 4).
         picture: Number of the picture of each, shape (L,).
-        box: Where something moves [px]; the pivot is there or within its size beside it.
+        box: The part that moves [px]; the pivot lies there or within its size beside it.
     """
     turn, distance, votes, polarity = lines.T
     design = np.stack([np.ones(len(lines)), -np.sin(turn), np.cos(turn)], axis=1)
@@ -296,7 +298,7 @@ class EdgeFollower:
         return points.reshape(-1, 2)
 
     def search(self, frame: Frame, slopes: Slopes | None = None) -> tuple[float, Array, float]:
-        """Return the turn [rad] and the shift [px] at which the edges show best, and how much they show there."""
+        """Return the turn [rad] and the shift, shape (2,) [px], at which the edges show best, and the change of brightness there."""
         reach = MAX_TURN if self._lost else MAX_TURN / 3
         middle = 0.0 if self._lost else self._turn + self._step
         slopes = slopes or slopes_of(frame.cut(self._box(frame, middle, reach)))
@@ -311,7 +313,7 @@ class EdgeFollower:
         seen = way[:, None] * slopes.along(places, np.broadcast_to(normal[:, None, None], places.shape))
         score = np.maximum(seen, 0).mean(axis=(1, 2))
         best = int(np.argmax(score))
-        # What any line across the picture shows is no edge.
+        # The median is the score of any line across the picture.
         return (
             float(turn[best]),
             frame.shift + down[best] * normal[best],
@@ -380,10 +382,9 @@ def fit_edges(z: Complex, start: Array) -> EdgeFit:
     place, angle, pivot = np.where(seen, z, 0), start.copy(), np.zeros(z.shape[1], complex)
     weight, height = seen.astype(float), np.zeros(z.shape[1])
     along = rest = variance = np.zeros(0)
-    for scale in 2.0 * 0.8 ** np.arange(
-        24
-    ):  # [px], so that points on something else lose their weight one by one
-        turned = np.exp(-1j * angle)[:, None] * (place - pivot)
+    # Points on something else lose their weight one by one.
+    for scale in START_SCALE * 0.8 ** np.arange(24):
+        turned: Complex = np.exp(-1j * angle)[:, None] * (place - pivot)
         share = weight * attitude_share(angle, TURN_BIN)[:, None] + 1e-12
         height = np.average(turned.imag - _mean(turned.imag - height, weight), axis=0, weights=share)
         along = turned.real - _mean(turned.real, weight)
