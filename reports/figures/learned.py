@@ -26,7 +26,7 @@ def learned_figure(fit: "JointFit", formula: Formula | None, title: str, *, slid
     with styled(8.8, 3.9) as figure:
         axes = figure.subplots(2, 2, sharex="col", height_ratios=(4, 1))
         for column, values in enumerate((tilts, rates)):
-            show = display(is_rate=column == 1, slides=slides, angle="tilt")
+            show = display(is_rate=column == 1, slides=slides)
             scale = show.scale
             at = np.linspace(values.min(), values.max(), 301)
             x, v = (at, 0 * at) if column == 0 else (0 * at, at)

@@ -51,7 +51,7 @@ def panels(story: Story) -> list[Panel]:
     push = effort(slides=slides).split(" [")[0]
     for missing, show in (
         (story.over_rate, display(is_rate=True, slides=slides)),
-        (story.over_angle, display(is_rate=False, slides=slides, angle="angle")),
+        (story.over_angle, display(is_rate=False, slides=slides)),
     ):
         if missing is not None:
             drawn.append(
