@@ -1,5 +1,6 @@
 """A recording: one log's roll, the releases in it, and the notes and warnings of reading it."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from sysid.logs.memory import table_of_arrays, table_of_frame
 from sysid.logs.read import read_roll, roll_of_table
 from sysid.logs.table.options import LogOptions
 from sysid.releases.clear import clear_of_noise
+from sysid.releases.extrema import half_cycles_of, smooth_signal
 from sysid.releases.find import find_releases
 from sysid.releases.phases import Phase, log_phases
 from sysid.roll import Release, Roll, shown
@@ -174,16 +176,18 @@ class Recording(Shown):
         stop: float | None = None,
         release: Sequence[float] = (),
         keep_zero: bool = False,
+        rest: float = 0.0,
     ) -> Self:
         """Find the releases in a roll that is in memory.
 
-        An encoder counts from wherever it was mounted: where the joint rests far beside that zero, roll is counted from the rest.
+        An encoder counts from wherever it was mounted: where the log's rest is far beside the joint's, roll is counted from the joint's rest.
 
         Args:
             start: Ignore the log before this time [s].
             stop: Ignore the log after this time [s].
             release: Times at which the deck was let go [s], instead of finding them.
             keep_zero: Count roll from the log's own zero all the same.
+            rest: Where the joint rests, as its record or model states [rad or m]; an angle gets the whole turns that bring it nearest.
 
         Raises:
             SysidError: No free decay is in it.
@@ -195,27 +199,37 @@ class Recording(Shown):
             for given, one in zip(sorted(release), found, strict=False)
             if one.hold and one.start - given > EARLY_RELEASE_SHARE * one.hold
         )
-        recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held)), releases=found)
-        return recording if keep_zero else recording._from_rest()
+        driven = tuple(
+            f"something drives it until {shown(one.driven_until)}: free from then on" for one in found if one.driven_until
+        )
+        recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held, *driven)), releases=found)
+        turn = 0.0 if roll.slides else math.tau * round((rest - recording._rest) / math.tau)
+        recording = recording._shifted(turn) if turn else recording
+        return recording if keep_zero else recording._about(rest)
 
-    def _from_rest(self) -> Self:
-        """Return the recording with roll counted from where the joint rests, if the log's own zero has nothing to do with it."""
-        rest = float(np.median([release.rest for release in self.releases]))
-        widest = max(release.amplitude for release in self.releases)
-        if self.roll.zero != "known" or abs(rest) <= FOREIGN_ZERO_RATIO * widest:
+    @property
+    def _rest(self) -> float:
+        return float(np.median([release.rest for release in self.releases]))
+
+    def _shifted(self, by: float, **changes: Any) -> Self:
+        """Return the recording with every roll larger by a constant [rad or m]."""
+        releases = (replace(r, roll=r.roll + by, rest=r.rest + by, **changes) for r in self.releases)
+        return replace(
+            self, roll=replace(self.roll, roll=self.roll.roll + by, **changes), releases=tuple(releases)
+        )
+
+    def _about(self, rest: float) -> Self:
+        """Return the recording with roll counted from the joint's rest, if the log's zero is not the joint's."""
+        own, widest = self._rest, max(release.amplitude for release in self.releases)
+        if self.roll.zero != "known" or abs(own - rest) <= FOREIGN_ZERO_RATIO * widest:
             return self
         show = display(is_rate=False, slides=self.roll.slides)
         said = (
-            f"the joint rests at {show.scale * rest:+.4g}{show.unit}, and its widest swing is {show(widest, 2)}: that zero is the "
+            f"the joint rests at {show.scale * own:+.4g}{show.unit}, and its widest swing is {show(widest, 2)}: that zero is the "
             "sensor's. Roll is counted from the rest; --keep-zero leaves it as it is"
         )
-        roll = replace(
-            self.roll, roll=self.roll.roll - rest, zero="constant", warnings=(*self.roll.warnings, said)
-        )
-        releases = (
-            replace(r, roll=r.roll - rest, rest=r.rest - rest, zero="constant") for r in self.releases
-        )
-        return replace(self, roll=roll, releases=tuple(releases))
+        found = self._shifted(rest - own, zero="constant")
+        return replace(found, roll=replace(found.roll, warnings=(*found.roll.warnings, said)))
 
     @property
     def path(self) -> Path:
@@ -231,6 +245,17 @@ class Recording(Shown):
     def warnings(self) -> tuple[str, ...]:
         """Problems of the log."""
         return self.roll.warnings
+
+    @property
+    def used(self) -> float:
+        """Share of the motion in the log that is free decay [1]: of the way that the joint goes."""
+        signal = smooth_signal(self.roll.time, self.roll.roll, float(np.median(self.roll.std)))
+        free, whole = 0.0, 0.0
+        for swing in half_cycles_of(signal):
+            middle = float(signal.time[(swing.left + swing.reached) // 2])
+            whole += swing.size
+            free += swing.size * any(r.start <= middle <= r.time[-1] for r in self.releases)
+        return free / whole if whole > 0 else 1.0
 
     @property
     def phases(self) -> tuple[Phase, ...]:

@@ -7,7 +7,7 @@ turns about -x (γ = -roll), and that sign flips in `sim/skate` only.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -65,19 +65,26 @@ class Signal:
 
     def __getitem__(self, rows: Rows) -> Self:
         """Return these samples of every array."""
-        names = ("time", "roll", "std", "rate", "rate_std", "own_std")
-        arrays = ((name, getattr(self, name)) for name in names)
-        return replace(self, **{name: array[rows] for name, array in arrays if array is not None})
+        names = ("time", "roll", "std", "rate", "rate_std", "own_std", "free")
+        arrays = ((name, getattr(self, name, None)) for name in names)
+        parts: dict[str, Any] = {name: array[rows] for name, array in arrays if array is not None}
+        if extra := getattr(self, "extra", None):
+            parts["extra"] = {name: column[rows] for name, column in extra.items()}
+        return replace(self, **parts)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Roll(Signal):
     """One log's roll."""
 
+    free: npt.NDArray[np.bool_] | None = None
+    """Whether no motor, brake or hand acts, as a column of the log says, shape (n,); None without such a column."""
     notes: tuple[str, ...] = ()
     """What was inferred while reading (column, unit, sampling rate, clock repairs), for people."""
     warnings: tuple[str, ...] = ()
     """Problems of the log, in words."""
+    extra: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    """Other columns of the log by name, shape (n,) each, in the log's units: those of `LogOptions.also`."""
 
     @property
     def sampling_rate(self) -> float:
@@ -103,6 +110,9 @@ class Release(Signal):
     known: Mapping[str, float] = field(default_factory=dict[str, float])
     """Parameters that differ from the record in this release, by the names of the joint's parameters: the inertia [kg*m^2] and the weight of a
     robot's joint in the pose, and with the load, of this release."""
+
+    driven_until: float | None = None
+    """Until when something drove the joint before this release [s]; None where nothing did."""
 
     @classmethod
     def of(

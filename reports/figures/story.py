@@ -13,7 +13,7 @@ from reports.figures.palette import NOISE, REAL, SIM, STOOD
 from reports.figures.style import styled
 from reports.figures.svg import thin
 from reports.story import Missing, Ranked, Story, times
-from sysid.diagnosis.report import TIED
+from sysid.diagnosis.report import TIE as TIED
 from sysid.effects import effect
 from sysid.quantity import Z95
 from sysid.roll import Array

@@ -29,11 +29,11 @@ def check(
 
     Args:
         logs: Measured decays; those that the record was fitted to, if left out.
-        subject: Whose joint it is; that of a model is let go in the model itself.
+        subject: Board or joint; a model's joint is released in the model itself.
         tolerance: Largest accepted NRMSE: RMS error over RMS of the measured roll about rest, sensor noise
             taken out.
-        scene_file: An MJCF scene with a board in it to check instead of the one that the tool builds; --joint names its
-            tilt joint, if that is not board_tilt_joint.
+        scene_file: An MJCF scene with a board in it, instead of the scene that the tool builds. --joint names its tilt joint if
+            it is not board_tilt_joint.
         timestep: Step in s; 0.005, or that of the scene file or model, if left out.
         integrator: MuJoCo integrator of the scene that the tool builds.
         coupling: How tilt steers the trucks in it: a joint equality, or trucks set directly after each step.
@@ -52,7 +52,7 @@ def check(
     record = (subject if scene_file is None else replace(subject, joint=None)).load(common, printer)
     refuse_overwriting_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
     found, arguments = logs_or_fitted(record, logs, arguments, printer)
-    recordings = load_recordings(found, arguments, printer)
+    recordings = load_recordings(found, arguments, printer, rest=record.rest_angle)
     releases = [release for recording in recordings for release in recording.releases]
     options = GateOptions(
         scene_file=scene_file, scene_joint=subject.joint or TILT_JOINT, timestep=timestep, integrator=integrator,

@@ -50,7 +50,7 @@ def compare(
     given, arguments = logs_or_fitted(record, logs, arguments, printer)
     each, setups = subject.logs(given)
     files = find_logs(record, each, common.space)
-    material = read_logs(files, arguments, printer, films=rerun is not None)
+    material = read_logs(files, arguments, printer, films=rerun is not None, rest=record.rest_angle)
     record, recordings = subject.posed(record, list(material.recordings), setups)
     material = replace(material, recordings=tuple(recordings))
     with working(printer), stage(0.0, 1.0, "comparing"):

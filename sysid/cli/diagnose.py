@@ -1,11 +1,7 @@
 """`husky-sysid diagnose`: what the model is missing, or that nothing is, or that nothing known explains it."""
 
 from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter, validators
-
-from sysid.cli.console import FIT, Common, FitTexts, Printer
+from sysid.cli.console import Common, FitTexts, Printer
 from sysid.cli.log_options import LogArguments, load_recordings, space_of
 from sysid.cli.parameter_options import parse_fixed
 from sysid.cli.subject import Subject
@@ -19,7 +15,6 @@ def diagnose(
     *,
     subject: Subject = Subject(),
     fix: FitTexts = (),
-    workers: Annotated[int, Parameter(group=FIT, validator=validators.Number(gte=1))] = 2,
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:
@@ -31,7 +26,6 @@ def diagnose(
         logs: Logs of one joint, with several releases in all; those that its record was fitted to, if left out.
         fix: Hold a parameter in every model, as NAME=VALUE in SI units; stiffness=0 for a pendulum whose record has
             gravity. Repeat it for several.
-        workers: Number of processes.
     """
     from reports.figures.story import story_figure
     from reports.story import for_report, story_of_diagnosis
@@ -46,10 +40,12 @@ def diagnose(
     require_writable(folder / "diagnose.json")
     found, arguments = logs_or_fitted(record, logs, arguments, printer)
     each, setups = subject.logs(found)
-    record, recordings = subject.posed(record, load_recordings(each, arguments, printer), setups)
+    record, recordings = subject.posed(
+        record, load_recordings(each, arguments, printer, rest=record.rest_angle), setups
+    )
     with told_bar(printer) as progress:
-        result = search(recordings, record, fixed=parse_fixed(fix), workers=workers, progress=progress)
-    for name, prior in result.base.problem.priors.items():
+        result = search(recordings, record, fixed=parse_fixed(fix), progress=progress)
+    for name, prior in result.baseline.fit.problem.priors.items():
         printer.note(prior_in_words(record, name, prior))
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width, space_of(common, arguments), found))

@@ -90,9 +90,11 @@ class Learner:
     """Weight of the actions' entropy at the end of the curriculum."""
     desired_kl: Annotated[float, Parameter(validator=Number(gt=0))] = 0.015
     """Change of the policy that the learning rate aims at, an iteration."""
+    restart_std: Annotated[float, Parameter(validator=Number(gte=0))] = 0.0
+    """Standard deviation of the actions with which a run by --from begins; 0 for the checkpoint's. More unlearns a habit."""
     save_every: Annotated[int, Parameter(validator=Number(gte=1))] = 100
     """Iterations between checkpoints."""
-    style_weight: Annotated[float, Parameter(validator=Number(gte=0))] = 5.0
+    style_weight: Annotated[float, Parameter(validator=Number(gte=0))] = 25.0
     """Weight of the style reward per second."""
     curriculum: Literal["on", "off"] = "on"
     """Whether patience with a wrong stance, entropy and the differences of the worlds follow what the learner can
