@@ -15,7 +15,7 @@ import numpy as np
 from reports.evidence import Evidence, LastDiagnosis
 from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
-from sysid.comparison.force_surface import TorqueProfile
+from sysid.comparison.force_surface import TorqueProfile, missing_torque
 from sysid.comparison.release import ComparedRelease
 from sysid.diagnosis.report import TIE as TIED
 from sysid.effects import effect
@@ -102,7 +102,7 @@ class Story:
     shown: int
     """Which release is drawn: the one that the law before misses most."""
     over_rate: Missing | None
-    """None where the sampling is too slow, or the rate was measured."""
+    """None where the sampling is too slow."""
     over_angle: Missing | None
     steps: tuple[Step, ...]
     ranked: tuple[Ranked, ...]
@@ -191,7 +191,7 @@ def tell(
         former = None
     floor = latter.noise.std
     worst = latter if former is None else former
-    over_rate, over_angle = _missing(data, board, latter, effects)
+    over_rate, over_angle = _missing(latter, effects)
     label = label or _added(tuple(effects))
     laws = [(STOOD, former)] if former is not None else []
     laws += [(label, latter)]
@@ -221,24 +221,19 @@ def tell(
     )
 
 
-def _missing(
-    data: Data, board: Board, after: Comparison, effects: Sequence[str]
-) -> tuple[Missing | None, Missing | None]:
-    """Return what a law without the effects lacks, with all its other numbers as they are: component plus residual."""
+def _missing(after: Comparison, effects: Sequence[str]) -> tuple[Missing | None, Missing | None]:
+    """Return the torque of some effects of a law and what it leaves, over rate and over angle: component plus residual."""
     law = after.law
     torques = tuple(name for name in effects if effect(name).role == "torque")
-    without = replace(law, effects=tuple(item for item in law.effects if item[0] not in torques))
-    try:
-        missing = after.missing if without == law else compare(data, board, law=without).missing
-    except SysidError:  # the effect was all that held the joint
-        return None, None
+    each = [_torque(law, torques, release) for release in after.releases]
+    missing = missing_torque(after.releases, law, each) if torques else after.missing
     if missing is None:
         return None, None
-    tilt = np.concatenate([r.roll for r in after.releases]) - law.rest_angle
+    angle = np.concatenate([r.roll for r in after.releases]) - law.rest_angle
     rate = np.concatenate([r.rate for r in after.releases])
-    torque = np.concatenate([_torque(law, torques, r) for r in after.releases])
+    torque = np.concatenate(each)
     over_rate = Missing(missing.over_rate, *_averaged(rate, torque))
-    return over_rate, Missing(missing.over_angle, *_averaged(tilt, torque))
+    return over_rate, Missing(missing.over_angle, *_averaged(angle, torque))
 
 
 def _torque(law: JointLaw, names: Sequence[str], release: ComparedRelease) -> Array:
@@ -278,7 +273,10 @@ def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
 def for_report(found: "Diagnosis", board: Board) -> dict[str, Any]:
     """Return what a report needs of a diagnosis besides its JSON: its record, and the model behind its verdict."""
     law = found.best.fit.law
-    parameters = {name: {"value": float(value)} for name, value in zip(law.structure.parameters, law.vector, strict=True)}
+    parameters = {
+        name: {"value": float(value)}
+        for name, value in zip(law.structure.parameters, law.vector, strict=True)
+    }
     return {
         "record": board.digest,
         "best": {"effects": list(found.best.effects), "parameters": parameters},

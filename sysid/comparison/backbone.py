@@ -37,7 +37,7 @@ def backbone_of(
     parts: list[tuple[Array, Array, Array]] = []
     for release, signal in zip(compared, signals, strict=True):
         rest = 0.0 if release.measures_rate else law.rest_angle
-        window = filter_length(release.time, release.measured, law)
+        window = filter_length(release, law)
         amplitude, period, damping = _half_swings(release.time, signal - rest, window, noise)
         if release.measures_rate:
             amplitude = amplitude * period * np.sqrt(1 - damping**2) / (2 * np.pi)

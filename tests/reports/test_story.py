@@ -199,4 +199,4 @@ def test_the_report_of_a_diagnosis_is_in_the_unit_of_the_joint_and_says_what_was
     for board, unit in ((pink, "°"), (pink.of_slide(), " mm")):
         found = diagnose(data[:1], board).report()
         assert re.search(rf"sensor noise 0\.[\d]+{unit},", found)
-        assert "a model misses of each third of the release" in found
+        assert "held out: error on a release that the fit did not see" in found
