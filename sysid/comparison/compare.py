@@ -133,7 +133,7 @@ def compare(
     Raises:
         SysidError: The law's motion grows without bound.
     """
-    recordings, releases, weak = unpack(data)
+    recordings, releases, weak = unpack(data, whole=True)
     require_record(board)
     chosen = signal_of(releases, signal)
     use_rate = chosen["use_rate"]

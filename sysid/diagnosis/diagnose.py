@@ -197,7 +197,7 @@ def diagnose(
 
 
 def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, float]) -> Diagnosis:
-    recordings, releases, weak = unpack(data)
+    recordings, releases, weak = unpack(data, whole=True)
     chosen = signal_of(releases, signal)
     options = FitOptions(fixed=fixed, **chosen)
     own = tuple(part.name for part in board.effects)

@@ -174,7 +174,8 @@ def _cut(release: Release, period: float, amplitude: float, noise: float) -> tup
     for begin in ends:
         part = (time >= begin) & (time < begin + period)
         whole = begin + 0.7 * period < time[-1]
-        if whole and part.any() and float(np.ptp(release.roll[part])) < max(QUIET * amplitude, CLEAR * noise):
+        away = 2 * float(np.abs(release.roll[part] - release.rest).max(initial=0.0))
+        if whole and part.any() and away < max(QUIET * amplitude, CLEAR * noise):
             last = min(last, begin + period / 2)
             break
     return first, int(np.searchsorted(time, last, side="right"))

@@ -117,6 +117,10 @@ class _Free:
     """Time for which the deck was held still before [s]."""
     end: float
     """[s]"""
+    held_until: float
+    """Until when the deck was held still [s], where it was; else `begin`."""
+    held_for: float
+    """For how long, until then [s]."""
 
 
 def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> list[_Free]:
@@ -140,12 +144,12 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
     found: list[_Free] = []
     for segment, span, hold, parts in zip(segments, spans, holds, stretches, strict=True):
         kept = [
-            _Free(segment, begin, hold if begin == span.begin else 0.0, end)
-            for begin, end in parts
+            _Free(segment, begin, hold if begin == span.begin else 0.0, end, span.begin if hold and i == 0 else begin, hold)
+            for i, (begin, end) in enumerate(parts)
             if begin == span.begin or (segment.start is None and _swings_in(signal, segment, begin, end))
         ]
         # One swing does not tell a hand from a joint that is not linear.
-        found += kept or [_Free(segment, span.begin, hold, span.end)]
+        found += kept or [_Free(segment, span.begin, hold, span.end, span.begin, hold)]
     return found
 
 
@@ -227,7 +231,11 @@ def _release(roll: Roll, signal: SmoothedSignal, free: _Free, number: int) -> Re
         rest = float(np.median(late)) if late.size else rest  # where a sample lasts longer than a swing
     held = roll[before] if kept > 0 else None
     release = Release.of(roll[inside], number=number, rest=rest, hold=hold, end=end, held=held)
-    return replace(release, driven_until=segment.driven_until)
+    whole = None
+    if free.held_until < begin:  # a strong law and a hand look alike there
+        until, held_for = free.held_until, free.held_for
+        whole = _release(roll, signal, _Free(segment, until, held_for, finish, until, held_for), number)
+    return replace(release, driven_until=segment.driven_until, whole=whole)
 
 
 def _let_go(signal: SmoothedSignal, segment: Segment) -> tuple[float, float]:
