@@ -1,8 +1,7 @@
-"""The story of a board in four panels, as data: how it decayed and how the law has it, what was missing, what helped, and why.
+"""The story of a joint as data: the decay and its law, the missing torque, the errors of the models, the candidates.
 
-A board's record as it stood is compared with its releases, and so is the law with what was missing. Between the two lies the
-torque that the effects make, the ladder of errors, and the candidates that were ranked. What is drawn is decided and
-tested here; `reports.figures.story` draws it.
+Two laws are compared with the releases: the record as it stood, and the law with the missing effects. `reports.figures.story`
+draws the result.
 """
 
 from collections.abc import Mapping, Sequence
@@ -93,11 +92,11 @@ class Story:
 
     board: str
     effects: tuple[str, ...]
-    """What the law after has more than spring and damper, or more than the record."""
+    """Effects that the law after has beyond the record, or beyond spring and damper."""
     labels: tuple[str, str]
     """Of the law before and after."""
     before: Comparison | None
-    """None where there was no other law, or it runs away from a measured release."""
+    """None if there was no other law, or its motion grows without bound."""
     after: Comparison
     shown: int
     """Which release is drawn: the one that the law before misses most."""
@@ -118,7 +117,7 @@ class Story:
 
     @property
     def release(self) -> str:
-        """What the drawn release is called."""
+        """Name of the drawn release."""
         return release_name(self.after, self.shown)
 
     @property
@@ -142,8 +141,8 @@ class Story:
         if chosen.score == 0:
             return "the best"
         if chosen.score <= TIED:
-            return "the simplest not told from the best"
-        return "the simplest; none is exact" if chosen.effects else "nothing more is sure, or matters"
+            return "the simplest that ties with the best"
+        return "the simplest of several" if chosen.effects else "nothing more is sure, or matters"
 
 
 def times(error: float) -> str:
@@ -174,7 +173,7 @@ def tell(
     """Compare two laws of a board with recordings, and say what lies between them.
 
     Args:
-        effects: What `after` has more.
+        effects: Effects that `after` has beyond `before`.
         steps: The ladder between the two laws.
         heldout: Error of the law after on releases that were left out, in multiples of the noise.
         ranked: The candidates of a diagnosis, best first.
@@ -222,7 +221,7 @@ def tell(
 
 
 def _missing(after: Comparison, effects: Sequence[str]) -> tuple[Missing | None, Missing | None]:
-    """Return the torque of some effects of a law and what it leaves, over rate and over angle: component plus residual."""
+    """Return the torque of some effects plus the residual torque, over rate and over angle."""
     law = after.law
     torques = tuple(name for name in effects if effect(name).role == "torque")
     each = [_torque(law, torques, release) for release in after.releases]
@@ -251,7 +250,7 @@ def _averaged(at: Array, torque: Array) -> tuple[Array, Array]:
 
 
 def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
-    """Return the story of a diagnosis with its recordings: the record as it stood, and with what is missing."""
+    """Return the story of a diagnosis with its recordings: the record as it stood, and with the missing effects."""
     floor = found.noise.std
     chosen = found.best.effects
     tried = {candidate.effects: candidate for candidate in (*found.candidates, found.baseline)}

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BACKBONE = {"period": "period [s]", "damping_ratio": "damping ratio"}
-"""What a backbone shows, and how an axis names it."""
+"""Columns of a backbone, and the labels of their axes."""
 MOST = 4
 """Releases drawn; more would be too small to read."""
 

@@ -46,7 +46,7 @@ def panels(story: Story) -> list[Panel]:
             lambda axes: draw_decay(axes, story),
         )
     ]  # fmt: skip
-    what = f"what {named} must make up for" if named else "what the law lacks"
+    what = f"the torque of {named} and the residual" if named else "the residual torque"
     slides = story.after.slides
     push = effort(slides=slides).split(" [")[0]
     for missing, show in (
@@ -104,7 +104,7 @@ def draw_panels(figure: "FigureBase", story: Story, *, columns: int) -> None:
 
 
 def draw_decay(axes: "Axes", story: Story) -> None:
-    """Draw one release: the raw measurement, the record as it stood, and the law with what was missing."""
+    """Draw one release: the raw measurement, the record as it stood, and the law with the missing effects."""
     after = story.after
     release, scale = after.releases[story.shown], after.show.scale
 

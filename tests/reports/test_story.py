@@ -92,9 +92,9 @@ def test_candidates_are_those_that_were_predicted_and_the_chosen_one_is_marked(s
     assert story.ranked == (Ranked(("coulomb",), 0.0, 0.0, True), Ranked((), 400.0, 30.0, False))
     assert story.why == "the best"
     worse = tuple(replace(model, score=model.score + 1) for model in story.ranked)
-    assert "not told from the best" in replace(story, ranked=worse).why
+    assert "ties with the best" in replace(story, ranked=worse).why
     far = tuple(replace(model, score=model.score + 100) for model in story.ranked)
-    assert "none is exact" in replace(story, ranked=far).why
+    assert "simplest of several" in replace(story, ranked=far).why
 
 
 def test_what_is_drawn_is_the_story(story):
