@@ -14,7 +14,7 @@ import numpy as np
 from reports.evidence import Evidence, LastDiagnosis
 from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
-from sysid.comparison.force_surface import TorqueProfile, missing_torque
+from sysid.comparison.force_surface import MissingTorque, TorqueProfile, missing_torque
 from sysid.comparison.release import ComparedRelease
 from sysid.diagnosis.report import TIE as TIED
 from sysid.effects import effect
@@ -169,6 +169,7 @@ def tell(
     ranked: Sequence[Ranked] = (),
     is_dated: bool = False,
     label: str = "",
+    missing: MissingTorque | None = None,
 ) -> Story:
     """Compare two laws of a board with recordings, and say what lies between them.
 
@@ -179,6 +180,7 @@ def tell(
         ranked: The candidates of a diagnosis, best first.
         is_dated: Whether that diagnosis is of an earlier record.
         label: Of the law after, where its effects do not say it.
+        missing: Torque of the effects as a posterior knows it; from the derivatives of the signal, if left out.
 
     Raises:
         SysidError: The law after cannot be compared with these releases.
@@ -190,7 +192,7 @@ def tell(
         former = None
     floor = latter.noise.std
     worst = latter if former is None else former
-    over_rate, over_angle = _missing(latter, effects)
+    over_rate, over_angle = _missing(latter, effects, missing)
     label = label or _added(tuple(effects))
     laws = [(STOOD, former)] if former is not None else []
     laws += [(label, latter)]
@@ -220,12 +222,15 @@ def tell(
     )
 
 
-def _missing(after: Comparison, effects: Sequence[str]) -> tuple[Missing | None, Missing | None]:
+def _missing(
+    after: Comparison, effects: Sequence[str], missing: MissingTorque | None
+) -> tuple[Missing | None, Missing | None]:
     """Return the torque of some effects plus the residual torque, over rate and over angle."""
     law = after.law
     torques = tuple(name for name in effects if effect(name).role == "torque")
     each = [_torque(law, torques, release) for release in after.releases]
-    missing = missing_torque(after.releases, law, each) if torques else after.missing
+    if missing is None:
+        missing = missing_torque(after.releases, law, each) if torques else after.missing
     if missing is None:
         return None, None
     angle = np.concatenate([r.roll for r in after.releases]) - law.rest_angle

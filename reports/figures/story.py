@@ -156,7 +156,7 @@ def draw_candidates(axes: "Axes", ranked: "tuple[Ranked, ...]") -> None:
     axes.autoscale()
     axes.set_xlim(left=-TIED / 2)
     axes.grid(visible=False, axis="y")
-    axes.set_xlabel("score (grey: not told apart)")
+    axes.set_xlabel("score (grey: a tie)")
 
 
 def draw_whiteness(axes: "Axes", story: Story) -> None:
