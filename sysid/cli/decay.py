@@ -47,7 +47,8 @@ def decay(
     folder = None if record is None else common.space.outputs(record.name)
     if folder is not None:
         require_writable(folder / "decay.json")
-    recordings = load_recordings(logs, arguments, printer)
+    rest = 0.0 if record is None else record.rest_angle
+    recordings = load_recordings(logs, arguments, printer, rest=rest)
     result = fit_decay(recordings, board=record)
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width))

@@ -237,15 +237,15 @@ class Laws:
         rates: list[Callable[..., Any] | None] = [s.rate for s in part.states]
         parts = 1 if part.states[0].return_map else SUBSTEPS
         h /= parts
+        between = [] if part.states[0].return_map else _between(state, parts)
         for j in range(nodes):
             if part.states[0].return_map:
                 moved = tilt[:, j + 1] - tilt[:, j]
                 z = [s.return_map(NUMPY, zi, moved, p) for s, zi in zip(part.states, z, strict=True) if s.return_map]
             elif j:
-                for i in range(parts):
-                    at = [_between(state, j, (i + f) / parts) for f in (0.0, 0.5)]
-                    middle = [zi + h / 2 * r(NUMPY, at[0], z, p) for zi, r in zip(z, rates, strict=True) if r]
-                    z = [zi + h * r(NUMPY, at[1], middle, p) for zi, r in zip(z, rates, strict=True) if r]
+                for i in range(2 * (j - 1) * parts, 2 * j * parts, 2):
+                    middle = [zi + h / 2 * r(NUMPY, between[i], z, p) for zi, r in zip(z, rates, strict=True) if r]
+                    z = [zi + h * r(NUMPY, between[i + 1], middle, p) for zi, r in zip(z, rates, strict=True) if r]
             out[:, j] = z
         bounded = np.where(np.abs(out) < 1e6, out, np.inf)
         return [tuple(bounded[k, :, :, i].T for k in range(len(z))) for i in range(out.shape[3])]
@@ -289,8 +289,12 @@ SEEN_TORQUE = 1e-3
 """Peak torque of a law, in units of its size, below which the motion does not show it."""
 
 
-def _between(state: JointState, node: int, share: float) -> JointState:
-    """Return the state at a share of the step before a node."""
-    early, late = 1 - share, share
-    tilt, rate, roll = (early * a[:, node - 1] + late * a[:, node] for a in (state.tilt, state.rate, state.roll))
-    return JointState(tilt, rate, roll, state.stiffness)
+def _between(state: JointState, parts: int) -> list[JointState]:
+    """Return the states between the nodes, `parts` times two a step."""
+    shares = np.arange(2 * parts) / (2 * parts)
+    each = []
+    for a in (state.tilt, state.rate, state.roll):
+        early, late = a[:, :-1, None], a[:, 1:, None]
+        fine = early + (late - early) * shares[None, None, :, None]
+        each.append(fine.reshape(len(a), -1, a.shape[2]).transpose(1, 0, 2))
+    return [JointState(x, v, roll, state.stiffness) for x, v, roll in zip(*each, strict=True)]

@@ -216,8 +216,10 @@ def slow_posterior(fast: Posterior, parts: Mapping[str, Effect], inertia: float)
                 constant = -0.5 * spread - 0.5 * reduced[0, 0] + more
                 cells.append((problem, replace(sets, log_evidence=sets.log_evidence + constant), tau))
     scaled = [np.ones(t.columns.shape[2]) for t in kept]
-    ranked = found_sets([(p, s) for p, s, _ in cells], kept, families, scaled, 2)
-    sets, inclusion, which, best = ranked
+    unit = inertia * motion.frequency**2
+    linear = {"stiffness": (unit, unit), "damping": (0.0, inertia * motion.frequency)}
+    ranked = found_sets([(p, s) for p, s, _ in cells], kept, families, scaled, linear)
+    sets, singles, inclusion, which, best = ranked
     problem, _, tau = cells[which]
     scored = solve(problem, best)
     sizes: dict[str, Size] = {}
@@ -235,7 +237,7 @@ def slow_posterior(fast: Posterior, parts: Mapping[str, Effect], inertia: float)
             energy_share=float(-work @ means / (loss or 1e-12)), energy_std=float(np.sqrt(max(work @ spread @ work, 0.0)) / abs(loss or 1e-12)),
         )  # fmt: skip
         at += n
-    return replace(fast, sets=sets, inclusion=inclusion, sizes=sizes, by_cycles=True, nameless=tau * rate, named=max((s.torque_share for s in sizes.values()), default=0.0))
+    return replace(fast, sets=sets, singles=singles, inclusion=inclusion, sizes=sizes, by_cycles=True, nameless=tau * rate, named=max((s.torque_share for s in sizes.values()), default=0.0))
 
 
 BUMPS = 6
