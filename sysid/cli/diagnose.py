@@ -1,6 +1,7 @@
 """`husky-sysid diagnose`: the missing effect, if there is one and the catalogue has it."""
 
 from pathlib import Path
+
 from sysid.cli.console import Common, FitTexts, Printer
 from sysid.cli.log_options import LogArguments, load_recordings, space_of
 from sysid.cli.parameter_options import parse_fixed
