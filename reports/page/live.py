@@ -59,7 +59,7 @@ def _shrinking(session: Session, name: str) -> str:
 
 
 def _sliders(session: Session) -> str:
-    """Return sliders that begin with the linear decay of what was measured; nothing where it cannot be simulated."""
+    """Return sliders that begin with the measured linear decay; nothing if it cannot be simulated."""
     decay = session.decay
     if decay is None:
         return ""

@@ -130,7 +130,7 @@ def _phoning(
         except SysidError as error:
             owed += 1
             if owed >= LOSSES:
-                raise SysidError(f"{error} What came until then is kept in {folder}.") from error
+                raise SysidError(f"{error} The log until then is kept in {folder}.") from error
             printer.warn("the phone did not answer; trying again")
             return None
         owed = 0

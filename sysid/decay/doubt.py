@@ -27,6 +27,7 @@ from sysid.noise.floor import NoiseFloor, local_noise
 from sysid.noise.whiteness import lag_one
 from sysid.quantity import Z95, Quantity
 from sysid.roll import Array, Release
+from sysid.text import display
 
 SURE = 4.0
 """Deviations from which a departure is named: by chance in one of a thousand logs with a dozen tests each."""
@@ -129,7 +130,8 @@ def judged(
     apart, moved = unseen(fit, floor.std if ratio > ABOVE_NOISE else 0.0)
     status: Status = "not linear"
     if scattered(releases, rests):
-        levels = ", ".join(f"{math.degrees(rest.value):+.2f}°" for rest in rests[:6])
+        show = display(is_rate=False, slides=releases[0].slides)
+        levels = ", ".join(f"{show.scale * rest.value:+.2f}{show.unit}" for rest in rests[:6])
         reason = f"the releases come to rest at {levels}, where a spring returns to one angle"
     elif seen:
         moves = seen[0].share * seen[0].shift
@@ -222,7 +224,7 @@ def unseen(fit: TraceFit, noise: float = 0.0) -> tuple[float, Array]:
     cuts = [_half(one, fit) for one in fit.releases]
     early = refitted(fit, [slice(0, cut) for cut in cuts])
     late = refitted(fit, [slice(cut, None) for cut in cuts])
-    if early is None or late is None:
+    if early is None or late is None or min(early.decay_rate, late.decay_rate) <= 0:  # a half of noise may grow
         return 0.0, np.zeros(2)
     if fit.damping_ratio > ONE_RATE and min(early.decay_rate, late.decay_rate) > 0:
         moved = math.log(late.decay_rate / early.decay_rate)

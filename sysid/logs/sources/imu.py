@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import gaussian_filter1d
 
 from sysid.errors import SysidError
 from sysid.logs.sources.axis import Plane, find_roll_axis, plane_about
@@ -132,6 +131,8 @@ def _smoothed(
         accel: Square to it [m/s²], shape (n,).
         plane: The axes of it.
     """
+    from scipy.ndimage import gaussian_filter1d
+
     blocks = _blocks(reading.time, rate, accel)
     arm = _given_arm(reading, plane)
     angle, first, _ = _start(blocks)
