@@ -97,7 +97,7 @@ class Progress:
             "stops": (state.still & (state.board_velocity[:, 0].abs() < STILL_SPEED)).float().sum(),
             "stride_period": env.step_dt * pushing.sum(),
             "stance_time": env.step_dt * (state.foot_on_ground[:, 0] * pushing).sum(),
-            "foot_travel": (state.left_travel * touchdown).sum(),
+            "foot_travel": torch.where(touchdown > 0, state.left_travel, 0.0).sum(),
             "slip": torch.where(pushes, state.ground_load[:, 0] * state.left_slip, 0.0).sum(),
             "wrong_push": ((left | ~right) * pushing).sum(),
             "wrong_steer": ((~(left & right) | state.foot_on_ground.any(dim=-1)) * steering).sum(),

@@ -324,7 +324,8 @@ class SkateCommand(CommandTerm):
         speed = self.board_velocity()[:, 0]
         mean = self.mean_speed + CONTROL_PERIOD / STRIDE * (speed - self.mean_speed)
         begins = ~self.pushing | (self._env.episode_length_buf <= 1)
-        return self.mean_speed.copy_(torch.where(begins, speed, mean))
+        # A world that has broken down begins anew; until then its speed is not a number.
+        return self.mean_speed.copy_(torch.nan_to_num(torch.where(begins, speed, mean)))
 
     def _enter_phases(self, advances: torch.Tensor) -> None:
         clock, step = self.clock, self.step % self.clock.period
