@@ -399,8 +399,8 @@ def test_perturbed_transitions_on_the_other_board():
     steering = replace(AT_REST, mounting=0.5, steering=0.5)
     black = Workspace(Path("/nonexistent")).load_board("black")
     with worlds(
-        black, transition="translation", speed=(0.3, 1.5), mount_steps=20, bezier_order=3, lift=0.3, pose_offset=0.05,
-        kinematics="single-truck", start=steering, speed=(1.0, 1.0), pushes=0.0,
+        black, transition="translation", speed=(1.0, 1.0), mount_steps=20, bezier_order=3, lift=0.3, pose_offset=0.05,
+        kinematics="single-truck", start=steering, pushes=0.0,
     ) as env:  # fmt: skip
         command, reading = skate_command(env), skate_command(env).reading
         data, clock = env.sim.data, command.clock
