@@ -13,6 +13,7 @@ from sim.skate.robot.g1 import JOINTS, default_pose, servos
 from sim.skate.world.posterior import Spread
 from sysid.board import Board
 from sysid.errors import QualityGateError, SysidError
+from sysid.files import shipped_data
 from sysid.roll import Array
 
 
@@ -63,6 +64,15 @@ def open_policy(path: Path, board: Board | None = None, *, force: bool = False) 
     if board is not None:
         notes += check_board(path, metadata, board, force=force)
     return PolicyFile(path, session, inputs[0].name, outputs[0].name, size, metadata, notes)
+
+
+def find_policy(name: str) -> Path | None:
+    """Return the file of a policy: the path itself, or one that ships with the tool, by its name; None if neither is there."""
+    shipped = shipped_data() / "policies" / f"{Path(name).name.removesuffix('.onnx')}.onnx"
+    for path in (Path(name), *([shipped] if Path(name).name == name else [])):
+        if path.is_file():
+            return path
+    return None
 
 
 def _session(path: Path) -> Any:

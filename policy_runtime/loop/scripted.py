@@ -119,7 +119,7 @@ def scripted(name: str) -> Policy:
     """
     if name not in SCRIPTS:
         raise SysidError(
-            f"unknown script '{name}'.{did_you_mean(name, SCRIPTS)} Scripted policies: {', '.join(SCRIPTS)}; "
-            "anything else must be an ONNX file or an exported folder, and there is none of this name."
+            f"unknown script '{name}'.{did_you_mean(name, SCRIPTS)} Scripted policies: {', '.join(SCRIPTS)}. "
+            "Shipped ones: pink, black. Anything else must be an ONNX file or an exported folder."
         )
     return SCRIPTS[name]()
