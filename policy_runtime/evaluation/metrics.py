@@ -34,8 +34,8 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from sim.skate.arrays import wrap_angle
 from policy_runtime.evaluation.strides import STRIDE_METRICS, intervals, stride_metrics
+from sim.skate.arrays import wrap_angle
 from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED
 from sysid.errors import SysidError
 from sysid.roll import Array

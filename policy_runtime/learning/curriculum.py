@@ -22,7 +22,7 @@ patience before: three beginners came to its end on one leg, with an entropy by 
 
 The longest patience is shorter than any phase in which the stance counts, else one leg never ends an episode: runs
 stood just below that for 400 iterations. Who rides on one leg is ended 15 to 19 times a minute of riding, whatever else he
-can: the set point must be well above that (docs/training_history.md has the runs that waited below it).
+can: the set point must be well above that.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Options of the task. docs/training_history.md has those that the shipped policies were trained with, stage by stage."""
+"""Options of the task."""
 
 import math
 from dataclasses import dataclass, field, replace

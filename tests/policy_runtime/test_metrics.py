@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from policy_runtime.evaluation.metrics import Rides, asked_course, episode_errors, reachable_headings
-from policy_runtime.evaluation.strides import clip_distances, stride_metrics
 from policy_runtime.evaluation.statistics import mean_over, proportion
+from policy_runtime.evaluation.strides import clip_distances, stride_metrics
 from sysid.errors import SysidError
 
 STEPS, PUSH, STEER = 40, slice(0, 20), slice(25, 35)
