@@ -1,8 +1,7 @@
 """The loop that runs a policy: 50 decisions a second over servos that step 500 times a second.
 
-Every tick reads the robot, checks it, asks the policy, checks the answer and sends it. Whatever a check
-finds ends the run in a damped stop: the servos hold nothing and only brake, until the robot has come
-down.
+Every tick reads the robot, checks it, asks the policy, checks the answer and sends it. A failed check ends the
+run in a damped stop: the servos only brake, until the robot has come down.
 """
 
 import gc
@@ -223,7 +222,7 @@ class _Run:
             StoppedError: A check failed.
         """
         runtime = self._runtime
-        gc.freeze()  # what is here by now stays: the collector shall not look through it in a tick's time
+        gc.freeze()  # objects of the start stay: the collector need not scan them during a tick
         start = self._due = time.perf_counter()
         while self._ticks * CONTROL_PERIOD < duration - 1e-9:
             begin = time.perf_counter()

@@ -1,8 +1,8 @@
 """Evaluation in plain MuJoCo: many episodes, several seeds, the paper's protocol.
 
-An episode begins at rest with one foot on the ground, lasts 20 s, commands one speed drawn from 0 to
-1.5 m/s and a new turn of up to ±45° in every cycle, and ends early when the pelvis leans beyond 70°,
-when anything but a foot touches ground or board, or when both feet have left the deck.
+An episode begins at rest with one foot on the ground and lasts 20 s. Its speed is drawn from 0 to 1.5 m/s, and
+a turn of up to ±45° for every cycle. It ends early when the pelvis leans beyond 70°, anything but a foot
+touches ground or board, or both feet have left the deck.
 """
 
 import math
@@ -189,7 +189,7 @@ def policy_named(name: str, board: Board | None, *, force: bool = False) -> Poli
     """Return the scripted policy of that name, or open an ONNX file: of that path, or shipped under that name.
 
     Raises:
-        SysidError: Neither exists, or the file does not fit robot and board.
+        SysidError: The policy is missing, or does not fit robot and board.
     """
     found = None if name in SCRIPTS else find_policy(name)
     if found is None and not name.endswith(".onnx"):

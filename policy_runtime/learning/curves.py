@@ -27,8 +27,8 @@ def draw_curves(rows: Sequence[dict[str, float]], path: Path, title: str) -> Pat
     """Draw the run's curves against samples and return the picture's path.
 
     Args:
-        rows: What `RunFolder.read_curves` returns, at least one.
-        path: Where to write; the suffix chooses the format.
+        rows: Rows of `RunFolder.read_curves`, at least one.
+        path: File to write; the suffix chooses the format.
 
     Raises:
         SysidError: The folder cannot be written to.
@@ -45,7 +45,7 @@ def draw_curves(rows: Sequence[dict[str, float]], path: Path, title: str) -> Pat
     for axis in axes[-1]:
         axis.set_xlabel("steps of the world [million]")
     iterations = rows[-1]["iteration"]
-    # The shipped curves hold one iteration in five, and nan for those of which nothing is kept: the mean of the others stands for all.
+    # The shipped curves hold one iteration in five, and nan for lost ones: the mean stands for all.
     seconds = [row["collect_s"] + row["learn_s"] for row in rows]
     minutes = iterations * fmean(s for s in seconds if not math.isnan(s)) / 60
     figure.suptitle(

@@ -30,7 +30,7 @@ class PolicyFile:
     """Numbers of one observation."""
     metadata: dict[str, str]
     notes: tuple[str, ...]
-    """What could not be checked, for people."""
+    """Properties that could not be checked, for people."""
 
     @property
     def turn_feedback(self) -> bool:
@@ -88,7 +88,7 @@ def _last_dimension(shape: list[Any]) -> int | None:
 
 
 def check_robot(path: Path, metadata: dict[str, str]) -> tuple[str, ...]:
-    """Compare joint names, gains, default pose and action scales with the robot's; return what is unsaid.
+    """Compare joint names, gains, default pose and action scales with the robot's; return notes.
 
     Raises:
         SysidError: One of them differs.

@@ -115,7 +115,7 @@ def scripted(name: str) -> Policy:
     """Return a scripted policy by its name.
 
     Raises:
-        SysidError: There is none of that name.
+        SysidError: The name is unknown.
     """
     if name not in SCRIPTS:
         raise SysidError(

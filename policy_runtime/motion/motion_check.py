@@ -2,8 +2,8 @@
 # (MuJoCo ships no type stubs.)
 """Properties of a motion, measured on the robot's model: cadence, ranges, contacts, balance.
 
-It serves any clip of the stored layout; what needs a deck and a ground is measured relative to the
-height of the clip's own left sole while it stands, so that clips from elsewhere need not agree on where the ground is.
+It serves any clip of the stored layout. Heights are relative to the clip's own standing left sole, so clips
+need not agree on the ground.
 """
 
 from dataclasses import dataclass
