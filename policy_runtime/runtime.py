@@ -18,7 +18,7 @@ from policy_runtime.loop.course import Course
 from policy_runtime.loop.policy import Policy
 from policy_runtime.loop.preparation import Delay, Preparation, StoppedError, prepare
 from policy_runtime.loop.safety import Guard, Limits
-from policy_runtime.robots import PD_PERIOD, JointCommand, Robot, RobotState
+from policy_runtime.robots import BEGIN, PD_PERIOD, STAND, JointCommand, Robot, RobotState
 from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED, Clock
 from sysid.roll import Array
 
@@ -153,7 +153,7 @@ class _Run:
         self._times = array("d")
         self._ticks = self._step = 0
         self._course = Course(runtime.clock, hold=runtime.hold_heading)
-        self._turn = 0.0
+        self._turn, self._stands = 0.0, False
         self._slept = 0.0
         self._delay: Delay | None = None
         preparation = runtime.preparation
@@ -249,7 +249,9 @@ class _Run:
         wanted = runtime.commands.at(now)
         if wanted is None:
             return None
-        command = self._latch(state, wanted)
+        if {STAND, BEGIN} & state.buttons:
+            self._stands = STAND in state.buttons
+        command = self._latch(state, wanted._replace(speed=0.0) if self._stands else wanted)
         target = runtime.policy.act(state, command, self._step)
         stopped = self._guard.check_target(target)
         if stopped is not None:
