@@ -18,6 +18,8 @@ _PANELS = (
         (("both_feet", "both feet on deck, steering"), ("foot_down", "left foot down, pushing")),
         (0, 1.02),
     ),
+    ("stride and stance [s]", (("stride_period", "stride"), ("stance_time", "stance")), None),
+    ("foot travel [m], slip by load [m/s]", (("foot_travel", "travel"), ("slip", "slip")), None),
     ("reward per second", (("reward", "task"), ("style", "style [0–1], pushing")), None),
 )
 _COLOURS = ("#0072B2", "#E69F00")
@@ -35,8 +37,8 @@ def draw_curves(rows: Sequence[dict[str, float]], path: Path, title: str) -> Pat
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11, 6.5), layout="constrained")
-    axes = figure.subplots(2, 3, sharex=True)
+    figure = Figure(figsize=(14, 6.5), layout="constrained")
+    axes = figure.subplots(2, 4, sharex=True)
     samples = [row["samples"] / 1e6 for row in rows]
     for axis, (label, curves, limits) in zip(axes.flat, _PANELS, strict=True):
         _panel(axis, samples, rows, curves)
@@ -62,7 +64,9 @@ def _panel(
     axis: Any, samples: Sequence[float], rows: Sequence[dict[str, float]], curves: Sequence[tuple[str, str]]
 ) -> None:
     for (name, label), colour in zip(curves, _COLOURS, strict=False):
-        axis.plot(samples, [row[name] for row in rows], color=colour, linewidth=1.3, label=label)
+        axis.plot(
+            samples, [row.get(name, math.nan) for row in rows], color=colour, linewidth=1.3, label=label
+        )
     axis.grid(alpha=0.25)
     axis.legend(frameon=False, fontsize=8)
     for side in ("top", "right"):
