@@ -155,7 +155,7 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
         kept = [
             _Free(
                 segment, begin, hold if begin == span.begin else 0.0, end, segment.settles and end == span.end,
-                span.begin if span.held and i == 0 else begin, hold,
+                span.begin if span.let_go and i == 0 else begin, hold,
             )  # fmt: skip
             for i, (begin, end) in enumerate(parts)
             if begin == span.begin or (segment.start is None and _swings_in(signal, segment, begin, end))
