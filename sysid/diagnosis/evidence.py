@@ -191,7 +191,8 @@ def grow(problem: Problem, parent: Scored) -> Sets:
     mean = np.concatenate([parent.means[:, None] - wa * ma - wb * mb, [ma, mb]])
     variance = np.diag(parent.covariance)[:, None] + wa * wa * va + 2 * wa * wb * vc + wb * wb * vb
     strengths = len(inside) - problem.base
-    wide = np.concatenate([np.repeat(problem.wide[:, None], count, axis=1), np.full((strengths, count), STRENGTH), loose])
+    most = np.where(problem.pairs[picked].T < 0, np.inf, loose)  # an empty column is always possible
+    wide = np.concatenate([np.repeat(problem.wide[:, None], count, axis=1), np.full((strengths, count), STRENGTH), most])
     signs = np.concatenate([np.zeros((problem.base, 1)), np.array([[s] for i in own for s in problem.items[i].signs]).reshape(-1, 1)])
     signs = np.concatenate([np.repeat(signs, count, axis=1), problem.signs[picked].T])
     possible = _possible(problem, mean, np.concatenate([variance, [va, vb]]), wide, signs)

@@ -60,7 +60,11 @@ def sizes_of(fit: JointFit, names: Sequence[str]) -> dict[str, Size]:
         for name in names:
             torque = effect_torque(plain, name, time, path.roll, path.rate)
             peaks[name] = max(peaks[name], float(np.quantile(np.abs(torque), 0.999)))
-            works[name] -= float(np.trapezoid(loss_of(torque[:, None], path.roll - law.rest_angle)[:, 0] * path.rate, time))
+            if effect(name).states:
+                spent = loss_of(torque[:, None], path.roll - law.rest_angle)[:, 0]
+            else:  # what changes sign with the rate; the rest is stored
+                spent = (torque - effect_torque(plain, name, time, path.roll, -path.rate)) / 2
+            works[name] -= float(np.trapezoid(spent * path.rate, time))
     lost += sum(works.values())
     found: dict[str, Size] = {}
     for name in names:
