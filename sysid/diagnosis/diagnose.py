@@ -53,6 +53,10 @@ SURE = 0.9
 STOP_LIKELY = 0.2
 """Probability of a stop from which the motion is put on a grid twice as fine: a stiff stop is met and left within a few nodes."""
 
+LONGEST = 2000
+"""Characters of a diagnosis as an interpreter shows it."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
     """One set of effects, fitted."""
@@ -170,8 +174,9 @@ class Diagnosis:
         )
 
     def __repr__(self) -> str:
-        """Return the report."""
-        return self.report()
+        """Return the report, or its first lines where it is long."""
+        text = self.report()
+        return text if len(text) < LONGEST else text[: text.rfind("\n", 0, LONGEST - 2)] + "\n…"
 
     def _repr_html_(self) -> str:
         from html import escape
@@ -323,6 +328,7 @@ def _fits(
     """
     fits: dict[tuple[str, ...], tuple[Found, Candidate]] = {}
     top = found.sets[0].probability
+    recorded = {f"{part.name}.{name}": q.value for part in board.effects for name, q in part.parameters.items()}
 
     def add(one: Found) -> None:
         names = fittable(one.effects)
@@ -332,7 +338,7 @@ def _fits(
         if not names:
             fits[names] = one, replace(base, score=score)
             return
-        near = {"rest_angle": 0.0, **one.parameters} if one.parameters else None
+        near = {"rest_angle": 0.0, **recorded, **one.parameters} if one.parameters else None
         try:
             fit = fit_joint(releases, board, (*own, *names), options, base.fit.problem.scales, near)
         except SysidError:
