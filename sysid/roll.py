@@ -7,7 +7,7 @@ turns about -x (γ = -roll), and that sign flips in `sim/skate` only.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -60,9 +60,12 @@ class Signal:
 
     def __getitem__(self, rows: Rows) -> Self:
         """Return these samples of every array."""
-        names = ("time", "roll", "std", "rate", "rate_std", "own_std")
-        arrays = ((name, getattr(self, name)) for name in names)
-        return replace(self, **{name: array[rows] for name, array in arrays if array is not None})
+        names = ("time", "roll", "std", "rate", "rate_std", "own_std", "free")
+        arrays = ((name, getattr(self, name, None)) for name in names)
+        parts: dict[str, Any] = {name: array[rows] for name, array in arrays if array is not None}
+        if extra := getattr(self, "extra", None):
+            parts["extra"] = {name: column[rows] for name, column in extra.items()}
+        return replace(self, **parts)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,6 +76,10 @@ class Roll(Signal):
     """What was inferred while reading (column, unit, sampling rate, clock repairs), for people."""
     warnings: tuple[str, ...] = ()
     """Problems of the log, in words."""
+    free: npt.NDArray[np.bool_] | None = None
+    """Whether nothing drives the joint, shape (n,), where a column says so."""
+    extra: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    """Other columns of the log by name, shape (n,) each, in the log's units: those of `LogOptions.also`."""
 
     @property
     def sampling_rate(self) -> float:

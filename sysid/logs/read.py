@@ -12,7 +12,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.logs.formats.registry import open_log
 from sysid.logs.sources.registry import Reading, Source, choose_source
-from sysid.logs.table.choose import Choice, columns_of
+from sysid.logs.table.choose import Choice, columns_of, find_column
 from sysid.logs.table.clock import MIN_SAMPLES, Clock, even_clock, repair_clock, usual_step
 from sysid.logs.table.names import Column
 from sysid.logs.table.options import LogOptions
@@ -49,8 +49,9 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
     log = with_whole_clock(open_log(path))
     time, columns = columns_of(log, options)
     source, choice = choose_source(log, columns, time, options)
-    names = [name for name in (*choice.columns, time and time.name, choice.std) if name]
-    data = log.read(names)
+    also = [find_column(log, name, columns, "also").name for name in options.also]
+    names = [name for name in (*choice.columns, time and time.name, choice.std, *also) if name]
+    data = log.read(list(dict.fromkeys(names)))
     try:
         clock, data, cleaned = _clean(choice, time, data, options)
         if source.unwrap is not None:
@@ -65,10 +66,13 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
         roll = _checked(source.to_roll(Reading(str(path), choice, clock.time, signals, std, options)))
     except SysidError as error:
         raise SysidError(f"{path}: {error}") from None
+    kept = np.searchsorted(clock.time, roll.time)  # a source may leave out samples
+    extra = {name: data[name][kept] for name in also}
     rate = 1 / usual_step(roll.time)
     sampling = f"samples: {roll.time.size} in {roll.time[-1] - roll.time[0]:.4g} s at {rate:.4g} Hz"
     return replace(
         roll,
+        extra=extra,
         notes=(*log.notes, *choice.remarks.notes, *cleaned.notes, *roll.notes, *clock.notes, sampling),
         warnings=(*clock.warnings, *cleaned.warnings, *choice.remarks.warnings, *roll.warnings),
     )
@@ -79,7 +83,9 @@ def _clean(
 ) -> tuple[Clock, dict[str, Array], Remarks]:
     """Drop rows without numbers and repair the clock; the returned columns have the clock's rows."""
     stamps = data.pop(time.name) if time else None
-    data, joined = on_common_rows(data, stamps)
+    measured = [name for name in (*choice.columns, choice.std) if name]
+    common, joined = on_common_rows({name: data[name] for name in measured}, stamps)
+    data |= common
     signals = {name: data[name] for name in choice.columns}
     rows = signals[choice.columns[0]].size
     kept, dropped = measured_rows(signals, stamps)

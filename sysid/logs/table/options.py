@@ -23,6 +23,8 @@ class LogOptions:
     """What to make roll from, where a log holds several: 'auto', or a name of `sysid.logs.sources`."""
     lever_arm: tuple[float, float, float] | None = None
     """From the tilt axis to the accelerometer, in sensor axes [m]; None estimates it."""
+    also: tuple[str, ...] = ()
+    """Other columns to read beside the motion into `Roll.extra`: their names, or their numbers counted from 1."""
     keep_outliers: bool = False
     """Whether lone samples far beside their neighbours are kept; films have a rule of their own."""
     start: float | None = None
