@@ -1,0 +1,208 @@
+"""The fit of a driven joint: starts from its missing torque, then output error over the whole log."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from sysid.driven.joint import BASE, Structure
+from sysid.driven.log import DrivenLog
+from sysid.driven.missing import Motion, linear_start
+from sysid.driven.problem import Problem, limits_of, scales_of, size_of
+from sysid.effects._base import DriveEffect, TorqueEffect
+from sysid.errors import SysidError
+from sysid.least_squares import Minimum
+from sysid.noise.autoregression import residual_noise
+from sysid.quantity import Quantity
+from sysid.roll import Array
+
+WINDOWS = (32, 4, 1)
+"""Windows of the fits that follow each other: from the equations alone to the whole log."""
+SOFT = (1e-3, 1e-3, 0.0)
+"""Shares of the motion's rate up to which dry friction grows in them: at none of it the cost is rough."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DrivenFit:
+    """A driven joint fitted to one log."""
+
+    log: DrivenLog
+    structure: Structure
+    values: Mapping[str, float]
+    """All parameters."""
+    quantities: Mapping[str, Quantity]
+    """The fitted ones."""
+    covariance: Array
+    """Of the fitted ones in their order and units, shape (p, p)."""
+    rmse: float
+    """RMS of measured less simulated [rad]."""
+    noise: float
+    """Noise of the log [rad]."""
+    memory: float
+    """Over how many samples residuals are correlated."""
+    score: float
+    """-2 log likelihood of correlated residuals, plus ln n for each parameter."""
+    residual: Array
+    """Measured less simulated [rad], shape (n,)."""
+    point: Array
+    """Unknowns in units of their sizes, shape (p,)."""
+
+    @property
+    def nrmse(self) -> float:
+        """Error beyond the noise, over the RMS motion [1]."""
+        beyond = math.sqrt(max(self.rmse**2 - self.noise**2, 0.0))
+        return beyond / float(np.std(self.log.angle))
+
+    def to_json(self) -> dict[str, object]:
+        """Return what `fit --json` writes of a driven joint."""
+        return {
+            "log": self.log.name, "input": self.log.kind, "effects": list(self.structure.effects), "rmse_rad": self.rmse,
+            "noise_floor_rad": self.noise, "nrmse": self.nrmse, "memory_samples": self.memory,
+            "parameters": {name: quantity.to_json() for name, quantity in self.quantities.items()},
+        }  # fmt: skip
+
+
+def free_of(structure: Structure, named: Sequence[str], fixed: Mapping[str, float], more: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return the parameters that a fit may move: armature, damping, bias, and those of the effects that were named."""
+    own = [f"{part.name}.{p.name}" for part in structure.parts if part.name in named for p in part.parameters if not p.held]
+    wanted = dict.fromkeys(("armature", "damping", "bias", *own, *more))
+    unknown = [name for name in (*fixed, *more) if name not in structure.parameters]
+    if unknown:
+        raise SysidError(f"unknown parameter '{unknown[0]}'. Parameters: {', '.join(structure.parameters)}.")
+    return tuple(name for name in wanted if name not in fixed)
+
+
+def start_values(structure: Structure, given: Mapping[str, float], log: DrivenLog) -> dict[str, float]:
+    """Return values of all parameters: those given, and neutral ones or sizes elsewhere."""
+    values = {**dict.fromkeys(BASE, 0.0), **given}
+    source = structure.source
+    for p in source.parameters:
+        default = 1.0 if p.default is None and len(source.parameters) == 1 else p.default
+        if f"{source.name}.{p.name}" not in values:
+            if default is None:
+                raise SysidError(
+                    f"a {log.kind} acts through {source.title}, which are not known: give --gains {','.join(q.name for q in source.parameters)}."
+                )
+            values[f"{source.name}.{p.name}"] = default
+    scales = scales_of(log, structure, {**values, structure.delay: 0.0})
+    for part in structure.parts:
+        for p in part.parameters:
+            values.setdefault(f"{part.name}.{p.name}", (p.neutral if p.neutral is not None else p.starts[0]) * (p.size(scales) if p.neutral is None or p.neutral else 0.0))
+    return values
+
+
+def fit(
+    log: DrivenLog, structure: Structure, given: Mapping[str, float], free: tuple[str, ...], *,
+    bounds: Mapping[str, tuple[float, float]] | None = None, warm: Mapping[str, float] | None = None, quick: bool = False,
+) -> DrivenFit:  # fmt: skip
+    """Fit the free parameters of a structure to a log by output error.
+
+    Args:
+        given: Known values of parameters, in SI.
+        warm: Values to start from; the missing torque says the rest.
+        quick: Skip the interval, and the search for better minima.
+
+    Raises:
+        SysidError: The motion runs away from everywhere that was tried.
+    """
+    structure = structure.checked()
+    bounds = dict(bounds or {})
+    values = start_values(structure, {**given, **(warm or {})}, log)
+    motion = Motion(log)
+    best: tuple[Problem, Minimum] | None = None
+    for begin in _starts(log, structure, values, free, motion, bounds, known=warm or {}):
+        for windows, soft in zip(WINDOWS, SOFT, strict=True):
+            if warm and windows > 1:
+                continue
+            windows = max(1, min(windows, len(log.time) // 60))
+            problem = Problem(log=log, structure=structure, values=begin, free=free, windows=windows, soft=soft, bounds=bounds)
+            found = problem.fitted(iterations=15 if windows > 1 else 40)
+            if np.isfinite(found.normal.cost):
+                begin = dict(zip(structure.parameters, problem.vector(found.point).tolist(), strict=True))
+        if np.isfinite(found.normal.cost) and (best is None or found.normal.cost < best[1].normal.cost):
+            best = problem, found
+    if best is None:
+        raise SysidError(
+            f"{log.name}: the simulated motion runs away wherever the fit starts. Check the input's unit and sign, and the gains."
+        )
+    problem, found = best
+    if not quick:
+        found = _descended(problem, found)
+    return _result(problem, found, quick=quick)
+
+
+def _starts(
+    log: DrivenLog, structure: Structure, values: dict[str, float], free: tuple[str, ...], motion: Motion,
+    bounds: Mapping[str, tuple[float, float]], *, known: Mapping[str, float],
+) -> list[dict[str, float]]:  # fmt: skip
+    """Return starting values: of each combination of the effects' starts, those that leave the least torque missing.
+
+    A gear does not show in the missing torque: each of its starts is tried.
+    """
+    scales = scales_of(log, structure, values)
+
+    def limits(name: str) -> tuple[float, float]:
+        low, high = np.array(limits_of(structure, name, scales)) * size_of(structure, name, scales)
+        return bounds.get(name, (float(low), float(high)))
+
+    choices: dict[str, list[float]] = {}
+    geared: dict[str, list[float]] = {}
+    for part in structure.parts:
+        hidden = (isinstance(part, DriveEffect) and part.transmit is not None) or bool(part.states)
+        for p in part.parameters:
+            name = f"{part.name}.{p.name}"
+            if name in free and name not in known and not (isinstance(part, DriveEffect) and part.sources):
+                (geared if hidden else choices)[name] = [float(np.clip(s * p.size(scales), *limits(name))) for s in p.starts]
+    linear = tuple(n for n in free if n not in geared)
+    tried: list[tuple[float, dict[str, float]]] = []
+    for one in product(*choices.values()):
+        begin = {**values, **dict(zip(choices, one, strict=True))}
+        for _ in range(2 if len(choices) < 3 else 1):
+            begin, left = linear_start(structure, begin, linear, motion, limits)
+        tried.append((left, begin))
+    best = min(tried, key=lambda pair: pair[0])[1]
+    gear = structure.gear
+    if gear is not None:  # the rotor needs an inertia of its own
+        best["armature"] = max(best["armature"], 0.05 * scales.inertia)
+    return [{**best, **dict(zip(geared, one, strict=True))} for one in product(*geared.values())]
+
+
+def _descended(problem: Problem, found: Minimum, rounds: int = 4) -> Minimum:
+    """Return the lowest minimum of several searches that start a little beside: dry friction makes the cost rough."""
+    rough = any(isinstance(part, TorqueEffect) and part.friction is not None for part in problem.structure.parts)
+    if not rough or 2 * found.normal.cost < 2 * len(problem.log.time):
+        return found
+    rng = np.random.default_rng(0)
+    spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(found.normal.hessian)), 0) * 2 * found.normal.cost / len(problem.log.time))
+    for _ in range(rounds):
+        other = problem.fitted(found.point + 3 * spread * rng.standard_normal(len(spread)), iterations=20)
+        if other.normal.cost < found.normal.cost:
+            found = other
+    return found
+
+
+def _result(problem: Problem, found: Minimum, *, quick: bool) -> DrivenFit:
+    log, structure, free = problem.log, problem.structure, problem.free
+    vector = problem.vector(found.point)
+    values = dict(zip(structure.parameters, vector.tolist(), strict=True))
+    rest = problem.residuals(found.point, slopes=False)[0]
+    whole = np.concatenate(rest) * log.std
+    rmse = float(np.sqrt(np.mean(whole**2)))
+    if quick:
+        covariance, memory = np.full((len(free),) * 2, np.nan), float("nan")
+    else:
+        covariance, _, memory = problem.covariance(found)
+    units = structure.parameters
+    quantities = {
+        name: Quantity(values[name], math.sqrt(max(covariance[i, i], 0.0)) if not quick else math.nan, units[name], "output error")
+        for i, name in enumerate(free)
+    }
+    noise = residual_noise([r * log.std for r in rest])
+    n = len(whole)
+    score = n * math.log(max(noise.innovation, 1e-300)) + (len(free) + structure.states) * math.log(n)
+    return DrivenFit(
+        log=log, structure=structure, values=values, quantities=quantities, covariance=covariance, rmse=rmse,
+        noise=min(log.std, rmse), memory=memory, score=score, residual=whole, point=found.point,
+    )  # fmt: skip
