@@ -18,10 +18,10 @@ from sysid.noise.autoregression import residual_noise
 from sysid.quantity import Quantity
 from sysid.roll import Array
 
-WINDOWS = (32, 4, 1)
+WINDOWS = (128, 32, 8, 1)
 """Windows of the fits that follow each other: from the equations alone to the whole log."""
-SOFT = (1e-3, 1e-3, 0.0)
-"""Shares of the motion's rate up to which dry friction grows in them: at none of it the cost is rough."""
+WHITE = 1.2
+"""Samples over which residuals are correlated, up to which they are noise."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,13 +95,15 @@ def start_values(structure: Structure, given: Mapping[str, float], log: DrivenLo
 
 def fit(
     log: DrivenLog, structure: Structure, given: Mapping[str, float], free: tuple[str, ...], *,
-    bounds: Mapping[str, tuple[float, float]] | None = None, warm: Mapping[str, float] | None = None, quick: bool = False,
+    bounds: Mapping[str, tuple[float, float]] | None = None, warm: Mapping[str, float] | None = None,
+    begins: Sequence[Mapping[str, float]] = (), quick: bool = False,
 ) -> DrivenFit:  # fmt: skip
     """Fit the free parameters of a structure to a log by output error.
 
     Args:
         given: Known values of parameters, in SI.
         warm: Values to start from; the missing torque says the rest.
+        begins: Starts of all parameters, where they are known; each is tried.
         quick: Skip the interval, and the search for better minima.
 
     Raises:
@@ -110,38 +112,39 @@ def fit(
     structure = structure.checked()
     bounds = dict(bounds or {})
     values = start_values(structure, {**given, **(warm or {})}, log)
-    motion = Motion(log)
-    best: tuple[Problem, Minimum] | None = None
-    for begin in _starts(log, structure, values, free, motion, bounds, known=warm or {}):
-        for windows, soft in zip(WINDOWS, SOFT, strict=True):
-            if warm and windows > 1:
+    best: list[tuple[Problem, Minimum]] = []
+    for one in begins or starts(Motion(log), structure, values, free, bounds, known=warm or {})[0]:
+        begin = dict(one)
+        chain: list[tuple[Problem, Minimum]] = []
+        for windows in sorted({min(number, max(1, len(log.time) // 40)) for number in WINDOWS}, reverse=True):
+            if windows > 1 and (warm or begins):
                 continue
-            windows = max(1, min(windows, len(log.time) // 60))
-            problem = Problem(log=log, structure=structure, values=begin, free=free, windows=windows, soft=soft, bounds=bounds)
-            found = problem.fitted(iterations=15 if windows > 1 else 40)
+            problem = Problem(log=log, structure=structure, values=begin, free=free, windows=windows, bounds=bounds)
+            found = problem.fitted(iterations=12 if windows > 1 and quick else 40)
             if np.isfinite(found.normal.cost):
                 begin = dict(zip(structure.parameters, problem.vector(found.point).tolist(), strict=True))
-        if np.isfinite(found.normal.cost) and (best is None or found.normal.cost < best[1].normal.cost):
-            best = problem, found
-    if best is None:
+                chain.append((problem, found))
+        if chain and chain[-1][0].windows == 1 and (not best or chain[-1][1].normal.cost < best[-1][1].normal.cost):
+            best = chain
+    if not best:
         raise SysidError(
             f"{log.name}: the simulated motion runs away wherever the fit starts. Check the input's unit and sign, and the gains."
         )
-    problem, found = best
-    if not quick:
-        found = _descended(problem, found)
-    return _result(problem, found, quick=quick)
+    return _result(best, quick=quick)
 
 
-def _starts(
-    log: DrivenLog, structure: Structure, values: dict[str, float], free: tuple[str, ...], motion: Motion,
+def starts(
+    motion: Motion, structure: Structure, values: Mapping[str, float], free: tuple[str, ...],
     bounds: Mapping[str, tuple[float, float]], *, known: Mapping[str, float],
-) -> list[dict[str, float]]:  # fmt: skip
-    """Return starting values: of each combination of the effects' starts, those that leave the least torque missing.
+) -> tuple[list[dict[str, float]], float]:  # fmt: skip
+    """Return starting values, of each combination of the effects' starts those that leave the least torque missing; and that [N*m].
 
     A gear does not show in the missing torque: each of its starts is tried.
+
+    Args:
+        known: Parameters whose value is a start already.
     """
-    scales = scales_of(log, structure, values)
+    scales = scales_of(motion.log, structure, values)
 
     def limits(name: str) -> tuple[float, float]:
         low, high = np.array(limits_of(structure, name, scales)) * size_of(structure, name, scales)
@@ -162,47 +165,55 @@ def _starts(
         for _ in range(2 if len(choices) < 3 else 1):
             begin, left = linear_start(structure, begin, linear, motion, limits)
         tried.append((left, begin))
-    best = min(tried, key=lambda pair: pair[0])[1]
+    left, best = min(tried, key=lambda pair: pair[0])
     gear = structure.gear
     if gear is not None:  # the rotor needs an inertia of its own
         best["armature"] = max(best["armature"], 0.05 * scales.inertia)
-    return [{**best, **dict(zip(geared, one, strict=True))} for one in product(*geared.values())]
+    return [{**best, **dict(zip(geared, one, strict=True))} for one in product(*geared.values())], left
 
 
-def _descended(problem: Problem, found: Minimum, rounds: int = 4) -> Minimum:
-    """Return the lowest minimum of several searches that start a little beside: dry friction makes the cost rough."""
-    rough = any(isinstance(part, TorqueEffect) and part.friction is not None for part in problem.structure.parts)
-    if not rough or 2 * found.normal.cost < 2 * len(problem.log.time):
-        return found
-    rng = np.random.default_rng(0)
-    spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(found.normal.hessian)), 0) * 2 * found.normal.cost / len(problem.log.time))
-    for _ in range(rounds):
-        other = problem.fitted(found.point + 3 * spread * rng.standard_normal(len(spread)), iterations=20)
-        if other.normal.cost < found.normal.cost:
-            found = other
-    return found
-
-
-def _result(problem: Problem, found: Minimum, *, quick: bool) -> DrivenFit:
+def _result(chain: Sequence[tuple[Problem, Minimum]], *, quick: bool) -> DrivenFit:
+    """Return the fit of the whole log; where its residuals are no noise, the windows with the narrowest intervals give the parameters."""
+    problem, found = chain[-1]
     log, structure, free = problem.log, problem.structure, problem.free
-    vector = problem.vector(found.point)
-    values = dict(zip(structure.parameters, vector.tolist(), strict=True))
     rest = problem.residuals(found.point, slopes=False)[0]
     whole = np.concatenate(rest) * log.std
-    rmse = float(np.sqrt(np.mean(whole**2)))
-    if quick:
-        covariance, memory = np.full((len(free),) * 2, np.nan), float("nan")
-    else:
-        covariance, _, memory = problem.covariance(found)
-    units = structure.parameters
+    noise = residual_noise([r * log.std for r in rest])
+    vector, method = problem.vector(found.point), "output error"
+    covariance = np.full((len(free),) * 2, np.nan)
+    if not quick:
+        covariance = problem.covariance(found)
+        if noise.memory > WHITE and len(chain) > 1:
+            vector, covariance, windows = _weighed(chain, covariance)
+            method = f"output error over {windows} windows"
+    values = dict(zip(structure.parameters, vector.tolist(), strict=True))
     quantities = {
-        name: Quantity(values[name], math.sqrt(max(covariance[i, i], 0.0)) if not quick else math.nan, units[name], "output error")
+        name: Quantity(values[name], math.nan if quick else math.sqrt(max(covariance[i, i], 0.0)), structure.parameters[name], method)
         for i, name in enumerate(free)
     }
-    noise = residual_noise([r * log.std for r in rest])
-    n = len(whole)
+    n, rmse = len(whole), float(np.sqrt(np.mean(whole**2)))
     score = n * math.log(max(noise.innovation, 1e-300)) + (len(free) + structure.states) * math.log(n)
     return DrivenFit(
         log=log, structure=structure, values=values, quantities=quantities, covariance=covariance, rmse=rmse,
-        noise=min(log.std, rmse), memory=memory, score=score, residual=whole, point=found.point,
+        noise=min(log.std, rmse), memory=noise.memory, score=score, residual=whole, point=found.point,
     )  # fmt: skip
+
+
+def _weighed(chain: Sequence[tuple[Problem, Minimum]], last: Array) -> tuple[Array, Array, int]:
+    """Return all parameters, shape (q,), and the covariance of the free ones, shape (p, p), in SI, of the best number of windows.
+
+    It is the number whose intervals are narrowest. Where other numbers of windows disagree, the equations miss something, and
+    deviations grow by the scale factor √(χ²/(N - 1)) of a weighted mean (Particle Data Group).
+    """
+    found = [(p.windows, p.vector(m.point), last if p is chain[-1][0] else p.covariance(m)) for p, m in chain]
+    free = [list(chain[0][0].structure.parameters).index(name) for name in chain[0][0].free]
+    variances = np.array([np.diag(covariance) for _, _, covariance in found])
+    with np.errstate(all="ignore"):
+        sharpness = [np.nansum(np.log(np.where(np.isfinite(v), v, np.nan) / variances[-1])) for v in variances]
+        best = int(np.argmin(sharpness))
+        values = np.array([vector[free] for _, vector, _ in found])
+        mean = np.nansum(values / variances, axis=0) / np.nansum(1 / variances, axis=0)
+        factor = np.sqrt(np.nansum((values - mean) ** 2 / variances, axis=0) / (len(found) - 1))
+    factor = np.where(np.isfinite(factor), np.maximum(factor, 1.0), 1.0)
+    windows, vector, covariance = found[best]
+    return vector, covariance * np.outer(factor, factor), windows

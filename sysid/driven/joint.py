@@ -2,9 +2,9 @@
 
     (I + A) q̈ = τ(u, q, q̇) + b + load - d q̇ - k (q - q₀) + Σ effects - friction
 
-A step is RK4 of all smooth torques, then dry friction as an impulse: it takes at most F h / (I + A) off the rate, and half a
-step of that off the angle. The joint therefore sticks exactly, and sliding is exact for a constant torque. A gear with a
-spring or a gap makes rotor and joint two bodies; armature, damping and friction are then the rotor's.
+A step is RK4 with friction against the rate that it begins with. Where the rate passes through zero, sliding ends within the
+step, and the joint sticks or slides back. A gear with a
+spring or a gap makes rotor and joint two bodies, whose step is linearly implicit; armature, damping and friction are then the rotor's.
 """
 
 from collections.abc import Mapping
@@ -26,9 +26,8 @@ BASE = {
     "armature": "kg*m^2", "stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad", "bias": "N*m", "zero": "rad",
 }  # fmt: skip
 """Parameters of every driven joint, and their units; `zero` is where the encoder reads the model's zero."""
-GIVEN = ("h", "input", "by_delay", "delay", "soft", "inertia", "load", "slope", "at")
-"""What is known for each step: its length, mean input, its derivative by the delay, that delay, the rate up to which friction is softened, and the
-model's load at an angle."""
+GIVEN = ("h", "input", "by_delay", "delay", "inertia", "load", "slope", "at")
+"""What is known for each step: its length, mean input, its derivative by the delay, that delay, and the model's load at an angle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,8 +124,8 @@ class Equations:
                 torque = part.act(self.m, Actuation(late, torque, angle, rate), own)
         return torque
 
-    def smooth(self, y: Any, given: Mapping[str, Any]) -> Any:
-        """Return the state's derivative without dry friction, shape (s,)."""
+    def derivative(self, y: Any, given: Mapping[str, Any], friction: Any = 0.0) -> Any:
+        """Return the state's derivative under a constant friction torque [N*m], shape (s,)."""
         import casadi
 
         motion, v = self.motion(y), self.values
@@ -134,7 +133,7 @@ class Equations:
         for part, own, where in self.layout:
             if isinstance(part, TorqueEffect):
                 joint = joint + part.torque(self.m, motion, own, items_of(y, where))
-        motor = self.actuated(y, given) + v["bias"]
+        motor = self.actuated(y, given) + v["bias"] - friction
         gear = self.structure.gear
         if gear is None:
             rates = [y[1], (motor + joint - v["damping"] * y[1]) / (given["inertia"] + v["armature"])]
@@ -149,35 +148,61 @@ class Equations:
             rates += [s.rate(self.m, motion, states, own) if s.rate else 0.0 for s in part.states]
         return casadi.vertcat(*rates)
 
-    def _slowed(self, rate: Any, most: Any, soft: Any) -> Any:
-        """Return the rate w after friction that takes `most` · w / (w + soft) of it; soft 0 is Coulomb's."""
-        speed = self.m.abs(rate)
-        left = speed - most - soft
-        root = (left * left + 4 * speed * soft + 1e-300) ** 0.5
-        return self.m.where(rate < 0, -0.5, 0.5) * (left + root)
+    def _implicit(self, y: Any, given: Mapping[str, Any], friction: Any, h: Any) -> Any:
+        """Return the state after a linearly implicit midpoint step, which bears a stiff gear at any step; shape (s,)."""
+        import casadi as ca
+
+        rates = self.derivative(y, given, friction)
+        slopes = ca.jacobian(rates, y)
+        by_angle, by_rate = (ca.blockcat([[slopes[i, j] for j in at] for i in (1, 3)]) for at in ((0, 2), (1, 3)))
+        v = ca.vertcat(y[1], y[3])
+        matrix = ca.SX.eye(2) - h / 2 * by_rate - h * h / 4 * by_angle
+        right = h * (ca.vertcat(rates[1], rates[3]) + h / 2 * by_angle @ v)
+        inverse = ca.blockcat([[matrix[1, 1], -matrix[0, 1]], [-matrix[1, 0], matrix[0, 0]]])
+        gained = inverse @ right / (matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0])
+        q, turned = y[0] + h * (v[0] + gained[0] / 2), y[2] + h * (v[1] + gained[1] / 2)
+        return ca.vertcat(q, v[0] + gained[0], turned, v[1] + gained[1], y[4:] + h * rates[4:])
+
+    def _rubbed(self, rate: Any, slid: Any, sign: Any, friction: Any, h: Any) -> tuple[Any, Any]:
+        """Return the rate after a step and the way, from the rate to which the joint would slide on [rad/s].
+
+        Sliding ends where the rate passes through zero; then the joint sticks, or slides back if the pull is stronger than
+        the friction [rad/s^2].
+        """
+        m = self.m
+        turns = rate * slid <= 0
+        until = m.where(turns, h * rate / m.where(turns, m.where(m.abs(rate - slid) > 0, rate - slid, 1.0), 1.0), h)
+        pull = (slid - rate) / h + sign * friction
+        back = m.where(pull > friction, pull - friction, m.where(pull < -friction, pull + friction, 0.0))
+        top = m.where(turns, 0.0, slid)
+        end = top + back * (h - until)
+        return end, until * (rate + top) / 2 + (h - until) * (top + end) / 2
 
     def step(self, y: Any, given: Mapping[str, Any]) -> Any:
         """Return the state one step later, shape (s,), in SI."""
         import casadi
 
-        h = given["h"]
-        after = runge_kutta(lambda stage: self.smooth(stage, given), y, h)
-        items = items_of(after, slice(0, after.shape[0]))
-        moved = after[0] - y[0]
-        for part, own, where in self.layout:
-            for index, state in zip(range(where.start, where.stop), part.states, strict=True):
-                if state.return_map is not None:
-                    items[index] = state.return_map(self.m, items[index], moved, own)
-        at = 2 if self.structure.gear is not None else 0
-        inertia = self.values["armature"] + (0.0 if at else given["inertia"])
+        h, m, at = given["h"], self.m, 2 if self.structure.gear is not None else 0
         level: Any = 0.0
         for part, own, _ in self.layout:
             if isinstance(part, TorqueEffect) and part.friction is not None:
-                level = level + part.friction(self.m, self.motion(y).tilt, self.m.abs(y[at + 1]), own)
-        most = level * h / inertia
-        taken = items[at + 1] - self._slowed(items[at + 1], most, given["soft"])
-        items[at + 1] = items[at + 1] - taken
-        items[at] = items[at] - h / 2 * taken
+                level = level + part.friction(m, self.motion(y).tilt, m.abs(y[at + 1]), own)
+        sign = m.where(y[at + 1] > 0, 1.0, m.where(y[at + 1] < 0, -1.0, 0.0))
+        if at:
+            slid = self._implicit(y, given, sign * level, h)
+        else:
+            slid = runge_kutta(lambda stage: self.derivative(stage, given, sign * level), y, h)
+        items = items_of(slid, slice(0, slid.shape[0]))
+        moved = slid[0] - y[0]
+        for part, own, where in self.layout:
+            for index, state in zip(range(where.start, where.stop), part.states, strict=True):
+                if state.return_map is not None:
+                    items[index] = state.return_map(m, items[index], moved, own)
+        if any(isinstance(part, TorqueEffect) and part.friction is not None for part, _, _ in self.layout):
+            friction = level / (self.values["armature"] + (0.0 if at else given["inertia"]))
+            end, way = self._rubbed(y[at + 1], items[at + 1], sign, friction, h)
+            items[at] = items[at] + way - h / 2 * (y[at + 1] + items[at + 1])
+            items[at + 1] = end
         return casadi.vertcat(*items)
 
 
@@ -215,7 +240,7 @@ def simulate(structure: Structure, free: tuple[str, ...], start: Array, vector: 
     Args:
         start: State, shape (s,).
         vector: Parameters in the structure's order and units, shape (p,).
-        given: Rows of `GIVEN` in their units, shape (9, steps).
+        given: Rows of `GIVEN` in their units, shape (8, steps).
     """
     n, columns = structure.states, len(free) + structure.states if free else 0
     begin = np.concatenate([start, np.eye(n, columns, len(free)).T.ravel() if free else []])

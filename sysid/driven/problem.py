@@ -13,7 +13,7 @@ from sysid.driven.joint import Structure, simulate
 from sysid.driven.log import DrivenLog
 from sysid.driven.missing import Motion
 from sysid.effects._algebra import NUMPY
-from sysid.effects._base import Actuation, DriveEffect, Scales, State
+from sysid.effects._base import Actuation, Scales, State
 from sysid.joint.hermite import hermite_matrix
 from sysid.least_squares import Minimum, Normal, minimise
 from sysid.noise.autoregression import residual_noise
@@ -21,6 +21,8 @@ from sysid.roll import Array
 
 STEPS_PER_RADIAN = 10
 """Integration steps in a radian of the fastest motion: the error of a step's mean input is then a thousandth."""
+GEAR_STEPS, MOST_STEPS = 4, 64
+"""Integration steps a sample where a gear rings between samples, and at most: factors of the sampling."""
 LIGHT = 0.1
 """Share of torque over acceleration below which an inertia is not the joint's: most of it is then the rotor's, which is not known yet."""
 RUNAWAY = 1e3
@@ -40,8 +42,6 @@ class Problem:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
     substeps: int = 0
     """Integration steps a sample; 0 chooses them."""
-    soft: float = 0.0
-    """Rate up to which dry friction grows, as a share of the motion's: without it the cost is rough."""
 
     @cached_property
     def scales(self) -> Scales:
@@ -131,7 +131,7 @@ class Problem:
         vector = self.vector(point[:p])
         delay = vector[list(self.structure.parameters).index(self.structure.delay)] if self.structure.delay else 0.0
         mean, by_delay = self.log.mean_input(self.grid, float(delay))
-        given = np.vstack([np.full_like(mean, self.h), mean, by_delay, np.full_like(mean, delay), np.full_like(mean, self.soft * self.scales.rate), self.known])
+        given = np.vstack([np.full_like(mean, self.h), mean, by_delay, np.full_like(mean, delay), self.known])
         starts = point[p:].reshape(self.windows, n) * self._state_sizes
         measured = 2 if self.structure.encoder == "motor" and self.structure.gear is not None else 0
         free = self.free if slopes else ()
@@ -172,14 +172,14 @@ class Problem:
             self.normal, self.begin() if start is None else start, low, high, iterations=iterations, tolerance=tolerance
         )
 
-    def covariance(self, minimum: Minimum) -> tuple[Array, float, float]:
-        """Return the covariance of the free parameters in their units, shape (p, p), residual RMS over the noise, and memory [samples].
+    def covariance(self, minimum: Minimum) -> Array:
+        """Return the covariance of the free parameters in their units, shape (p, p).
 
         Residuals are correlated where the equations miss something: their autoregression Ω enters as H⁻¹ Jᵀ Ω J H⁻¹.
         Parameters on a bound are held; their rows are infinite.
         """
         rest, rows = self.residuals(minimum.point)
-        p, n = len(self.free), self.structure.states
+        p = len(self.free)
         moving = ~minimum.at_bound[:p]
         clean: list[Array] = []
         for j in rows:  # each window's own first state is taken out
@@ -202,8 +202,7 @@ class Problem:
         held = np.flatnonzero(~moving)
         whole_covariance[held, held] = np.inf
         size = self.sizes[:p]
-        rms = float(np.sqrt(np.mean(np.concatenate(rest) ** 2)))
-        return whole_covariance * np.outer(size, size), rms, noise.memory
+        return whole_covariance * np.outer(size, size)
 
 
 def scales_of(log: DrivenLog, structure: Structure, values: Mapping[str, float]) -> Scales:
@@ -242,15 +241,12 @@ def limits_of(structure: Structure, name: str, scales: Scales) -> tuple[float, f
 
 
 def substeps_of(log: DrivenLog, structure: Structure, values: Mapping[str, float], scales: Scales) -> int:
-    """Return the integration steps a sample: enough for the fastest of sampling, servo, damper and gear."""
+    """Return the integration steps a sample: enough for the fastest of motion, servo, spring and damper."""
     inertia = max(float(np.min(log.load.inertia)) + values["armature"], LIGHT * scales.inertia)
     rates = [np.sqrt(max(values["stiffness"], 0.0) / inertia), values["damping"] / inertia / 2, scales.frequency]
-    for part in structure.parts:
-        if isinstance(part, DriveEffect) and part.gear:
-            stiffness, damping = (values[f"{part.name}.{name}"] for name in part.gear)
-            light = 1 / (1 / max(values["armature"], 1e-3 * inertia) + 1 / inertia)
-            rates += [3 * np.sqrt(stiffness / light), damping / light]
-        elif isinstance(part, DriveEffect) and part.sources and len(part.parameters) > 1:
-            gain, derivative = (values[f"{part.name}.{p.name}"] for p in part.parameters)
-            rates += [np.sqrt(max(gain, 0.0) / inertia), derivative / inertia / 2]
-    return int(np.clip(np.ceil(log.step * max(rates) * STEPS_PER_RADIAN), 1, 64))
+    own = {p.name: values[f"{structure.source.name}.{p.name}"] for p in structure.source.parameters}
+    if len(own) > 1:
+        gain, derivative = own.values()
+        rates += [np.sqrt(max(gain, 0.0) / inertia), derivative / inertia / 2]
+    geared = GEAR_STEPS if structure.gear is not None else 1
+    return int(np.clip(np.ceil(log.step * max(rates) * STEPS_PER_RADIAN), geared, MOST_STEPS))
