@@ -38,7 +38,10 @@ def signal(rng: np.random.Generator, seconds: float, rate: float, band: float) -
     t = np.arange(round(seconds * rate)) / rate
     form = rng.integers(3)
     if form == 0:
-        parts = [rng.uniform(0.3, 1) * np.sin(2 * np.pi * f * t + rng.uniform(0, 7)) for f in band * np.geomspace(0.1, 1, 7)]
+        parts = [
+            rng.uniform(0.3, 1) * np.sin(2 * np.pi * f * t + rng.uniform(0, 7))
+            for f in band * np.geomspace(0.1, 1, 7)
+        ]
         u = np.sum(parts, axis=0)
     elif form == 1:
         phase = 2 * np.pi * (0.1 * band * t + 0.9 * band * t**2 / 2 / seconds)
@@ -58,7 +61,9 @@ def draw(rng: np.random.Generator, hidden: tuple[str, ...]) -> Truth:
     total = inertia + armature
     weight = inertia * 9.81 / rng.uniform(0.1, 0.5) * rng.integers(2)
     omega = 2 * np.pi * rng.uniform(2.0, 6.0)
-    truth = Truth(hidden, kind, inertia, armature, damping=total * omega * rng.uniform(0.05, 0.4), weight=weight)
+    truth = Truth(
+        hidden, kind, inertia, armature, damping=total * omega * rng.uniform(0.05, 0.4), weight=weight
+    )
     if kind == "command":
         truth.kp, truth.kd = total * omega**2 + weight, total * omega * rng.uniform(0.2, 0.8)
     else:
@@ -70,7 +75,7 @@ def simulate(truth: Truth, u: np.ndarray, rate: float) -> np.ndarray:
     """Return the angle that the encoder sees at the samples of an input that is held between them."""
     own, sub = truth.own, max(1, round(FINE / rate))
     h = 1 / rate / sub
-    I, A, d, w, kp, kd = truth.inertia, truth.armature, truth.damping, truth.weight, truth.kp, truth.kd
+    J, A, d, w, kp, kd = truth.inertia, truth.armature, truth.damping, truth.weight, truth.kp, truth.kd
     F, L = own.get("friction", 0.0), own.get("limit", math.inf)
     K, D, gap = own.get("K", 0.0), own.get("D", 0.0), own.get("gap", 0.0)
     s, n, phase = own.get("cog", 0.0), own.get("teeth", 0.0), own.get("phase", 0.0)
@@ -97,10 +102,10 @@ def simulate(truth: Truth, u: np.ndarray, rate: float) -> np.ndarray:
                 om1 = math.copysign(max(abs(om1) - h * F / A, 0.0), om1)
                 th += h * (om + om1) / 2
                 om = om1
-                v1 = v + h / I * (pull + passed)
+                v1 = v + h / J * (pull + passed)
             else:
-                v1 = (v + h / (I + A) * (tau + pull)) / (1 + h * d / (I + A))
-                v1 = math.copysign(max(abs(v1) - h * F / (I + A), 0.0), v1)
+                v1 = (v + h / (J + A) * (tau + pull)) / (1 + h * d / (J + A))
+                v1 = math.copysign(max(abs(v1) - h * F / (J + A), 0.0), v1)
             q += h * (v + v1) / 2
             v = v1
             k += 1
@@ -140,7 +145,11 @@ def make(seed: int, hidden: tuple[str, ...]) -> tuple[Truth, DrivenLog]:
             truth.own["D"] = 2 * rng.uniform(0.1, 0.4) * math.sqrt(truth.own["K"] * soft)
             truth.own["gap"] = reach * rng.uniform(0.03, 0.12)
         if one == "cogging":
-            truth.own |= {"cog": strong * rng.uniform(0.05, 0.2), "teeth": float(rng.integers(6, 30)), "phase": rng.uniform(0, 6)}
+            truth.own |= {
+                "cog": strong * rng.uniform(0.05, 0.2),
+                "teeth": float(rng.integers(6, 30)),
+                "phase": rng.uniform(0, 6),
+            }
     angle = simulate(truth, u, rate)
     std = float(np.std(angle)) * 10 ** rng.uniform(-3.7, -2.7)
     measured = angle + std * rng.standard_normal(len(angle))

@@ -9,7 +9,7 @@ import os
 import re
 import xml.etree.ElementTree as ElementTree
 import xml.parsers.expat
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -119,22 +119,27 @@ def patch(setup: Setup, board: Board) -> Patch:
             "by hand, or fit without it."
         )
     changed = {
-        ATTRIBUTES[name]: _text(name, np.array(getattr(joint, name), dtype=np.float64))
+        ATTRIBUTES[name]: text(name, np.array(getattr(joint, name), dtype=np.float64))
         for name, old in before.items()
         if not np.array_equal(old, np.array(getattr(joint, name), dtype=np.float64))
     }
-    chain, start, end = _find(setup.file, setup.joint)
+    chain, start, end = find_element(setup.file, setup.joint, is_joint(setup.joint))
     home = chain[-1]
     texts = {file: file.read_bytes().decode() for file in chain}
     raw = texts[home].encode()
-    tag = _tagged(raw[start:end].decode(), changed)
+    tag = tagged(raw[start:end].decode(), changed)
     texts[home] = (raw[:start] + tag.encode() + raw[end:]).decode()
     main = chain[0]
-    texts[main] = _with_sections(texts[main], spec, known)
-    old = {file: file.read_bytes().decode() for file in chain}
-    diff = "".join(
+    texts[main] = with_sections(texts[main], spec, known)
+    return Patch(texts, difference(texts), tuple(remarks), spec, main)
+
+
+def difference(texts: Mapping[Path, str]) -> str:
+    """Return how texts differ from their files, as `diff -u` shows it."""
+    old = {file: file.read_bytes().decode() for file in texts}
+    return "".join(
         line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n"
-        for file in chain
+        for file in texts
         if texts[file] != old[file]
         for line in difflib.unified_diff(
             old[file].splitlines(keepends=True),
@@ -143,7 +148,6 @@ def patch(setup: Setup, board: Board) -> Patch:
             f"{file} (patched)",
         )
     )
-    return Patch(texts, diff, tuple(remarks), spec, main)
 
 
 def _write(setup: Setup, spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Board) -> list[str]:
@@ -194,7 +198,7 @@ def _leaning(spec: mujoco.MjSpec, name: str) -> list[str]:
     ]
 
 
-def _text(name: str, values: np.ndarray) -> str:
+def text(name: str, values: np.ndarray) -> str:
     """Return an attribute's value; a polynomial ends at its last term that is not zero."""
     numbers = np.atleast_1d(values)
     if name in POLYNOMIALS:
@@ -202,23 +206,36 @@ def _text(name: str, values: np.ndarray) -> str:
     return " ".join(f"{value:.7g}" for value in numbers)
 
 
-def _find(
-    file: Path, joint: str, seen: Sequence[Path] = (), folder: Path | None = None
-) -> tuple[list[Path], int, int]:
-    """Return the files from the model down to the one with the joint, and where in that its start tag is [bytes].
+def is_joint(name: str) -> Callable[[str, Mapping[str, str], Sequence[str]], bool]:
+    """Return the test for the element of a joint: by its tag, its attributes and the tags around it."""
+    return lambda tag, own, stack: (
+        tag == "joint" and own.get("name") == name and (not stack or stack[-1] in HOLDERS)
+    )
+
+
+def find_element(
+    file: Path, joint: str, wanted: Callable[[str, Mapping[str, str], Sequence[str]], bool],
+    seen: Sequence[Path] = (), folder: Path | None = None, texts: Mapping[Path, str] | None = None,
+) -> tuple[list[Path], int, int]:  # fmt: skip
+    """Return the files from the model down to the one with an element, and where in that its start tag is [bytes].
+
+    Args:
+        joint: Named where there is none.
+        wanted: Whether an element is the one, from its tag, its attributes and the tags around it.
+        texts: Of files that have changed already.
 
     Raises:
         SysidError: It is in none of them.
     """
     folder = folder or file.parent
-    raw = file.read_bytes()
+    raw = texts[file].encode() if texts and file in texts else file.read_bytes()
     parser = xml.parsers.expat.ParserCreate()
     stack: list[str] = []
     found: list[int] = []
     includes: list[Path] = []
 
     def start(name: str, attributes: Mapping[str, str]) -> None:
-        if name == "joint" and attributes.get("name") == joint and (not stack or stack[-1] in HOLDERS):
+        if wanted(name, attributes, stack):
             found.append(parser.CurrentByteIndex)
         if name == "include" and "file" in attributes:
             includes.append(folder / attributes["file"])
@@ -235,7 +252,7 @@ def _find(
     for path in includes:
         if path.is_file():
             try:
-                return _find(path, joint, [*seen, file], folder)
+                return find_element(path, joint, wanted, [*seen, file], folder, texts)
             except LookupError:
                 continue
     if seen:
@@ -252,7 +269,7 @@ def _end_of_tag(raw: bytes, start: int) -> int:
     return match.end()
 
 
-def _tagged(tag: str, values: Mapping[str, str]) -> str:
+def tagged(tag: str, values: Mapping[str, str]) -> str:
     """Return a start tag with attributes set: in their place where they are there, else at its end."""
     for name, value in values.items():
         pattern = re.compile(rf"""(\s{name}\s*=\s*)("[^"]*"|'[^']*')""")
@@ -265,7 +282,7 @@ def _tagged(tag: str, values: Mapping[str, str]) -> str:
     return tag
 
 
-def _with_sections(text: str, spec: mujoco.MjSpec, known: Mapping[str, set[str]]) -> str:
+def with_sections(text: str, spec: mujoco.MjSpec, known: Mapping[str, set[str]]) -> str:
     """Return the model's text with the tendons and actuators that effects added, as sections of their own at its end."""
     new = {
         kind: [one.name for one in getattr(spec, f"{kind}s") if one.name not in known[kind]] for kind in ADDED

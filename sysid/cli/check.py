@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from sysid.cli.console import Common, Printer, require_share
+from sysid.cli.drive_options import DriveArguments
 from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
 from sysid.cli.subject import Subject
 from sysid.errors import QualityGateError, SysidError
@@ -22,6 +23,7 @@ def check(
     integrator: str = "implicitfast",
     coupling: Literal["equality", "direct"] = "equality",
     export: Literal["in-scene", "step-compensated", "physical"] = "in-scene",
+    drive: DriveArguments = DriveArguments(),
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:
@@ -50,6 +52,19 @@ def check(
     from sysid.progress import stage
 
     require_share("--tolerance", tolerance)
+    if drive.given:
+        from sysid.cli.driven import driven_check, run_driven
+
+        run_driven(
+            lambda joints, out: driven_check(joints, out, tolerance),
+            "check",
+            logs,
+            subject,
+            drive,
+            arguments,
+            common,
+        )
+        return 0
     if timestep is not None and not 0 < timestep <= 0.05:
         raise SysidError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
     printer = Printer(common)

@@ -6,6 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter, validators
 
 from sysid.cli.console import FIT, Common, FitTexts, Printer
+from sysid.cli.drive_options import DriveArguments
 from sysid.cli.log_options import LogArguments, load_recordings, space_of
 from sysid.cli.parameter_options import parse_fixed
 from sysid.cli.subject import Subject
@@ -19,6 +20,7 @@ def diagnose(
     subject: Subject = Subject(),
     fix: FitTexts = (),
     workers: Annotated[int, Parameter(group=FIT, validator=validators.Number(gte=1))] = 2,
+    drive: DriveArguments = DriveArguments(),
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:
@@ -32,6 +34,19 @@ def diagnose(
             gravity. Repeat it for several.
         workers: Number of processes.
     """
+    if drive.given:
+        from sysid.cli.driven import driven_diagnose, run_driven
+
+        run_driven(
+            lambda joints, out: driven_diagnose(joints, out, fix),
+            "diagnose",
+            logs,
+            subject,
+            drive,
+            arguments,
+            common,
+        )
+        return 0
     from reports.figures.story import story_figure
     from reports.story import for_report, story_of_diagnosis
     from sysid.cli.bars import told_bar

@@ -19,7 +19,7 @@ MATTERS = 0.01
 """Share of the residual's RMS that an effect must take away to be named: less is certain in a long log, and worthless."""
 MAX_EFFECTS = 3
 """Effects in a set at most."""
-TRIED = 6
+TRIED = 4
 """Effects that are fitted beside a set, at most."""
 FAMILIES = ("friction", "drag", "hardening", "asymmetry")
 """Families of a joint's own effects that a driven log can show."""
@@ -49,9 +49,16 @@ class DrivenVerdict:
         """Sets of other families that fit as well."""
         own = set(self.base.structure.effects)
         found = {tuple(sorted(set(key) - own)): one.score for key, one in self.fits.items()}
-        near = sorted((score, key) for key, score in found.items() if score < self.best.score + SCORE_TOLERANCE)
+        near = sorted(
+            (score, key) for key, score in found.items() if score < self.best.score + SCORE_TOLERANCE
+        )
         mine = {effect(name).family for name in self.effects}
-        return [key for _, key in near if {effect(name).family for name in key} != mine and not mine < {effect(name).family for name in key}]
+        return [
+            key
+            for _, key in near
+            if {effect(name).family for name in key} != mine
+            and not mine < {effect(name).family for name in key}
+        ]
 
     @property
     def confidence(self) -> float:
@@ -62,7 +69,11 @@ class DrivenVerdict:
             families = frozenset(effect(name).family for name in set(key) - own)
             best[families] = min(best.get(families, math.inf), one.score)
         mine = frozenset(effect(name).family for name in self.effects)
-        weights = {key: math.exp(-0.5 * min(score - self.best.score, 1400.0)) for key, score in best.items() if not mine < key}
+        weights = {
+            key: math.exp(-0.5 * min(score - self.best.score, 1400.0))
+            for key, score in best.items()
+            if not mine < key
+        }
         return weights[mine] / sum(weights.values())
 
     @property
@@ -105,8 +116,18 @@ def candidates(structure: Structure) -> list[str]:
     found: list[str] = []
     for name, part in {**drives(), **catalogue()}.items():
         drive = isinstance(part, DriveEffect) and (not part.sources or structure.kind in part.sources)
-        own = isinstance(part, TorqueEffect) and part.role == "torque" and part.family in FAMILIES and not part.states
-        if (drive or own) and name not in structure.effects and not part.is_known and not getattr(part, "grounded", False):
+        own = (
+            isinstance(part, TorqueEffect)
+            and part.role == "torque"
+            and part.family in FAMILIES
+            and not part.states
+        )
+        if (
+            (drive or own)
+            and name not in structure.effects
+            and not part.is_known
+            and not getattr(part, "grounded", False)
+        ):
             found.append(name)
     return found
 
@@ -156,9 +177,13 @@ def diagnose(
                 free = free_of(chosen, key, fixed)
                 values = start_values(chosen, dict(before.values), log)
                 begins, left = starts(motion, chosen, values, free, {}, known=before.values)
-                found.append((0.0 if getattr(effect(name), "transmit", None) else left, key, begins))
+                found.append((-1.0 if getattr(effect(name), "transmit", None) else left, key, begins))
         found.sort(key=lambda one: one[0])
-        return [one for _, key, begins in found[:TRIED] if (one := tried(key, begins))]
+        gears = [one for one in found if one[0] < 0]
+        done = [one for _, key, begins in found[len(gears) :][:TRIED] if (one := tried(key, begins))]
+        if any(one.memory <= WHITE for one in done):
+            return done
+        return done + [one for _, key, begins in gears if (one := tried(key, begins))]
 
     base = tried(tuple(sorted(plain.effects)))
     assert base is not None
@@ -168,7 +193,9 @@ def diagnose(
             break
         grown = [one for before in leading for one in grown_from(before)]
         best = min(fits.values(), key=lambda one: one.score)
-        grown = sorted((one for one in grown if one.score < base.score - SCORE_TOLERANCE), key=lambda one: one.score)
+        grown = sorted(
+            (one for one in grown if one.score < base.score - SCORE_TOLERANCE), key=lambda one: one.score
+        )
         if not grown or grown[0].score > min(one.score for one in leading) - SCORE_TOLERANCE:
             break
         leading = grown[: 2 if len(leading) == 1 and leading[0] is base else 1]
@@ -185,7 +212,12 @@ def _combines(name: str, others: Sequence[str]) -> bool:
 
 def _apart(one: Effect, other: Effect) -> bool:
     gears = [getattr(part, "transmit", None) is not None for part in (one, other)]
-    return one.family != other.family and not all(gears) and other.name not in one.excludes and one.name not in other.excludes
+    return (
+        one.family != other.family
+        and not all(gears)
+        and other.name not in one.excludes
+        and one.name not in other.excludes
+    )
 
 
 def _simplest(fits: Mapping[tuple[str, ...], DrivenFit], plain: Structure) -> DrivenFit:
@@ -196,7 +228,11 @@ def _simplest(fits: Mapping[tuple[str, ...], DrivenFit], plain: Structure) -> Dr
     while True:
         own = [name for name in best.structure.effects if name not in plain.effects]
         smaller = [fits.get(tuple(n for n in best.structure.effects if n != name)) for name in own]
-        idle = [one for one in smaller if one and (one.rmse < (1 + MATTERS) * best.rmse or one.score < best.score + SCORE_TOLERANCE)]
+        idle = [
+            one
+            for one in smaller
+            if one and (one.rmse < (1 + MATTERS) * best.rmse or one.score < best.score + SCORE_TOLERANCE)
+        ]
         if not idle:
             return best
         best = min(idle, key=lambda one: one.score)
@@ -205,4 +241,8 @@ def _simplest(fits: Mapping[tuple[str, ...], DrivenFit], plain: Structure) -> Dr
 def next_experiment(verdict: DrivenVerdict) -> str:
     """Return the experiment that tells the named effect from its look-alikes."""
     names = verdict.effects or (verdict.alike[0] if verdict.alike else ())
-    return effect(names[0]).experiment_on() if names else "Repeat with a larger or faster input, or on the robot's own motions."
+    return (
+        effect(names[0]).experiment_on()
+        if names
+        else "Repeat with a larger or faster input, or on the robot's own motions."
+    )

@@ -11,7 +11,7 @@ from sysid.driven.joint import BASE, Structure
 from sysid.driven.log import DrivenLog
 from sysid.driven.missing import Motion, linear_start
 from sysid.driven.problem import Problem, limits_of, scales_of, size_of
-from sysid.effects._base import DriveEffect, TorqueEffect
+from sysid.effects._base import DriveEffect
 from sysid.errors import SysidError
 from sysid.least_squares import Minimum
 from sysid.noise.autoregression import residual_noise
@@ -50,6 +50,12 @@ class DrivenFit:
     """Unknowns in units of their sizes, shape (p,)."""
 
     @property
+    def motion(self) -> Array:
+        """Simulated angle at the log's samples [rad], shape (n,)."""
+        inside = len(self.residual)
+        return np.r_[self.log.angle[:inside] - self.residual, self.log.angle[inside:]]
+
+    @property
     def nrmse(self) -> float:
         """Error beyond the noise, over the RMS motion [1]."""
         beyond = math.sqrt(max(self.rmse**2 - self.noise**2, 0.0))
@@ -64,9 +70,17 @@ class DrivenFit:
         }  # fmt: skip
 
 
-def free_of(structure: Structure, named: Sequence[str], fixed: Mapping[str, float], more: Sequence[str] = ()) -> tuple[str, ...]:
+def free_of(
+    structure: Structure, named: Sequence[str], fixed: Mapping[str, float], more: Sequence[str] = ()
+) -> tuple[str, ...]:
     """Return the parameters that a fit may move: armature, damping, bias, and those of the effects that were named."""
-    own = [f"{part.name}.{p.name}" for part in structure.parts if part.name in named for p in part.parameters if not p.held]
+    own = [
+        f"{part.name}.{p.name}"
+        for part in structure.parts
+        if part.name in named
+        for p in part.parameters
+        if not p.held
+    ]
     wanted = dict.fromkeys(("armature", "damping", "bias", *own, *more))
     unknown = [name for name in (*fixed, *more) if name not in structure.parameters]
     if unknown:
@@ -89,7 +103,11 @@ def start_values(structure: Structure, given: Mapping[str, float], log: DrivenLo
     scales = scales_of(log, structure, {**values, structure.delay: 0.0})
     for part in structure.parts:
         for p in part.parameters:
-            values.setdefault(f"{part.name}.{p.name}", (p.neutral if p.neutral is not None else p.starts[0]) * (p.size(scales) if p.neutral is None or p.neutral else 0.0))
+            values.setdefault(
+                f"{part.name}.{p.name}",
+                (p.neutral if p.neutral is not None else p.starts[0])
+                * (p.size(scales) if p.neutral is None or p.neutral else 0.0),
+            )
     return values
 
 
@@ -119,12 +137,18 @@ def fit(
         for windows in sorted({min(number, max(1, len(log.time) // 40)) for number in WINDOWS}, reverse=True):
             if windows > 1 and (warm or begins):
                 continue
-            problem = Problem(log=log, structure=structure, values=begin, free=free, windows=windows, bounds=bounds)
+            problem = Problem(
+                log=log, structure=structure, values=begin, free=free, windows=windows, bounds=bounds
+            )
             found = problem.fitted(iterations=12 if windows > 1 and quick else 40)
             if np.isfinite(found.normal.cost):
                 begin = dict(zip(structure.parameters, problem.vector(found.point).tolist(), strict=True))
                 chain.append((problem, found))
-        if chain and chain[-1][0].windows == 1 and (not best or chain[-1][1].normal.cost < best[-1][1].normal.cost):
+        if (
+            chain
+            and chain[-1][0].windows == 1
+            and (not best or chain[-1][1].normal.cost < best[-1][1].normal.cost)
+        ):
             best = chain
     if not best:
         raise SysidError(
@@ -157,9 +181,12 @@ def starts(
         for p in part.parameters:
             name = f"{part.name}.{p.name}"
             if name in free and name not in known and not (isinstance(part, DriveEffect) and part.sources):
-                (geared if hidden else choices)[name] = [float(np.clip(s * p.size(scales), *limits(name))) for s in p.starts]
+                (geared if hidden else choices)[name] = [
+                    float(np.clip(s * p.size(scales), *limits(name))) for s in p.starts
+                ]
     linear = tuple(n for n in free if n not in geared)
     tried: list[tuple[float, dict[str, float]]] = []
+    left = 0.0
     for one in product(*choices.values()):
         begin = {**values, **dict(zip(choices, one, strict=True))}
         for _ in range(2 if len(choices) < 3 else 1):
@@ -188,7 +215,12 @@ def _result(chain: Sequence[tuple[Problem, Minimum]], *, quick: bool) -> DrivenF
             method = f"output error over {windows} windows"
     values = dict(zip(structure.parameters, vector.tolist(), strict=True))
     quantities = {
-        name: Quantity(values[name], math.nan if quick else math.sqrt(max(covariance[i, i], 0.0)), structure.parameters[name], method)
+        name: Quantity(
+            values[name],
+            math.nan if quick else math.sqrt(max(covariance[i, i], 0.0)),
+            structure.parameters[name],
+            method,
+        )
         for i, name in enumerate(free)
     }
     n, rmse = len(whole), float(np.sqrt(np.mean(whole**2)))
@@ -209,7 +241,9 @@ def _weighed(chain: Sequence[tuple[Problem, Minimum]], last: Array) -> tuple[Arr
     free = [list(chain[0][0].structure.parameters).index(name) for name in chain[0][0].free]
     variances = np.array([np.diag(covariance) for _, _, covariance in found])
     with np.errstate(all="ignore"):
-        sharpness = [np.nansum(np.log(np.where(np.isfinite(v), v, np.nan) / variances[-1])) for v in variances]
+        sharpness = [
+            np.nansum(np.log(np.where(np.isfinite(v), v, np.nan) / variances[-1])) for v in variances
+        ]
         best = int(np.argmin(sharpness))
         values = np.array([vector[free] for _, vector, _ in found])
         mean = np.nansum(values / variances, axis=0) / np.nansum(1 / variances, axis=0)

@@ -81,12 +81,16 @@ class Structure:
         gears = [p.name for p in self.parts if isinstance(p, DriveEffect) and p.transmit is not None]
         for part in self.parts:
             fits = isinstance(part, DriveEffect) and (not part.sources or self.kind in part.sources)
-            if not fits and not (isinstance(part, TorqueEffect) and part.role == "torque" and part.modifies is None):
+            if not fits and not (
+                isinstance(part, TorqueEffect) and part.role == "torque" and part.modifies is None
+            ):
                 raise SysidError(
                     f"effect '{part.name}' acts on no joint that is driven by a {self.kind}. Effects of an actuator: {', '.join(drives())}."
                 )
             if clash := set(part.excludes) & {other.name for other in self.parts}:
-                raise SysidError(f"effect '{part.name}' cannot be combined with {', '.join(sorted(clash))}: leave one out.")
+                raise SysidError(
+                    f"effect '{part.name}' cannot be combined with {', '.join(sorted(clash))}: leave one out."
+                )
         if len(gears) > 1:
             raise SysidError(f"{' and '.join(gears)}: a joint has one gear. Leave one out.")
         return self
@@ -98,7 +102,9 @@ class Equations:
     def __init__(self, structure: Structure, parameters: Any) -> None:
         """Split the parameters among the effects."""
         self.m, self.structure = casadi_algebra(), structure
-        self.values = dict(zip(structure.parameters, items_of(parameters, slice(0, parameters.shape[0])), strict=True))
+        self.values = dict(
+            zip(structure.parameters, items_of(parameters, slice(0, parameters.shape[0])), strict=True)
+        )
         self.layout: list[tuple[Effect, dict[str, Any], slice]] = []
         at = 2 + 2 * (structure.gear is not None)
         for part in structure.parts:
@@ -129,7 +135,9 @@ class Equations:
         import casadi
 
         motion, v = self.motion(y), self.values
-        joint = given["load"] + given["slope"] * (y[0] - v["zero"] - given["at"]) - v["stiffness"] * motion.tilt
+        joint = (
+            given["load"] + given["slope"] * (y[0] - v["zero"] - given["at"]) - v["stiffness"] * motion.tilt
+        )
         for part, own, where in self.layout:
             if isinstance(part, TorqueEffect):
                 joint = joint + part.torque(self.m, motion, own, items_of(y, where))
@@ -154,7 +162,9 @@ class Equations:
 
         rates = self.derivative(y, given, friction)
         slopes = ca.jacobian(rates, y)
-        by_angle, by_rate = (ca.blockcat([[slopes[i, j] for j in at] for i in (1, 3)]) for at in ((0, 2), (1, 3)))
+        by_angle, by_rate = (
+            ca.blockcat([[slopes[i, j] for j in at] for i in (1, 3)]) for at in ((0, 2), (1, 3))
+        )
         v = ca.vertcat(y[1], y[3])
         matrix = ca.SX.eye(2) - h / 2 * by_rate - h * h / 4 * by_angle
         right = h * (ca.vertcat(rates[1], rates[3]) + h / 2 * by_angle @ v)
@@ -171,7 +181,9 @@ class Equations:
         """
         m = self.m
         turns = rate * slid <= 0
-        until = m.where(turns, h * rate / m.where(turns, m.where(m.abs(rate - slid) > 0, rate - slid, 1.0), 1.0), h)
+        until = m.where(
+            turns, h * rate / m.where(turns, m.where(m.abs(rate - slid) > 0, rate - slid, 1.0), 1.0), h
+        )
         pull = (slid - rate) / h + sign * friction
         back = m.where(pull > friction, pull - friction, m.where(pull < -friction, pull + friction, 0.0))
         top = m.where(turns, 0.0, slid)
@@ -216,7 +228,7 @@ def stepper(structure: Structure, free: tuple[str, ...]) -> Any:
 
     n, p = structure.states, len(structure.parameters)
     y, parameters, given = ca.SX.sym("y", n), ca.SX.sym("p", p), ca.SX.sym("w", len(GIVEN))
-    known = dict(zip(GIVEN, items_of(given, slice(0, len(GIVEN))), strict=True))
+    known: dict[str, Any] = dict(zip(GIVEN, items_of(given, slice(0, len(GIVEN))), strict=True))
     after = Equations(structure, parameters).step(y, known)
     names = list(structure.parameters)
     chosen = ca.vertcat(*(parameters[names.index(name)] for name in free)) if free else ca.SX(0, 1)
@@ -225,7 +237,9 @@ def stepper(structure: Structure, free: tuple[str, ...]) -> Any:
     if free:
         columns = ca.jacobian(after, y) @ carried + ca.horzcat(ca.jacobian(after, chosen), ca.SX(n, n))
     given_all, whole = ca.vertcat(parameters, given), ca.vertcat(y, ca.vec(carried))
-    return ca.Function("step", [whole, given_all], [ca.vertcat(after, ca.vec(ca.densify(columns)))], {"cse": True})
+    return ca.Function(
+        "step", [whole, given_all], [ca.vertcat(after, ca.vec(ca.densify(columns)))], {"cse": True}
+    )
 
 
 @cache

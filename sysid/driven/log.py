@@ -1,5 +1,6 @@
 """A driven log: a motion, the input that drove it, and the load that the model puts on the joint along it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, Self, get_args
@@ -81,7 +82,7 @@ class DrivenLog:
         return np.diff(integral(late)) / step, -np.diff(value(late)) / step
 
     @cached_property
-    def _integral(self):  # noqa: ANN202  two functions of time
+    def _integral(self) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
         """The input's integral and the input itself as functions of time."""
         time, values = self.time, self.input
         if not self.held:
@@ -92,9 +93,9 @@ class DrivenLog:
 
             def clipped(t: Array) -> Array:
                 inside = np.clip(t, time[0], time[-1])
-                return whole(inside) + values[0] * (t - inside)
+                return np.asarray(whole(inside)) + values[0] * (t - inside)
 
-            return clipped, lambda t: spline(np.clip(t, time[0], time[-1]))
+            return clipped, lambda t: np.asarray(spline(np.clip(t, time[0], time[-1])))
         sums = np.r_[0.0, np.cumsum(values[:-1] * np.diff(time))]
 
         def summed(t: Array) -> Array:
@@ -107,7 +108,9 @@ class DrivenLog:
         return summed, now
 
 
-def log_of(roll: Roll, column: str, kind: InputKind, *, scale: float = 1.0, load: Load | None = None) -> DrivenLog:
+def log_of(
+    roll: Roll, column: str, kind: InputKind, *, scale: float = 1.0, load: Load | None = None
+) -> DrivenLog:
     """Return the driven log of a roll whose column holds the input.
 
     Args:

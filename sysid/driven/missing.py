@@ -43,7 +43,9 @@ class Motion:
         power = np.abs(np.fft.rfft((self._raw - line) * window)) ** 2 / (window**2).sum()
         wide = max(3, n // 400)
         smooth = np.convolve(power, np.ones(wide) / wide, mode="same")
-        above = np.flatnonzero(smooth > SIGNAL_OVER_NOISE * max(self.log.std**2, float(np.median(power[n // 4 :]))))
+        above = np.flatnonzero(
+            smooth > SIGNAL_OVER_NOISE * max(self.log.std**2, float(np.median(power[n // 4 :])))
+        )
         found = np.fft.rfftfreq(n, step)[above[-1]] if len(above) else 0.0
         return float(np.clip(found, 10 / self.log.duration, 0.2 / step))
 
@@ -81,7 +83,7 @@ class Motion:
         return self.log.mean_input(grid, delay)[0]
 
     def load(self, name: str) -> Array:
-        """Return inertia or torque of the load, shape (n,), in SI."""
+        """Return inertia [kg*m^2] or torque [N*m] of the load, shape (n,)."""
         return np.interp(self.time, self.log.time, getattr(self.log.load, name))
 
 
@@ -123,15 +125,19 @@ def linear_start(
     if not names:
         return dict(values), float(np.sqrt(np.mean(here**2)))
     columns: list[Array] = []
-    low, high, steps = [], [], []
+    room: list[tuple[float, float]] = []
     for name in names:
         bottom, top = limits(name)
         step = 1e-3 * max(abs(values[name]), 1e-3 * (top - bottom))
         step = -step if values[name] + step > top else step
         columns.append((torque_along(structure, {**values, name: values[name] + step}, motion) - here) / step)
-        low.append(bottom - values[name]), high.append(top - values[name]), steps.append(1 / max(np.linalg.norm(columns[-1]), 1e-300))
-    scale = np.array(steps)
-    low, high = np.minimum(np.array(low) / scale, -1e-12), np.maximum(np.array(high) / scale, 1e-12)
+        room.append((bottom - values[name], top - values[name]))
+    scale = 1 / np.maximum(np.linalg.norm(columns, axis=1), 1e-300)
+    low, high = np.array(room).T / scale
+    low, high = np.minimum(low, -1e-12), np.maximum(high, 1e-12)
     solved = lsq_linear(np.stack(columns, axis=1) * scale, -here, (low, high))
-    moved = {name: float(np.clip(values[name] + x, *limits(name))) for name, x in zip(names, solved.x * scale, strict=True)}
+    moved = {
+        name: float(np.clip(values[name] + x, *limits(name)))
+        for name, x in zip(names, solved.x * scale, strict=True)
+    }
     return {**values, **moved}, float(np.sqrt(2 * solved.cost / len(here)))

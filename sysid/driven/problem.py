@@ -13,7 +13,7 @@ from sysid.driven.joint import Structure, simulate
 from sysid.driven.log import DrivenLog
 from sysid.driven.missing import Motion
 from sysid.effects._algebra import NUMPY
-from sysid.effects._base import Actuation, Scales, State
+from sysid.effects._base import Actuation, Scales, State, TorqueEffect
 from sysid.joint.hermite import hermite_matrix
 from sysid.least_squares import Minimum, Normal, minimise
 from sysid.noise.autoregression import residual_noise
@@ -21,8 +21,8 @@ from sysid.roll import Array
 
 STEPS_PER_RADIAN = 10
 """Integration steps in a radian of the fastest motion: the error of a step's mean input is then a thousandth."""
-GEAR_STEPS, MOST_STEPS = 4, 64
-"""Integration steps a sample where a gear rings between samples, and at most: factors of the sampling."""
+GEAR_STEPS, MOST_STEPS, TURNS_FINER = 4, 64, 4
+"""Integration steps a sample where a gear rings between samples, and at most; and factor of them where friction turns: of the sampling."""
 LIGHT = 0.1
 """Share of torque over acceleration below which an inertia is not the joint's: most of it is then the rotor's, which is not known yet."""
 RUNAWAY = 1e3
@@ -70,20 +70,33 @@ class Problem:
         for number in range(self.windows):
             first = number * self.length
             low, high = self.grid[first], self.grid[first + self.length] + 1e-9
-            rows = slice(*np.searchsorted(self.log.time, [low - 1e-9, high - (number < self.windows - 1) * self.h / 2]))
-            found.append((first, rows, hermite_matrix(np.clip(self.log.time[rows] - low, 0, None), self.h, self.length + 1)))
+            rows = slice(
+                *np.searchsorted(self.log.time, [low - 1e-9, high - (number < self.windows - 1) * self.h / 2])
+            )
+            found.append(
+                (
+                    first,
+                    rows,
+                    hermite_matrix(np.clip(self.log.time[rows] - low, 0, None), self.h, self.length + 1),
+                )
+            )
         return found
 
     @cached_property
     def known(self) -> Array:
-        """Load and angle at the middle of each step, shape (4, m), in SI."""
+        """Load (its own units) and angle [rad] at the middle of each step, shape (4, m)."""
         middle = self.grid[:-1] + self.h / 2
         load = self.log.load
-        return np.stack([np.interp(middle, self.log.time, x) for x in (load.inertia, load.torque, load.slope, self.log.angle)])
+        return np.stack(
+            [
+                np.interp(middle, self.log.time, x)
+                for x in (load.inertia, load.torque, load.slope, self.log.angle)
+            ]
+        )
 
     @cached_property
     def start_states(self) -> Array:
-        """First guess of each window's first state, shape (w, s), in SI."""
+        """First guess of each window's first state, shape (w, s), in units of SI."""
         return np.array([self._first(first) for first, _, _ in self.places])
 
     def _first(self, first: int) -> Array:
@@ -98,7 +111,10 @@ class Problem:
     @cached_property
     def sizes(self) -> Array:
         """Size of each unknown in its unit, shape (p,)."""
-        return np.r_[[size_of(self.structure, name, self.scales) for name in self.free], np.tile(self._state_sizes, self.windows)]
+        return np.r_[
+            [size_of(self.structure, name, self.scales) for name in self.free],
+            np.tile(self._state_sizes, self.windows),
+        ]
 
     @cached_property
     def _state_sizes(self) -> Array:
@@ -129,7 +145,11 @@ class Problem:
         """
         p, n = len(self.free), self.structure.states
         vector = self.vector(point[:p])
-        delay = vector[list(self.structure.parameters).index(self.structure.delay)] if self.structure.delay else 0.0
+        delay = (
+            vector[list(self.structure.parameters).index(self.structure.delay)]
+            if self.structure.delay
+            else 0.0
+        )
         mean, by_delay = self.log.mean_input(self.grid, float(delay))
         given = np.vstack([np.full_like(mean, self.h), mean, by_delay, np.full_like(mean, delay), self.known])
         starts = point[p:].reshape(self.windows, n) * self._state_sizes
@@ -169,7 +189,12 @@ class Problem:
         """Return the minimum from unknowns in units of their sizes, shape (p,)."""
         low, high = self.limits()
         return minimise(
-            self.normal, self.begin() if start is None else start, low, high, iterations=iterations, tolerance=tolerance
+            self.normal,
+            self.begin() if start is None else start,
+            low,
+            high,
+            iterations=iterations,
+            tolerance=tolerance,
         )
 
     def covariance(self, minimum: Minimum) -> Array:
@@ -236,17 +261,27 @@ def limits_of(structure: Structure, name: str, scales: Scales) -> tuple[float, f
     own = {f"{part.name}.{p.name}": (p.low, p.high) for part in structure.parts for p in part.parameters}
     if name in own:
         return own[name]
-    known = {"armature": (0.0 if structure.gear is None else 1e-4, 50.0), "stiffness": (-50.0, 500.0), "damping": (0.0, 500.0)}
+    known = {
+        "armature": (0.0 if structure.gear is None else 1e-4, 50.0),
+        "stiffness": (-50.0, 500.0),
+        "damping": (0.0, 500.0),
+    }
     return known.get(name, (-50.0, 50.0))
 
 
 def substeps_of(log: DrivenLog, structure: Structure, values: Mapping[str, float], scales: Scales) -> int:
     """Return the integration steps a sample: enough for the fastest of motion, servo, spring and damper."""
     inertia = max(float(np.min(log.load.inertia)) + values["armature"], LIGHT * scales.inertia)
-    rates = [np.sqrt(max(values["stiffness"], 0.0) / inertia), values["damping"] / inertia / 2, scales.frequency]
+    rates = [
+        np.sqrt(max(values["stiffness"], 0.0) / inertia),
+        values["damping"] / inertia / 2,
+        scales.frequency,
+    ]
     own = {p.name: values[f"{structure.source.name}.{p.name}"] for p in structure.source.parameters}
     if len(own) > 1:
         gain, derivative = own.values()
         rates += [np.sqrt(max(gain, 0.0) / inertia), derivative / inertia / 2]
     geared = GEAR_STEPS if structure.gear is not None else 1
-    return int(np.clip(np.ceil(log.step * max(rates) * STEPS_PER_RADIAN), geared, MOST_STEPS))
+    rubs = any(isinstance(part, TorqueEffect) and part.friction is not None for part in structure.parts)
+    fine = STEPS_PER_RADIAN * (TURNS_FINER if rubs else 1)
+    return int(np.clip(np.ceil(log.step * max(rates) * fine), geared, MOST_STEPS))

@@ -8,7 +8,11 @@ from sysid.effects._mjcf import left_out
 def act(m: Algebra, actuation: Actuation, parameters: Values) -> Value:
     """Return the torque plus S sin(n q) + C cos(n q) [N*m]."""
     phase = parameters["teeth"] * actuation.angle
-    return actuation.torque + parameters["sine"] * m.sin(phase) + parameters["cosine"] * m.sin(phase + 1.5707963267948966)
+    return (
+        actuation.torque
+        + parameters["sine"] * m.sin(phase)
+        + parameters["cosine"] * m.sin(phase + 1.5707963267948966)
+    )
 
 
 EFFECT = DriveEffect(
