@@ -94,7 +94,7 @@ def _gains(actuator: Any, kind: InputKind) -> tuple[float, ...]:
     return () if kind in ("torque", "force") else (float(actuator.gainprm[0]) * gear,)
 
 
-def load_along(setup: Setup, motion: Mapping[str, DrivenLog | Array], time: Array) -> Load:
+def load_along(setup: Setup, motion: Mapping[str, Array], time: Array, *, simulated: bool = False) -> Load:
     """Return the load that the rest of a model puts on a joint along a log.
 
     Torque is what `mj_inverse` needs less with the joint itself not accelerated; the other joints move as they were measured,
@@ -103,7 +103,10 @@ def load_along(setup: Setup, motion: Mapping[str, DrivenLog | Array], time: Arra
     Args:
         motion: Angles of joints that were measured [rad or m], shape (n,) each.
         time: Of the samples [s], shape (n,).
+        simulated: Whether they are a simulation's, without noise.
     """
+    from scipy.interpolate import CubicSpline
+
     spec = setup.load()
     joint = setup.joint_of(spec)
     joint.stiffness, joint.damping, joint.frictionloss, own = [0.0] * 3, [0.0] * 3, 0.0, float(joint.armature)
@@ -122,28 +125,20 @@ def load_along(setup: Setup, motion: Mapping[str, DrivenLog | Array], time: Arra
     others: list[tuple[int, int, Array, Array, Array]] = []
     own_rate = np.zeros_like(time)
     for name, angle in motion.items():
-        values = angle.angle if isinstance(angle, DrivenLog) else angle
-        smooth = Motion(
-            DrivenLog(
-                name=name,
-                time=time,
-                angle=values,
-                std=1e-9,
-                input=values,
-                kind="command",
-                load=Load.constant(1.0, len(time)),
-            )
-        )
-        rate, acceleration = (np.interp(time, smooth.time, x) for x in (smooth.rate, smooth.acceleration))
+        if simulated:
+            path = CubicSpline(time, angle)
+            rate, acceleration = path(time, 1), path(time, 2)
+        else:
+            smooth = Motion.of(time, angle)
+            rate, acceleration = (np.interp(time, smooth.time, x) for x in (smooth.rate, smooth.acceleration))
         number = setup.named(model, name)
         if name == setup.joint:
             own_rate = rate
         else:
             others.append(
-                (int(model.jnt_dofadr[number]), int(model.jnt_qposadr[number]), values, rate, acceleration)
+                (int(model.jnt_dofadr[number]), int(model.jnt_qposadr[number]), angle, rate, acceleration)
             )
-    at = motion[setup.joint]
-    angles = at.angle if isinstance(at, DrivenLog) else at
+    angles = motion[setup.joint]
     mass, rows = np.zeros((model.nv, model.nv)), np.zeros((3, len(time)))
     for i in range(len(time)):
         for turn in (TURN, -TURN, 0.0):

@@ -297,7 +297,7 @@ def _beside(
 
     before = fits[joint][number]
     motion = {other: one[number].motion for other, one in fits.items()}
-    load = load_along(driven.setup.with_(joint=joint), {**motion, joint: before.log.angle}, before.log.time)
+    load = load_along(driven.setup.with_(joint=joint), motion, before.log.time, simulated=True)
     return fit(
         replace(before.log, load=load),
         before.structure,

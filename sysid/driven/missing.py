@@ -6,11 +6,12 @@ Source: Gautier, Janot and Vandanjon, IEEE Trans. Control Syst. Technol. 21 (201
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
 from sysid.driven.joint import Structure
-from sysid.driven.log import DrivenLog
+from sysid.driven.log import DrivenLog, Load
 from sysid.effects._algebra import NUMPY
 from sysid.effects._base import Actuation, DriveEffect, JointState, TorqueEffect
 from sysid.roll import Array
@@ -24,6 +25,14 @@ class Motion:
     """A log on an even grid through a low-pass filter, and its derivatives."""
 
     log: DrivenLog
+
+    @classmethod
+    def of(cls, time: Array, angle: Array) -> Self:
+        """Return the motion of angles [rad] at times [s], shape (n,) each; their noise is what the highest frequencies have."""
+        load = Load.constant(1.0, len(time))
+        return cls(
+            DrivenLog(name="", time=time, angle=angle, std=1e-12, input=angle, kind="command", load=load)
+        )
 
     @cached_property
     def time(self) -> Array:
