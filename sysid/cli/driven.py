@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from sysid.driven.fit import DrivenFit
     from sysid.driven.log import DrivenLog
 
+PASSES = 3
+"""Fits of each joint beside the simulated motion of the others before the last: each takes most of the error of their accelerations."""
 EVERY = "all"
 """The joint's name that means all joints with an actuator."""
 
@@ -268,11 +270,9 @@ def driven_fit(
             fit(one, structure, known, free, bounds=bounds, quick=len(driven.joints) > 1)
             for one in driven.logs[joint]
         ]
-    if (
-        len(driven.joints) > 1
-    ):  # once more, beside the fitted motion of the others: its accelerations have no noise
+    for last in (*(False,) * PASSES, True) if len(driven.joints) > 1 else ():
         fits = {
-            joint: [_beside(driven, fits, joint, i, bounds) for i in range(len(one))]
+            joint: [_beside(driven, fits, joint, number, bounds, last=last) for number in range(len(one))]
             for joint, one in fits.items()
         }
     merged = {joint: agreement(one) for joint, one in fits.items()}
@@ -289,7 +289,7 @@ def driven_fit(
 
 
 def _beside(
-    driven: Driven, fits: "Mapping[str, list[DrivenFit]]", joint: str, number: int, bounds: Any
+    driven: Driven, fits: "Mapping[str, list[DrivenFit]]", joint: str, number: int, bounds: Any, *, last: bool
 ) -> "DrivenFit":
     """Fit a joint beside the motions that the fits of the others have."""
     from sim.model.driven import load_along
@@ -298,12 +298,16 @@ def _beside(
     before = fits[joint][number]
     motion = {other: one[number].motion for other, one in fits.items()}
     load = load_along(driven.setup.with_(joint=joint), motion, before.log.time, simulated=True)
+    begins = [] if last else [before.values]
+    log = replace(before.log, load=load)
     return fit(
-        replace(before.log, load=load),
+        log,
         before.structure,
         before.values,
         tuple(before.quantities),
         bounds=bounds,
+        begins=begins,
+        quick=not last,
     )
 
 
