@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from sysid.driven.fit import DrivenFit
     from sysid.driven.log import DrivenLog
 
-PASSES = 3
+PASSES = 5
 """Fits of each joint beside the simulated motion of the others before the last: each takes most of the error of their accelerations."""
 EVERY = "all"
 """The joint's name that means all joints with an actuator."""
