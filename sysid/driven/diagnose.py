@@ -19,8 +19,6 @@ MATTERS = 0.01
 """Share of the residual's RMS that an effect must take away to be named: less is certain in a long log, and worthless."""
 MAX_EFFECTS = 3
 """Effects in a set at most."""
-TRIED = 4
-"""Effects that are fitted beside a set, at most."""
 FAMILIES = ("friction", "drag", "hardening", "asymmetry")
 """Families of a joint's own effects that a driven log can show."""
 
@@ -168,7 +166,7 @@ def diagnose(
         return fits[key]
 
     def grown_from(before: DrivenFit) -> list[DrivenFit]:
-        """Fit the effects that leave the least torque missing beside those of a fit, and each gear."""
+        """Fit, of each family, the effect that leaves the least torque missing; and each gear where the rest is no noise."""
         found: list[tuple[float, tuple[str, ...], list[dict[str, float]]]] = []
         for name in every:
             if _combines(name, before.structure.effects):
@@ -178,9 +176,12 @@ def diagnose(
                 values = start_values(chosen, dict(before.values), log)
                 begins, left = starts(motion, chosen, values, free, {}, known=before.values)
                 found.append((-1.0 if getattr(effect(name), "transmit", None) else left, key, begins))
-        found.sort(key=lambda one: one[0])
+        likeliest: dict[str, tuple[float, tuple[str, ...], list[dict[str, float]]]] = {}
         gears = [one for one in found if one[0] < 0]
-        done = [one for _, key, begins in found[len(gears) :][:TRIED] if (one := tried(key, begins))]
+        for one in sorted((one for one in found if one[0] >= 0), key=lambda one: one[0]):
+            (new,) = set(one[1]) - set(before.structure.effects)
+            likeliest.setdefault(effect(new).family, one)
+        done = [one for _, key, begins in likeliest.values() if (one := tried(key, begins))]
         if any(one.memory <= WHITE for one in done):
             return done
         return done + [one for _, key, begins in gears if (one := tried(key, begins))]
