@@ -257,8 +257,7 @@ class _Run:
             raise StoppedError(stopped)
         self.robot.send(JointCommand.hold(target if self._dry is None else self._dry))
         tick = Tick(now, self._step, state, command, target, runtime.policy.action, self._course.asked)
-        if command.speed >= STILL_SPEED:  # the cycle stands still while the robot does
-            self._step += 1
+        self._step = int(runtime.clock.after(self._step, command.speed < STILL_SPEED))
         return tick
 
     def _latch(self, state: RobotState, wanted: Command) -> Command:

@@ -261,7 +261,9 @@ def restore(
     if "samples" not in kept:
         say(f"holds no count of samples; taken as {iterations} iterations of {a_step:,}, as they are now")
     states = kept.get("random")
-    if path != folder.started_from():
+    if path == folder.started_from():
+        algorithm.begin_anew(config.learn.restart_std)
+    else:
         if states is None or len(states) != process.count:
             say("holds no random state for so many processes; random numbers start from the seed")
         else:
@@ -502,7 +504,9 @@ def one_line(numbers: dict[str, float]) -> str:
         f"{numbers['iteration']:.0f}: {numbers['steps_per_s']:,.0f} steps/s  reward {numbers['reward']:.2f}  "
         f"survival {numbers['survival']:.2f}  falls/min {numbers['falls_per_minute']:.2f}  "
         f"speed error {numbers['speed_error']:.3f} m/s  heading error {numbers['heading_error']:.3f} rad  "
-        f"wrong feet {numbers['wrong_push']:.3f} {numbers['wrong_steer']:.3f}  style {numbers['style']:.2f}  std {numbers['action_std']:.2f}"
+        f"wrong feet {numbers['wrong_push']:.3f} {numbers['wrong_steer']:.3f}  style {numbers['style']:.2f}  "
+        f"stride {numbers['stride_period']:.2f} s  stance {numbers['stance_time']:.2f} s  travel {numbers['foot_travel']:.2f} m  "
+        f"slip {numbers['slip']:.3f} m/s  std {numbers['action_std']:.2f}"
     )
 
 

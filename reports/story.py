@@ -17,7 +17,7 @@ from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
 from sysid.comparison.force_surface import TorqueProfile
 from sysid.comparison.release import ComparedRelease
-from sysid.diagnosis.report import TIED
+from sysid.diagnosis.report import TIE as TIED
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.fitting.ladder import PLAIN
@@ -257,31 +257,32 @@ def _averaged(at: Array, torque: Array) -> tuple[Array, Array]:
 
 def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
     """Return the story of a diagnosis with its recordings: the record as it stood, and with what is missing."""
-    problem, floor = found.best.problem, found.noise.std
-    chosen = chosen_effects(found, board)
+    floor = found.noise.std
+    chosen = found.best.effects
     tried = {candidate.effects: candidate for candidate in (*found.candidates, found.baseline)}
     halves = [(name,) for name in chosen if len(chosen) > 1 and (name,) in tried]
     between = [(), *([min(halves, key=lambda names: tried[names].score)] if halves else [])] if chosen else []
-    held = {names: None if c.heldout_rmse is None else c.heldout_rmse / floor for names, c in tried.items()}
+    held = {names: c.heldout_rmse / floor for names, c in tried.items()}
     return tell(
-        found.recordings,
+        found.recordings or found.releases,
         board,
         before=JointLaw.from_board(board),
-        after=JointLaw.from_vector(problem.structure, problem.vector_of(found.best.parameters)),
+        after=found.best.fit.law,
         effects=chosen,
         steps=[Step(_added(names), tried[names].rmse / floor, held[names]) for names in between],
         heldout=held.get(chosen),
-        ranked=ranked([(c.effects, c.score, c.score_std) for c in found.candidates], chosen),
+        ranked=ranked([(c.effects, c.score, 0.0) for c in found.candidates], chosen),
     )
 
 
 def for_report(found: "Diagnosis", board: Board) -> dict[str, Any]:
     """Return what a report needs of a diagnosis besides its JSON: its record, and the model behind its verdict."""
-    parameters = {name: {"value": float(value)} for name, value in found.best.parameters.items()}
+    law = found.best.fit.law
+    parameters = {name: {"value": float(value)} for name, value in zip(law.structure.parameters, law.vector, strict=True)}
     return {
         "record": board.digest,
-        "best": {"effects": list(chosen_effects(found, board)), "parameters": parameters},
-        "score_std": [candidate.score_std for candidate in found.candidates],
+        "best": {"effects": list(found.best.effects), "parameters": parameters},
+        "score_std": [0.0 for _ in found.candidates],
     }
 
 
@@ -319,12 +320,6 @@ def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story
         evidence.releases, board, before=evidence.stood, after=after, effects=effects, steps=steps, heldout=heldout,
         ranked=models, is_dated=diagnosis is not None and not diagnosis.is_current, label=label,
     )  # fmt: skip
-
-
-def chosen_effects(found: "Diagnosis", board: Board) -> tuple[str, ...]:
-    """Return the effects that the verdict's model has beyond the record."""
-    own = {part.name for part in board.effects}
-    return tuple(name for name in found.best.effects if name not in own)
 
 
 def _added(effects: tuple[str, ...]) -> str:

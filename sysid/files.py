@@ -16,6 +16,8 @@ from sysid.errors import SysidError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+MAX_TEXT = 4 << 20
+"""Longest text that is read as a record or a manifest [bytes]."""
 RECORDS = "data/boards/*.toml"
 """Where a workspace keeps the records of its boards."""
 
@@ -36,6 +38,17 @@ def regular(path: Path) -> Path:
     if path.exists() and not path.is_file():
         raise OSError(errno.EINVAL, "it is no file but a folder, a pipe or a device", str(path))
     return path
+
+
+def read_small(path: Path, encoding: str = "utf-8") -> str:
+    """Return the text of a file that people write by hand, such as a record or a manifest.
+
+    Raises:
+        OSError: It cannot be read, or is larger than 4 MiB: a thousand refits fill a tenth of that.
+    """
+    if regular(path).stat().st_size > MAX_TEXT:
+        raise OSError(errno.EFBIG, "more than 4 MiB, which nobody types", str(path))
+    return path.read_text(encoding=encoding)
 
 
 @contextmanager

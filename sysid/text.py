@@ -1,5 +1,6 @@
 """Tables and small words of a report: plain text, the same in a terminal, a pipe and a notebook."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -87,6 +88,14 @@ def linear_law(inertia: float, damping: float, stiffness: float, rest: float) ->
     leading = "φ̈" if inertia == 1 else f"{short(inertia)} φ̈"
     spring = f" + {stiffness:.4g} {roll}" if stiffness else ""
     return f"{leading} + {short(damping)} φ̇{spring}"
+
+
+def in_brackets(quantity: "Quantity") -> str:
+    """Return a value with its 95 % interval, e.g. '0.812 [0.790, 0.833]'; '–' if it is not known."""
+    if not math.isfinite(quantity.value):
+        return "–"
+    low, high = quantity.ci95
+    return f"{quantity.value:.3f} [{low:.3f}, {high:.3f}]" if math.isfinite(low) else f"{quantity.value:.3f}"
 
 
 def count(number: int, noun: str) -> str:

@@ -74,7 +74,7 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
 
     target, track, found = followed.target, followed.track, followed.found
     time = View(track, lens.straighten, clip.row_share).time(found.camera_state.readout)
-    shaken = track.shake.std if track.shake.significant else np.zeros(len(found.std))
+    shaken = track.shake.std
     std = np.hypot(found.std, shaken)
     own = np.hypot(found.own, shaken)
     sign = -1.0 if options.front else 1.0

@@ -1,4 +1,4 @@
-"""The paper's five metrics of a policy, and three of our own, from recorded rides.
+"""The paper's five metrics of a policy, and the project's own, from recorded rides.
 
 | name | here | the paper |
 |---|---|---|
@@ -11,11 +11,20 @@
 Where the paper leaves a choice, the other readings are reported beside: the error of the mean speed of
 each pushing phase, the heading error at the last step of each steering phase, the length and the
 root mean square of Δq, and the share of wrong contacts in pushing and in steering alone. An episode
-that ends early counts with the steps it had. E_course is no error of the paper's: how far the heading at the end of each
-steering phase is from the start's and all turns asked for since, which is what a ride straight on drifts by. Nor is E_tilt: the largest
-tilt against the turn in a steering phase, which is a corner's and not an arc's; nor E_still: the mean of abs(v) where the robot
-is told to stand, which counts as no ride. Wrong feet: in pushing, the right foot off the deck or
+that ends early counts with the steps it had. Wrong feet: in pushing, the right foot off the deck or
 the left foot on it; in steering, a foot off the deck or on the ground.
+
+The project's own:
+
+| name | here |
+|---|---|
+| E_course | heading at the end of each steering phase less the start's and all turns asked for since [rad] |
+| E_tilt | largest tilt against the turn in a steering phase [rad] |
+| E_still | mean of abs(v) while the robot is told to stand and the cycle waits [m/s] |
+| E_stop | share of the stops after which the board rolls faster than 0.1 m/s, or the robot has fallen, 8 s later |
+| transport | mechanical work of the motors over the robot's weight and the way: cost of transport |
+
+How a rider pushes is in `policy_runtime.evaluation.strides`.
 """
 
 from collections.abc import Callable
@@ -26,7 +35,8 @@ import numpy as np
 import numpy.typing as npt
 
 from sim.skate.arrays import wrap_angle
-from sim.skate.cycle.clock import STILL_SPEED
+from policy_runtime.evaluation.strides import STRIDE_METRICS, intervals, stride_metrics
+from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED
 from sysid.errors import SysidError
 from sysid.roll import Array
 
@@ -35,9 +45,12 @@ Flags = npt.NDArray[np.bool_]
 METRICS = {
     "E_vel": "m/s", "E_yaw": "rad", "E_smth": "rad", "E_contact": "1",
     "E_vel_mean_speed": "m/s", "E_yaw_final": "rad", "E_smth_norm": "rad", "E_smth_rms": "rad",
-    "E_contact_push": "1", "E_contact_steer": "1", "E_course": "rad", "E_tilt": "rad", "E_still": "m/s",
+    "E_contact_push": "1", "E_contact_steer": "1", "E_course": "rad", "E_tilt": "rad", "E_still": "m/s", "E_stop": "1",
+    "transport": "1", **STRIDE_METRICS,
 }  # fmt: skip
-"""Every error besides E_succ, with its unit."""
+"""Every metric besides E_succ, with its unit."""
+STOP_STEPS = round(8.0 / CONTROL_PERIOD)
+"""Policy steps within which a rider shall come to rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +62,9 @@ class Rides:
     pushing: Flags
     """In the pushing phase and told to move, (t, n)."""
     steering: Flags
-    """In the steering phase and told to move, (t, n)."""
+    """In the steering phase, (t, n)."""
+    waiting: Flags
+    """Told to stand, and the cycle waits, (t, n)."""
     commanded_speed: Array
     """[m/s], (t, n)."""
     target_heading: Array
@@ -64,6 +79,14 @@ class Rides:
     """Of the deck, left edge down positive [rad], (t, n)."""
     joints: Array
     """[rad], (t, n, 23)."""
+    power: Array
+    """Sum of abs(torque · rate) of the motors over the robot's weight [m/s], (t, n)."""
+    ground_load: Array
+    """Force of the ground on the left foot over the robot's weight [1], (t, n)."""
+    slip: Array
+    """Speed of the left sole over the ground [m/s], (t, n)."""
+    foot_place: Array
+    """Place of the left sole along the board [m], (t, n)."""
     foot_on_ground: Flags
     """Left, right, (t, n, 2)."""
     foot_on_deck: Flags
@@ -126,8 +149,33 @@ def episode_errors(rides: Rides) -> dict[str, Array]:
         "E_contact_steer": _mean(wrong_steer.astype(float), steer),
         "E_course": _mean(course_error, _last(steer)),
         "E_tilt": _over_phases(steer, lambda n, a, b: _wrong_tilt(rides, n, a, b)),
-        "E_still": _mean(np.abs(rides.speed), rides.alive & (rides.commanded_speed < STILL_SPEED)),
+        "E_still": _mean(np.abs(rides.speed), rides.alive & rides.waiting),
+        "E_stop": np.array([_failed_stops(rides, n) for n in range(rides.alive.shape[1])]),
+        "transport": _over_all(rides.power, rides.alive) / _over_all(np.abs(rides.speed), rides.alive),
+        **stride_metrics(rides),
     }
+
+
+def _over_all(values: Array, where: Flags) -> Array:
+    """Return the sum over steps where a flag is set, shape (n,); NaN where it is 0."""
+    total = np.where(where, values, 0.0).sum(axis=0)
+    return np.where(total > 0, total, np.nan)
+
+
+def _failed_stops(rides: Rides, n: int) -> float:
+    """Return the share of an episode's stops that failed; NaN without a stop that was given its time."""
+    alive, speed = rides.alive[:, n], rides.speed[:, n]
+    told = rides.commanded_speed[:, n] < STILL_SPEED
+    failed: list[bool] = []
+    for begin, end in intervals(told & alive):
+        if begin == 0:
+            continue
+        last = begin + STOP_STEPS
+        if last < end:
+            failed.append(abs(float(speed[last])) >= STILL_SPEED)
+        elif end < len(alive) and told[end] and not alive[end] and not rides.succeeded[n]:
+            failed.append(True)
+    return float(np.mean(failed)) if failed else np.nan
 
 
 def wrong_in_pushing(rides: Rides) -> Flags:
@@ -154,15 +202,9 @@ def _last(flags: Flags) -> Flags:
     return last
 
 
-def _phases(where: Flags) -> list[tuple[int, int]]:
-    """Return first step and the one after the last of every interval in which a flag is set, (t,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(int), [0]])))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-
-
 def _over_phases(where: Flags, value: Callable[[int, int, int], float]) -> Array:
     """Return the mean over an episode's phases of what an episode's number and two ends give, shape (n,)."""
-    means = [[value(n, a, b) for a, b in _phases(where[:, n])] for n in range(where.shape[1])]
+    means = [[value(n, a, b) for a, b in intervals(where[:, n])] for n in range(where.shape[1])]
     return np.array([np.mean(one) if one else np.nan for one in means])
 
 
@@ -193,7 +235,7 @@ def reachable_headings(rides: Rides) -> Array:
     rows: list[tuple[float, float, float]] = []
     steer = rides.steering & rides.alive
     for n in range(steer.shape[1]):
-        for begin, end in _phases(steer[:, n]):
+        for begin, end in intervals(steer[:, n]):
             if end < len(steer) and rides.alive[end, n]:
                 start = rides.heading[begin, n]
                 asked = wrap_angle(rides.target_heading[begin, n] - start)

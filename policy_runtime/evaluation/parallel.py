@@ -30,6 +30,7 @@ from sysid.roll import Array
 COLUMNS = {
     "pushing": "pushing",
     "steering": "steering",
+    "waiting": "still",
     "commanded_speed": "commanded_speed",
     "target_heading": "target_heading",
     "heading": "board_heading",
@@ -37,6 +38,8 @@ COLUMNS = {
     "joints": "joint_position",
     "foot_on_ground": "foot_on_ground",
     "foot_on_deck": "foot_on_deck",
+    "slip": "left_slip",
+    "foot_place": "left_place",
 }
 """Fields of `Rides`, and where `sim.skate.mdp.state.SkateState` has them."""
 
@@ -105,9 +108,9 @@ def evaluate_in_parallel(
         SysidError: mjlab or torch is not installed, or the policy does not fit.
     """
     protocol = protocol or Protocol()
-    if protocol.stress != CALM or protocol.hold_heading:
+    if protocol.stress != CALM or protocol.hold_heading or protocol.jump or protocol.stop:
         raise SysidError(
-            "delay, noise, mass, friction, rolling, slope, push and a held heading are of plain MuJoCo. "
+            "delay, noise, mass, friction, rolling, slope, push, jump, stop and a held heading are of plain MuJoCo. "
             "Leave --simulator out."
         )
     batch = BatchPolicy(policy, board, force=force)
@@ -166,7 +169,7 @@ def _ride(
     from sim.skate.mdp.measuring import measure
     from sim.skate.mdp.observations import skate_command
 
-    rows: dict[str, list[Array]] = {name: [] for name in (*COLUMNS, "speed", "alive")}
+    rows: dict[str, list[Array]] = {name: [] for name in (*COLUMNS, "speed", "alive", "ground_load", "power")}
     where: list[Array] = []
     running, succeeded = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
     endings = [TIME_LIMIT] * count
@@ -185,6 +188,9 @@ def _ride(
                 for name, source in COLUMNS.items():
                     rows[name].append(getattr(state, source).cpu().numpy().copy())
                 rows["speed"].append(state.board_velocity[:, 0].cpu().numpy().copy())
+                rows["ground_load"].append(state.ground_load[:, 0].cpu().numpy().copy())
+                power = (state.joint_torque * state.joint_velocity).abs().sum(dim=-1) / reading.weight
+                rows["power"].append(power.cpu().numpy())
                 rows["alive"].append(running.copy())
                 where.append(place)
                 _judge(env, running, succeeded, endings)

@@ -37,6 +37,8 @@ from sysid.roll import Array
 
 FALLEN_INCLINATION = math.radians(70)
 """Inclination of the pelvis that ends an episode [rad]."""
+STOP_TIME = 9.0
+"""How long a robot that is told to stand is left standing [s]; it shall be at rest after 8 s."""
 SETTLING = 0.1
 """Time after the start during which the feet may be unloaded [s]."""
 
@@ -63,6 +65,10 @@ class Protocol:
     """Factors of the board's numbers, see `sim.board.scaled`."""
     hold_heading: bool = False
     """Make up for what earlier turns missed (plain MuJoCo only)."""
+    jump: float = 0.0
+    """Time after which speed and turn are drawn anew [s] (plain MuJoCo only); 0 for a speed an episode and a turn a cycle."""
+    stop: bool = False
+    """Tell the robot to stand for 9 s, once, between 6 and 12 s, and to go on afterwards (plain MuJoCo only)."""
     randomised: bool = False
     """Every world another one, as in training: friction, centres of mass, boards, place of the pelvis (mjlab
     only)."""
@@ -81,11 +87,15 @@ class _Episode:
     _turn: float = field(init=False)
     _unloaded: bool = False
     _shove: float = field(init=False)
+    _stop: float = field(init=False)
+    _jump: float = field(init=False)
 
     def __post_init__(self) -> None:
         self._speed = float(self.rng.uniform(*self.protocol.speed))
         self._turn = float(self.rng.uniform(-self.protocol.turn, self.protocol.turn))
         self._shove = float(self.rng.uniform(5, 10))
+        self._stop = float(self.rng.uniform(6, 12)) if self.protocol.stop else math.inf
+        self._jump = self.protocol.jump or math.inf
 
     def at(self, time: float) -> Command | None:
         """Return the command, or None where the episode is over."""
@@ -100,6 +110,10 @@ class _Episode:
             math.fmod(time + CONTROL_PERIOD / 2, cycle), CONTROL_PERIOD / 2, abs_tol=1e-6
         ):
             self._turn = float(self.rng.uniform(-self.protocol.turn, self.protocol.turn))
+        if time >= self._jump - CONTROL_PERIOD / 2:
+            self._speed = float(self.rng.uniform(*self.protocol.speed))
+            self._turn = float(self.rng.uniform(-self.protocol.turn, self.protocol.turn))
+            self._jump += self.protocol.jump
         if self.protocol.pushes > 0 and time >= self._shove:
             self.world.robot.push(self.rng.uniform(-self.protocol.pushes, self.protocol.pushes, 2))
             self._shove = time + float(self.rng.uniform(5, 10))
@@ -110,7 +124,8 @@ class _Episode:
                 self.protocol.stress.push * np.array([math.cos(angle), math.sin(angle)])
             )
             self._shove = time + float(self.rng.uniform(5, 10))
-        return Command(self._speed, self._turn)
+        stands = self._stop <= time < self._stop + STOP_TIME
+        return Command(0.0 if stands else self._speed, self._turn)
 
     def close(self) -> None:
         """Do nothing."""

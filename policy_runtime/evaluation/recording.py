@@ -38,6 +38,10 @@ class Recording:
     """[N*m], (t, 23)."""
     joints: Array
     """[rad], (t, 23)."""
+    rates: Array
+    """Joint velocities [rad/s], (t, 23)."""
+    weight: float
+    """Of the robot [N]."""
     truth: tuple[Truth, ...]
     """(t,)."""
     clock: Clock
@@ -48,12 +52,13 @@ class Recording:
 
     def rides(self, *, succeeded: bool) -> Rides:
         """Return the recording as a single episode, for `metrics.episode_errors`."""
-        moving = self.command[:, 0] >= STILL_SPEED
-        step = self.step.astype(int)
+        stands, step = self.command[:, 0] < STILL_SPEED, self.step.astype(int)
+        power = np.abs(self.torque * self.rates).sum(axis=1) / self.weight
         return Rides(
             alive=np.ones((len(step), 1), dtype=bool),
-            pushing=(self.clock.pushing(step) & moving)[:, None],
-            steering=(self.clock.steering(step) & moving)[:, None],
+            pushing=(self.clock.pushing(step) & ~stands)[:, None],
+            steering=self.clock.steering(step)[:, None],
+            waiting=self.clock.waiting(step, stands)[:, None],
             commanded_speed=self.command[:, :1],
             target_heading=self.target_heading[:, None],
             course=self.course[:, None],
@@ -61,6 +66,10 @@ class Recording:
             heading=self.column("board_heading")[:, None],
             tilt=-self.column("roll")[:, None],
             joints=self.joints[:, None],
+            power=power[:, None],
+            ground_load=self.column("ground_load")[:, None, 0],
+            slip=self.column("left_slip")[:, None],
+            foot_place=self.column("left_place")[:, None],
             foot_on_ground=self.column("foot_on_ground")[:, None],
             foot_on_deck=self.column("foot_on_deck")[:, None],
             succeeded=np.array([succeeded]),
@@ -69,7 +78,7 @@ class Recording:
     def save(self, path: Path) -> None:
         """Write the numbers as a NumPy archive."""
         with atomic_path(path) as temporary, temporary.open("wb") as file:
-            own = {field.name for field in fields(self)} - {"truth", "clock"}
+            own = {field.name for field in fields(self)} - {"truth", "clock", "weight"}
             columns: dict[str, Any] = {name: getattr(self, name) for name in own}
             columns |= {field.name: self.column(field.name) for field in fields(Truth)}
             np.savez_compressed(file, **columns)
@@ -117,6 +126,8 @@ class Recorder:
             course=np.array([tick.course for tick in ticks]),
             torque=np.array([tick.state.joint_torque for tick in ticks]),
             joints=np.array([tick.state.joint_position for tick in ticks]),
+            rates=np.array([tick.state.joint_velocity for tick in ticks]),
+            weight=self.robot.ids.weight,
             truth=tuple(self._truth),
             clock=self.clock,
         )

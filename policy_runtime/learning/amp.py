@@ -31,6 +31,9 @@ class AmpOptions:
 
     weight: float = 5.0
     """Weight of the style reward per second; 0 leaves the discriminator out."""
+    jitter: float = 0.015
+    """Noise added to joint angles of both kinds of windows while the discriminator learns [rad]. Without it the
+    trembling of exploration alone tells them apart, and no stride earns any style."""
     hidden: tuple[int, ...] = (256, 256)
     learning_rate: float = 1e-4
     gradient_penalty: float = 5.0
@@ -176,6 +179,7 @@ class AmpPPO(PPO):
         """Take one step from the chosen windows."""
         policy = self.storage.observations["style"].flatten(0, 1)[self._chosen]
         real = self._like(policy)
+        policy, real = self._shaken(policy), self._shaken(real)
         self.discriminator.normaliser.update(torch.cat((policy, real)))
         loss = self.discriminator.loss(real, policy, self.amp.gradient_penalty)
         self.amp_optimiser.zero_grad()
@@ -185,6 +189,13 @@ class AmpPPO(PPO):
         with torch.no_grad():
             scores = self.discriminator(policy).mean(), self.discriminator(real).mean()
         self._scores += torch.stack((loss.detach(), *scores))
+
+    def _shaken(self, windows: torch.Tensor) -> torch.Tensor:
+        """Return windows with noise on their joint angles; the phase's numbers stay."""
+        joints = windows.shape[1] - self.amp.phases
+        return windows + self.amp.jitter * torch.randn_like(windows) * (
+            torch.arange(windows.shape[1], device=windows.device) < joints
+        )
 
     def _like(self, policy: torch.Tensor) -> torch.Tensor:
         """Return as many reference windows as those of the policy, of the same phases."""
@@ -234,6 +245,14 @@ class AmpPPO(PPO):
             self.mean_actor.module.load_state_dict(self._raw_actor.state_dict())
             self.mean_actor.n_averaged.fill_(loaded_dict["iteration"])
         return loaded
+
+    def begin_anew(self, std: float) -> None:
+        """Let the mean of the actor forget an earlier run; let actions deviate by `std` unless it is 0."""
+        if std > 0:
+            with torch.no_grad():
+                self._raw_actor.distribution.std_param.fill_(std)
+        self.mean_actor.module.load_state_dict(self._raw_actor.state_dict())
+        self.mean_actor.n_averaged.zero_()
 
     def broadcast_parameters(self) -> None:
         """Give all processes the weights of the first."""

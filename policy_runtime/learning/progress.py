@@ -12,6 +12,11 @@
 | tilt_error, tilt | mean |γ - γ_ref| and |γ| while steering [rad] |
 | both_feet | share of the steering steps with both feet on the deck |
 | foot_down | share of the pushing steps with the pushing foot on the ground |
+| stride_period | pushing time over touchdowns [s] |
+| stance_time | time of the pushing foot on the ground over touchdowns [s] |
+| foot_travel | mean way of the pushing foot along the board between two touchdowns [m] |
+| slip | speed of the pushing foot over the ground, weighted by its load [m/s] |
+| stops | share of the waiting steps in which the board rolls slower than 0.1 m/s |
 | foot_place | mean distance of the right foot from where it stood at the start [m] |
 | wrong_tilt | share of the steering steps with the deck tilted more than 3° the wrong way |
 | wrong_push | share of the pushing steps with the right foot off the deck or the left one on it |
@@ -29,6 +34,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 
 from sim.skate.arrays import wrap_angle
+from sim.skate.cycle.clock import STILL_SPEED
 from sim.skate.mdp.measuring import measure
 from sim.skate.mdp.rewards.tilt_guidance import wrong_tilt
 
@@ -40,9 +46,10 @@ WRONG_TILT = math.radians(3)
 PHASES = {
     "speed_error": "pushing", "heading_error": "steering", "tilt_error": "steering", "tilt": "steering",
     "foot_place": "all", "wrong_tilt": "steering", "both_feet": "steering", "foot_down": "pushing",
-    "wrong_push": "pushing", "wrong_steer": "steering",
+    "wrong_push": "pushing", "wrong_steer": "steering", "stops": "still", "stride_period": "touchdowns",
+    "stance_time": "touchdowns", "foot_travel": "touchdowns", "slip": "load",
 }  # fmt: skip
-"""Over which steps each of these is a mean."""
+"""The count or weight that each of these is divided by."""
 
 
 class Progress:
@@ -69,11 +76,15 @@ class Progress:
         speed = (state.board_velocity[:, 0] - state.commanded_speed).abs()
         heading = wrap_angle(state.board_heading - state.target_heading).abs()
         left, right = state.foot_on_deck[:, 0], state.foot_on_deck[:, 1]
+        touchdown = (state.left_touchdown & pushes).float()
         # Chosen, not multiplied: what has broken down counts nothing, and nothing times NaN is NaN.
         sums = {
             "all": torch.ones_like(steering).sum(),
             "riding": rides.float().sum(),
             "steering": steering.sum(),
+            "still": state.still.float().sum(),
+            "touchdowns": touchdown.sum(),
+            "load": torch.where(pushes, state.ground_load[:, 0], 0.0).sum(),
             "pushing": pushing.sum(),
             "speed_error": torch.where(pushes, speed, 0.0).sum(),
             "heading_error": torch.where(steers, heading, 0.0).sum(),
@@ -83,6 +94,11 @@ class Progress:
             "wrong_tilt": ((wrong_tilt(state) > WRONG_TILT) * steering).sum(),
             "both_feet": (state.foot_on_deck.all(dim=-1) * steering).sum(),
             "foot_down": (state.foot_on_ground[:, 0] * pushing).sum(),
+            "stops": (state.still & (state.board_velocity[:, 0].abs() < STILL_SPEED)).float().sum(),
+            "stride_period": env.step_dt * pushing.sum(),
+            "stance_time": env.step_dt * (state.foot_on_ground[:, 0] * pushing).sum(),
+            "foot_travel": (state.left_travel * touchdown).sum(),
+            "slip": torch.where(pushes, state.ground_load[:, 0] * state.left_slip, 0.0).sum(),
             "wrong_push": ((left | ~right) * pushing).sum(),
             "wrong_steer": ((~(left & right) | state.foot_on_ground.any(dim=-1)) * steering).sum(),
             "style": style,

@@ -55,6 +55,8 @@ class LearnOptions:
     initial_std: float = 0.5
     """Standard deviation of the first actions. The paper's 1.0 makes the penalties on action differences
     outweigh everything that can be earned, so that falling early pays."""
+    restart_std: float = 0.0
+    """Standard deviation of the actions with which a run from another's checkpoint begins; 0 for the checkpoint's."""
     epochs: int = 5
     mini_batches: int = 4
     clip: float = 0.2
@@ -76,7 +78,7 @@ class LearnOptions:
     gradient_norm: float = 1.0
     save_every: int = 100
     """Iterations between checkpoints."""
-    style_weight: float = 5.0
+    style_weight: float = 25.0
     """Weight of the style reward per second."""
 
 

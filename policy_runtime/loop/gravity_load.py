@@ -11,11 +11,8 @@ divided by the servos' stiffness, are what to ask for in addition.
 import mujoco
 import numpy as np
 
-from sim.skate.robot.g1 import FOOT_BODIES, g1_spec, servos
+from sim.skate.robot.g1 import FOOT_BODIES, SOLE_CENTRE, g1_spec, servos
 from sysid.roll import Array
-
-SOLE_CENTRE = np.array([0.04, 0.0, -0.035])
-"""Middle of the sole in the frame of the ankle [m]."""
 
 
 class GravityLoad:

@@ -13,7 +13,7 @@ from policy_runtime.robots import PD_PERIOD, JointCommand, RobotState
 from sim.board.learned import apply, left_out
 from sim.board.scene import TILT_JOINT, TRUCK_JOINTS, WHEELS, set_trucks
 from sim.skate.arrays import wrap_angle
-from sim.skate.robot.g1 import FOOT_BODIES, JOINTS
+from sim.skate.robot.g1 import FOOT_BODIES, JOINTS, SOLE_CENTRE
 from sim.skate.world.scene import BOARD, ROBOT
 from sysid.errors import SysidError
 from sysid.roll import Array
@@ -46,6 +46,14 @@ class Truth:
     """Left, right, bool (2,)."""
     foot_on_deck: Flags
     """Left, right, bool (2,)."""
+    ground_load: Array
+    """Force of the ground on left and right foot over the robot's weight [1], shape (2,)."""
+    deck_load: Array
+    """Force of the deck on left and right foot over the robot's weight [1], shape (2,)."""
+    left_slip: float
+    """Speed of the middle of the left sole over the ground [m/s]."""
+    left_place: float
+    """Place of the middle of the left sole along the board [m]."""
     wheel_on_ground: Flags
     """Front left, front right, rear left, rear right, bool (4,)."""
     other_contacts: int
@@ -218,7 +226,8 @@ class SimulatedRobot:
         q, v = self.board_q, self.board_v
         board = data.body(ids.board)
         forward = board.xmat.reshape(3, 3)[:, 0]
-        kinetic = _kinetic_energy(model, data)
+        energy = _energy(model, data)
+        sole, slip = ids.left_sole(model, data)
         w, x, y, z = data.qpos[q + 3 : q + 7]
         return Truth(
             board_position=data.qpos[q : q + 3].copy(),
@@ -230,9 +239,13 @@ class SimulatedRobot:
             upright=float(data.xmat[ids.pelvis, 8]),
             foot_on_ground=feet_ground > LOADED,
             foot_on_deck=feet_deck > LOADED,
+            ground_load=feet_ground / ids.weight,
+            deck_load=feet_deck / ids.weight,
+            left_slip=slip,
+            left_place=float((sole - board.xpos) @ forward),
             wheel_on_ground=wheels > LOADED / 5,
             other_contacts=other,
-            energy=kinetic,
+            energy=energy,
         )
 
 
@@ -247,10 +260,12 @@ class _Ids:
         wheels = [model.joint(f"{BOARD}{wheel}_wheel_joint") for wheel in WHEELS]
         self.wheel_joints = [int(joint.dofadr[0]) for joint in wheels]
         self.wheel_radius = float(model.geom(f"{BOARD}{WHEELS[0]}_wheel_collision").size[0])
-        # What each geom is: 0, 1 feet; 2 deck; 3 to 6 wheels; 7 other parts of the board; 8 ground;
+        self.weight = float(model.body_subtreemass[self.pelvis] * np.linalg.norm(model.opt.gravity))
+        # Kinds of geoms: 0, 1 feet; 2 deck; 3 to 6 wheels; 7 other parts of the board; 8 ground;
         # 9 other parts of the robot.
         self.kind = np.full(model.ngeom, 9)
         feet = [model.body(ROBOT + name).id for name in FOOT_BODIES]
+        self.left_foot = feet[0]
         deck = model.body(f"{BOARD}deck").id
         wheel_bodies = [model.body(f"{BOARD}{wheel}_wheel").id for wheel in WHEELS]
         for geom in range(model.ngeom):
@@ -266,6 +281,14 @@ class _Ids:
                 self.kind[geom] = 7
             elif model.body_weldid[body] == 0:
                 self.kind[geom] = 8
+
+    def left_sole(self, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, float]:
+        """Return the middle of the left sole in the world [m], shape (3,), and its speed over the ground [m/s]."""
+        arm = data.xmat[self.left_foot].reshape(3, 3) @ SOLE_CENTRE
+        velocity = np.zeros(6)
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, self.left_foot, velocity, 0)
+        moves = velocity[3:] + np.cross(velocity[:3], arm)
+        return data.xpos[self.left_foot] + arm, float(np.linalg.norm(moves[:2]))
 
     def contacts(self, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array, Array, int]:
         """Return force of feet on the ground (2,), on the deck (2,), wheels (4,) [N], and other contacts."""
@@ -287,7 +310,7 @@ class _Ids:
         return ground, deck, wheels, other
 
 
-def _kinetic_energy(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+def _energy(model: mujoco.MjModel, data: mujoco.MjData) -> float:
     """Return kinetic plus potential energy [J], whatever the model's flags."""
     mujoco.mj_energyPos(model, data)
     mujoco.mj_energyVel(model, data)

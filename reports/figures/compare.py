@@ -83,7 +83,7 @@ def profiles(missing: MissingTorque, *, slides: bool) -> list[tuple[TorqueProfil
     """Return a missing torque over rate and over tilt, and how each of these is shown."""
     return [
         (missing.over_rate, display(is_rate=True, slides=slides)),
-        (missing.over_angle, display(is_rate=False, slides=slides, angle="tilt")),
+        (missing.over_angle, display(is_rate=False, slides=slides, angle="angle")),
     ]
 
 

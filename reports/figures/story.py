@@ -13,7 +13,7 @@ from reports.figures.palette import NOISE, REAL, SIM, STOOD
 from reports.figures.style import styled
 from reports.figures.svg import thin
 from reports.story import Missing, Ranked, Story, times
-from sysid.diagnosis.report import TIED
+from sysid.diagnosis.report import TIE as TIED
 from sysid.effects import effect
 from sysid.quantity import Z95
 from sysid.roll import Array
@@ -51,7 +51,7 @@ def panels(story: Story) -> list[Panel]:
     push = effort(slides=slides).split(" [")[0]
     for missing, show in (
         (story.over_rate, display(is_rate=True, slides=slides)),
-        (story.over_angle, display(is_rate=False, slides=slides, angle="tilt")),
+        (story.over_angle, display(is_rate=False, slides=slides, angle="angle")),
     ):
         if missing is not None:
             drawn.append(

@@ -139,7 +139,7 @@ def _warnings(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]
     warnings = [f"{file.path}: {file.state}" for file in files if file.found is None]
     if evidence is not None:
         warnings += map(pretty, evidence.warnings)
-    if not board.check:
+    if not board.last_check:
         warnings.append("not checked in the training scene yet (see the check below)")
     elif board.check_is_stale:
         warnings.append("the record was changed since it was checked: check it again")
@@ -217,8 +217,9 @@ def _releases(evidence: Evidence) -> list[str]:
     rows: list[tuple[str, ...]] = []
     for i, (part, release) in enumerate(zip(result.releases, evidence.releases, strict=True)):
         errors = show(part.rmse, 3), f"{part.rmse / result.noise.std:.2f}"
-        rows.append((release_name(result, i), release.side, first(release.amplitude, 3), *errors))
-    side = "edge down" if evidence.board.geometry else "side"
+        place = release.side if evidence.board.geometry else {"right": "+", "left": "−"}[release.side]
+        rows.append((release_name(result, i), place, first(release.amplitude, 3), *errors))
+    side = "edge down" if evidence.board.geometry else "let go from"
     left = len(result.releases) - MOST_RELEASES
     return [
         choices(drawn),
@@ -354,7 +355,7 @@ def _frequency_response(board: Board) -> str:
 
 
 def _check(board: Board, files: "Sequence[LogFile]", space: Workspace) -> list[str]:
-    check = board.check
+    check = board.last_check
     if not check:
         found = [file.found for file in files if file.found is not None]
         command = space.command("check", *board.options, logs=found)

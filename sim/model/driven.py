@@ -7,7 +7,16 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sim.model.patch import ATTRIBUTES, Patch, difference, find_element, is_joint, tagged, text, with_sections
+from sim.model.patch import (
+    ATTRIBUTES,
+    Patch,
+    attribute_text,
+    difference,
+    find_element,
+    is_joint,
+    tagged,
+    with_sections,
+)
 from sim.model.setup import Setup
 from sysid.driven.fit import DrivenFit
 from sysid.driven.joint import Structure
@@ -252,7 +261,10 @@ def patch_driven(setup: Setup, fits: Mapping[str, DrivenFit]) -> Patch:
             setup,
             name,
             is_joint(name),
-            {ATTRIBUTES[k]: text(k, v) for k, v in _changed(before, _numbers(joint, ATTRIBUTES)).items()},
+            {
+                ATTRIBUTES[k]: attribute_text(k, v)
+                for k, v in _changed(before, _numbers(joint, ATTRIBUTES)).items()
+            },
         )
         for actuator, old in zip(acting, acted, strict=True):
             changes = _changed(old, _numbers(actuator, _ACTUATOR))

@@ -93,6 +93,14 @@ class SkateOptions:
     """Weight of the squared first and second differences of the actions; the paper has 0.1."""
     speed_tolerance: float = 0.25
     """Tolerance of the reward for the board's speed while pushing [m^2/s^2]."""
+    stance: float = 10.0
+    """Weight of a pushing foot that stands on the ground without slipping."""
+    slip: float = 60.0
+    """Cost of a slip of 1 m/s under the robot's whole weight, a second."""
+    touchdown: float = 50.0
+    """Cost of a touchdown of the pushing foot, in policy steps: strides shall be few and long."""
+    beginner: float = 0.25
+    """Share of the costs of slip and touchdown that a beginner pays."""
     coupling: Coupling = "equality"
     steered: bool = True
     """Whether tilting steers at all; without it the board goes straight."""
@@ -102,13 +110,14 @@ class SkateOptions:
     as in the paper, and it steers blindly."""
     idle_patience: float = 1.2
     """Time in pushing without the left foot on the ground after which an episode ends [s]; 0 for never."""
+    change: float = 5.0
+    """Mean time between two changes of the commanded speed [s]; inf keeps one for a whole episode."""
     speed: tuple[float, float] = (0.0, 1.5)
     """Range of the commanded speed [m/s]."""
-    standing: float = 0.25
-    """Share of the episodes from rest that are told to stand at full strength, besides the range's and the slow ones' own: in
-    all one episode in six, where one in thirty settled nothing."""
+    standing: float = 0.2
+    """Share of the commands that tell the robot to stand, besides the range's and the slow ones' own."""
     slow: float = 0.3
-    """Share told to go at up to 0.4 m/s, besides the range's own: on slopes it is they who fall."""
+    """Share of the commands up to 0.4 m/s, besides the range's own: slow rides fall on slopes."""
     turn: float = math.pi / 4
     """Largest commanded change of heading to either side [rad]."""
     start: Start = field(default_factory=Start)
@@ -142,6 +151,7 @@ class SkateOptions:
             "pushes": 0.0,
             "standing": 0.0,
             "slow": 0.0,
+            "change": math.inf,
             "noise": False,
             "variation": NOMINAL,
             "stance_patience": 0,

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sim.board.scene import TRUCK_JOINTS
 from sim.skate.cycle.push_clips import PushClip
 from sim.skate.cycle.tilt_guidance import TiltGuidance
 from sim.skate.mdp.actor_observation import FRAMES, NOISE, SCALE
@@ -15,7 +14,7 @@ from sim.skate.options import NOMINAL, SkateOptions
 from sim.skate.robot.g1 import JOINTS, default_pose, motor_of
 from sim.skate.robot.poses import load_poses
 from sim.skate.world.cycle import load_cycle
-from sim.skate.world.posterior import TiltDraws, draw_boards, tilt_draws
+from sim.skate.world.posterior import BoardDraws, board_draws, draw_boards
 from sim.skate.world.scene import (
     DECIMATION,
     SceneOptions,
@@ -38,7 +37,9 @@ if TYPE_CHECKING:
 STYLE_FRAMES = 5
 """Joint frames that the style discriminator judges together."""
 RUNAWAY_SPEED = 4.0
-"""Speed at which a ride down a slope is broken off, without blame [m/s]: real slopes end."""
+"""Speed at which a ride down a slope ends as if by time [m/s]: real slopes end."""
+SOLE_FRICTION_RANGE = (0.35, 1.6)
+"""Factors of the soles' friction, on ground and deck: below the suite's 0.4, and up to the paper's 1.6."""
 
 
 def skate_env_cfg(
@@ -200,17 +201,17 @@ def _terminations(options: SkateOptions) -> "dict[str, TerminationTermCfg]":
     return ends
 
 
-def _draws(board: Board, options: SkateOptions, scene: SceneOptions, seed: int) -> TiltDraws | None:
+def _draws(board: Board, options: SkateOptions, scene: SceneOptions, seed: int) -> BoardDraws | None:
     """Return the boards that worlds have in turn; None where all have the record's."""
     if options.boards == 0:
         return None
     boards = draw_boards(
         as_written(board, scene), options.boards, options.spread, np.random.default_rng(seed)
     )
-    return tilt_draws(boards, scene.timestep)
+    return board_draws(boards, scene.timestep)
 
 
-def _events(options: SkateOptions, draws: TiltDraws | None) -> "dict[str, EventTermCfg]":
+def _events(options: SkateOptions, draws: BoardDraws | None) -> "dict[str, EventTermCfg]":
     from mjlab.envs.mdp import dr
     from mjlab.managers.event_manager import EventTermCfg
     from mjlab.managers.scene_entity_config import SceneEntityCfg
@@ -243,7 +244,7 @@ def _events(options: SkateOptions, draws: TiltDraws | None) -> "dict[str, EventT
         ),
         "board_com": startup(
             dr.body_com_offset,
-            asset_cfg=SceneEntityCfg("board", body_names=("board",)),
+            asset_cfg=SceneEntityCfg("board", body_names=("deck",)),
             operation="add",
             ranges=offset,
         ),
@@ -251,15 +252,9 @@ def _events(options: SkateOptions, draws: TiltDraws | None) -> "dict[str, EventT
             dr.geom_friction,
             asset_cfg=SceneEntityCfg("robot", geom_names=(".*_foot.*_collision",)),
             operation="scale",
-            ranges=(0.3, 1.6),
+            ranges=SOLE_FRICTION_RANGE,
             distribution="log_uniform",
             shared_random=True,
-        ),
-        "deck_friction": startup(
-            dr.geom_friction,
-            asset_cfg=SceneEntityCfg("board", geom_names=("deck_collision",)),
-            operation="scale",
-            ranges=(0.8, 2.0),
         ),
     }
     if options.variation != NOMINAL:
@@ -267,11 +262,8 @@ def _events(options: SkateOptions, draws: TiltDraws | None) -> "dict[str, EventT
         events["slope"] = EventTermCfg(func=draw_slope, mode="reset")
         events["ground"] = EventTermCfg(func=roll_on, mode="step")
     if draws is not None:
-        steers = options.steered and options.coupling == "equality"
-        couplings = tuple(f"board/{name.replace('joint', 'coupling')}" for name in TRUCK_JOINTS)
-        events["board"] = startup(
-            randomisation.draw_board, draws=draws, couplings=couplings if steers else ()
-        )
+        coupled = options.steered and options.coupling == "equality"
+        events["board"] = startup(randomisation.draw_board, draws=draws, coupled=coupled)
     if options.pushes > 0:
         events["push"] = EventTermCfg(
             func=randomisation.push,

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from sysid.errors import SysidError, did_you_mean
+from sysid.files import read_small
 
 Task = Literal["decay", "fit", "compare", "diagnose"]
 """What is asked of the logs of a job, by the command's name."""
@@ -83,7 +84,7 @@ def read_manifest(path: Path) -> list[Job]:
             f"{path}: there is no such manifest. Expected a .toml or a .csv file; see docs/batch.md."
         )
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_small(path, "utf-8-sig")
         rows, defaults = _toml(path, text) if path.suffix.lower() == ".toml" else _csv(text)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError, csv.Error) as error:
         raise SysidError(f"{path}: cannot be read as a manifest ({error}).") from error

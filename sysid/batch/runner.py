@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from sysid.errors import SysidError
+from sysid.errors import SysidError, install_extra
 
 Row = Mapping[str, Any]
 
@@ -89,10 +89,8 @@ def _backend(cluster: str | None) -> Generator[str]:
                 import_module("ray.util.joblib").register_ray()
                 yield kind
     except ImportError as error:
-        package = "husky-sysid[cluster]" if kind == "dask" else "ray[client]"
-        raise SysidError(
-            f"--cluster {cluster}: {kind} is not installed. Run `pip install '{package}'`."
-        ) from error
+        command = install_extra("cluster") if kind == "dask" else "pip install 'ray[client]'"
+        raise SysidError(f"--cluster {cluster}: {kind} is not installed: {command}.") from error
     except (OSError, ValueError) as error:
         raise SysidError(
             f"--cluster {cluster}: cannot be reached ({error}). Expected the address of a Dask scheduler, "

@@ -1,25 +1,22 @@
 """`husky-sysid diagnose`: what the model is missing, or that nothing is, or that nothing known explains it."""
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter, validators
-
-from sysid.cli.console import FIT, Common, FitTexts, Printer
+from sysid.cli.console import Common, FitTexts, Printer
 from sysid.cli.drive_options import DriveArguments
 from sysid.cli.log_options import LogArguments, load_recordings, space_of
 from sysid.cli.parameter_options import parse_fixed
 from sysid.cli.subject import Subject
+from sysid.cli.view import logs_or_fitted
 from sysid.files import require_writable, write_figure, write_json
 
 
 def diagnose(
-    logs: list[Path],
+    logs: tuple[Path, ...] = (),
     /,
     *,
     subject: Subject = Subject(),
     fix: FitTexts = (),
-    workers: Annotated[int, Parameter(group=FIT, validator=validators.Number(gte=1))] = 2,
     drive: DriveArguments = DriveArguments(),
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
@@ -29,10 +26,9 @@ def diagnose(
     Writes diagnose.json, where the report finds it, and diagnose.png into reports/BOARD of the workspace.
 
     Args:
-        logs: Logs of one board, with several releases in all.
+        logs: Logs of one joint, with several releases in all; those that its record was fitted to, if left out.
         fix: Hold a parameter in every model, as NAME=VALUE in SI units; stiffness=0 for a pendulum whose record has
             gravity. Repeat it for several.
-        workers: Number of processes.
     """
     if drive.given:
         from sysid.cli.driven import driven_diagnose, run_driven
@@ -58,14 +54,17 @@ def diagnose(
     record = subject.load(common, printer)
     folder = common.space.outputs(record.name)
     require_writable(folder / "diagnose.json")
-    each, setups = subject.logs(logs)
-    record, recordings = subject.posed(record, load_recordings(each, arguments, printer), setups)
+    found, arguments = logs_or_fitted(record, logs, arguments, printer)
+    each, setups = subject.logs(found)
+    record, recordings = subject.posed(
+        record, load_recordings(each, arguments, printer, rest=record.rest_angle), setups
+    )
     with told_bar(printer) as progress:
-        result = search(recordings, record, fixed=parse_fixed(fix), workers=workers, progress=progress)
-    for name, prior in result.base.problem.priors.items():
+        result = search(recordings, record, fixed=parse_fixed(fix), progress=progress)
+    for name, prior in result.baseline.fit.problem.priors.items():
         printer.note(prior_in_words(record, name, prior))
     printer.warnings(result.warnings, recordings)
-    printer.say(result.report(printer.width, space_of(common, arguments), logs))
+    printer.say(result.report(printer.width, space_of(common, arguments), found))
     content = result.to_json()
     write_json(folder / "diagnose.json", {**content, **for_report(result, record)})
     picture = story_figure(story_of_diagnosis(result, record), f"{record.name}: {headline(result)}")

@@ -35,7 +35,7 @@ class Condition:
     mass: float = 1.0
     """Factor of the robot's masses and inertias."""
     friction: float | None = None
-    """Sliding friction of the soles; the scene's 1.0 if not given."""
+    """Sliding friction of the soles on ground and deck; the scene's 1.0 if not given."""
     rolling: float = 1.0
     """Factor of the wheels' rolling friction."""
     slope: float = 0.0
@@ -50,6 +50,10 @@ class Condition:
     """Factors of the board's stiffness, damping, inertia and rake, e.g. k=4,rake=0.9."""
     turn_deg: float = 45.0
     """Largest turn that is asked for [degrees]; 0 for straight on."""
+    jump: float = 0.0
+    """Time after which speed and turn are drawn anew [s]; 0 for one speed an episode and one turn a cycle."""
+    stop: bool = False
+    """Tell the robot to stand for 9 s on the way, and to go on."""
     hold_heading: bool = False
     """Make up for what earlier turns missed."""
     randomised: bool = False
@@ -69,6 +73,8 @@ class Condition:
             raise SysidError(f"--duration {self.duration:g}: must be longer than 0 s.")
         if not self.pushes >= 0:
             raise SysidError(f"--pushes {self.pushes:g}: must not be negative.")
+        if not self.jump >= 0:
+            raise SysidError(f"--jump {self.jump:g}: must not be negative.")
         if not 0 <= self.turn_deg <= 45:
             raise SysidError(f"--turn-deg {self.turn_deg:g}: policies are trained for 0 to 45°.")
         harder: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(Stress)}
@@ -81,6 +87,8 @@ class Condition:
             coupling=self.coupling,
             board_scale=parse_factors(self.board_scale or ""),
             turn=math.radians(self.turn_deg),
+            jump=self.jump,
+            stop=self.stop,
             hold_heading=self.hold_heading,
             randomised=self.randomised,
         )
@@ -163,9 +171,18 @@ def _report_table(
     """Print and draw one row for each condition and policy; return them for machines."""
     from policy_runtime.evaluation.metrics import METRICS
     from reports.figures.ride import suite_figure
-    from reports.paper.parts import text
+    from sysid.text import in_brackets as text
 
-    errors = ("E_vel", "E_yaw", "E_contact", "E_course", "E_tilt", "E_still")
+    errors = (
+        "E_vel_mean_speed",
+        "E_yaw",
+        "E_contact",
+        "E_stop",
+        "stride_period",
+        "foot_travel",
+        "slip",
+        "style_distance",
+    )
     policies = list(dict.fromkeys(one.policy for _, one in rides))
     rows = [
         {
@@ -195,7 +212,7 @@ def _report_one(
     """Print and draw everything of one evaluation; return it for machines."""
     from policy_runtime.evaluation.metrics import METRICS
     from reports.figures.ride import paths_figure
-    from reports.paper.parts import text
+    from sysid.text import in_brackets as text
 
     rows = [("E_succ", result.success), ("standing", result.standing)]
     rows += [(name, result.errors[name]) for name in METRICS]

@@ -14,6 +14,7 @@ from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings, space_of
 from sysid.cli.parameter_options import SHORT, parse_bounds, parse_fixed
 from sysid.cli.subject import Subject
+from sysid.errors import SysidError
 from sysid.files import (
     refuse_other_kind,
     refuse_overwriting,
@@ -83,10 +84,9 @@ def fit(
     from sysid.fitting.result import TOLERANCE
     from sysid.progress import stage
 
-    if output is not None:
-        refuse_other_kind(output, ".xml")
     printer = Printer(common)
     record = subject.load(common, printer)
+    copy = _copy_of(record, output, common)
     require_writable(common.space.boards / f"{record.name}.toml")
     effect = (*effect, *(name for name in common.own_effects() if name not in effect))
     check_effects(effect, [part.name for part in record.effects])
@@ -96,7 +96,9 @@ def fit(
 
         require_enough(bootstrap)
     logs, setups = subject.logs(logs)
-    record, recordings = subject.posed(record, load_recordings(logs, arguments, printer), setups)
+    record, recordings = subject.posed(
+        record, load_recordings(logs, arguments, printer, rest=record.rest_angle), setups
+    )
     with working(printer), stage(0.0, 1.0, "fitting"):
         result = fit_recordings(
             recordings,
@@ -112,6 +114,10 @@ def fit(
     for name, known in result.joint.problem.priors.items():
         printer.note(prior_in_words(record, name, known))
     printer.warnings(result.warnings, recordings)
+    if copy is not None:
+        from sim.model.soft_friction import soft_friction_warning
+
+        printer.warnings(soft_friction_warning(result.joint, slides=record.slides))
     if result.joint.nonsmooth and not profile:
         printer.note("With friction or stops the intervals may be lopsided; --profile computes them exactly.")
     scene: Compensation | None = None
@@ -132,22 +138,26 @@ def fit(
     intervals = show_intervals(result.joint, record, common, printer, profile=profile, draws=bootstrap)
     for line in scene.lines() if scene else ():
         printer.say(line)
-    if result.joint.excess > TOLERANCE:
-        command = space_of(common, arguments).command("diagnose", *record.options, logs=logs)
-        printer.say(f"to learn what is missing: {command}")
+    missing = result.joint.excess > TOLERANCE
+    verb, why = ("diagnose", "learn what is missing") if missing else ("check", "check it in MuJoCo")
+    command = space_of(common, arguments).command(verb, *record.options, logs=logs)
+    printer.say(f"next: {why}: {command}")
     written = [_draw(common, result)]
     if tables_of(result.joint):
         written.append(_draw_learned(common, result))
     if result.formula is not None and result.formula.good and not result.formula.effects:
         written.append(_offer(common, result, printer))
-    if record.model:
-        new, copies = _patched(new, output, printer)
+    unwritten: SysidError | None = None
+    if copy is not None:
+        new, copies, unwritten = _patched(new, copy, printer)
         written += copies
-    # Last: what fails or is broken off before leaves the record as it was.
+    # The record is saved last: a failure before leaves it as it was.
     written.insert(0, subject.save(new, record, common))
     printer.written(*written)
     content = {**result.to_json(), **intervals}
     printer.result({**content, "in_scene": scene.entry()} if scene else content)
+    if unwritten is not None:
+        raise unwritten
     return 0
 
 
@@ -163,20 +173,51 @@ def _offer(common: Common, result: "Fit", printer: Printer) -> Path:
     return path
 
 
-def _patched(record: Board, output: Path | None, printer: Printer) -> tuple[Board, list[Path]]:
-    """Write the fitted joint into a copy of its model; return the record that names the copy, and what was written."""
-    from sim.model.patch import patch
+def _copy_of(record: Board, output: Path | None, common: Common) -> Path | None:
+    """Return where the patched copy of a record's model goes, None without a model.
+
+    Raises:
+        SysidError: The joint's text cannot be patched, or the copy cannot be written; told before the fit.
+    """
+    if not record.model:
+        if output is not None:
+            refuse_other_kind(output, ".xml")
+        return None
+    from sim.model.patch import copy_path, require_patchable
     from sim.model.setup import Setup
 
     setup = Setup.of_entry(record.model)
-    path = output or setup.file.with_name(f"{record.name}.xml")
-    made = patch(setup, record)
-    refuse_overwriting([setup.file, *made.files], {"--output": path})
+    require_patchable(setup)
+    if output is not None:
+        refuse_other_kind(output, setup.file.suffix)
+    copy = output or copy_path(setup, record.name, common.space.outputs(record.name))
+    refuse_overwriting([setup.file], {"--output": copy})
+    require_writable(copy)
+    return copy
+
+
+def _patched(record: Board, copy: Path, printer: Printer) -> tuple[Board, list[Path], SysidError | None]:
+    """Write the fitted joint into a copy of its model.
+
+    Returns:
+        The record, which names the copy; the files written; and the reason where the copy does not load.
+
+    Raises:
+        SysidError: A fitted number is not physical, or MuJoCo has no element for an effect.
+    """
+    from sim.model.patch import patch
+    from sim.model.setup import Setup
+
+    made = patch(Setup.of_entry(record.model), record)
+    refuse_overwriting(list(made.files), {"--output": copy})
     for line in made.remarks:
         printer.note(line)
     printer.say(made.diff.rstrip())
-    copies = made.save(path)
-    return replace(record, model={**record.model, "file": str(path)}), copies
+    try:
+        copies = made.save(copy)
+    except SysidError as error:
+        return record, [], error
+    return replace(record, model={**record.model, "file": str(copy)}), copies, None
 
 
 def _draw_learned(common: Common, result: "Fit") -> Path:

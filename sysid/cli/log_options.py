@@ -41,7 +41,7 @@ class VideoArguments:
     camera_angle: _Pair = None
     """Where the deck's axis points, to the right and down from the line of sight, in degrees."""
     pivot: _Pair = None
-    """Point in px that a single dot turns about."""
+    """Point that a single dot, or x and y of a table, turn about: in px, or in the table's unit."""
     no_shake: Flag = False
     """The camera stands still; take no shake out."""
     front: Flag = False
@@ -185,7 +185,7 @@ def unused_options(log: Path, arguments: LogArguments) -> list[str]:
     given, usual = (arguments, LogArguments()) if is_film(log) else (arguments.video, _NO_VIDEO)
     names = ("column", "unit", "axis", "time_column", "source", "lever_arm", "keep_outliers")
     if not is_film(log):
-        names = tuple(field.name for field in fields(VideoArguments))
+        names = tuple(field.name for field in fields(VideoArguments) if field.name != "pivot")
     return ["--" + name.replace("_", "-") for name in names if getattr(given, name) != getattr(usual, name)]
 
 
@@ -227,8 +227,13 @@ def say_notes(log: Path, roll: Roll, printer: Printer) -> None:
         printer.warn(f"{log}: {warning}")
 
 
-def load_recordings(logs: Sequence[Path], arguments: LogArguments, printer: Printer) -> list[Recording]:
+def load_recordings(
+    logs: Sequence[Path], arguments: LogArguments, printer: Printer, *, rest: float = 0.0
+) -> list[Recording]:
     """Read logs and find the free decays in them.
+
+    Args:
+        rest: Where the joint rests, as its record or model states [rad or m].
 
     Raises:
         SysidError: A log cannot be read, holds no free decay, was given twice, or would be overwritten.
@@ -237,10 +242,12 @@ def load_recordings(logs: Sequence[Path], arguments: LogArguments, printer: Prin
         raise SysidError("no log was given.")
     refuse_overwriting_logs(logs, arguments, printer)
     refuse_duplicates(logs)
-    return [recording_of(load_roll(log, arguments, printer), arguments, printer) for log in logs]
+    return [recording_of(load_roll(log, arguments, printer), arguments, printer, rest=rest) for log in logs]
 
 
-def recording_of(roll: Roll, arguments: LogArguments, printer: Printer | None = None) -> Recording:
+def recording_of(
+    roll: Roll, arguments: LogArguments, printer: Printer | None = None, *, rest: float = 0.0
+) -> Recording:
     """Find the releases in the part of a roll that the user named, and say on stderr what is wrong with that.
 
     Raises:
@@ -248,6 +255,7 @@ def recording_of(roll: Roll, arguments: LogArguments, printer: Printer | None = 
     """
     recording = Recording.of(
         roll, start=arguments.start, stop=arguments.stop, release=arguments.release, keep_zero=arguments.keep_zero,
+        rest=rest,
     )  # fmt: skip
     if printer is not None:
         for warning in recording.warnings[len(roll.warnings) :]:

@@ -48,7 +48,7 @@ def report(
     files = logs_of(record, logs, arguments, printer, output)
     if output is not None:
         refuse_other_kind(output, ".html", ".htm")
-    material = read_logs(files, arguments, printer)
+    material = read_logs(files, arguments, printer, rest=record.rest_angle)
     provenance = Provenance(
         command=shlex.join(["husky-sysid", *sys.argv[1:]]),
         space=space,

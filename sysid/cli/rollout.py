@@ -69,7 +69,7 @@ def rollout(
     if save:
         path = common.space.save_board(found.board(record), since=record)
         printer.say(f"saved: {path}")
-        if record.check:
+        if record.last_check:
             printer.warn(f"{board}: the check of the old record no longer counts; run it again.")
         content["saved"] = str(path)
     printer.result(content)

@@ -16,7 +16,7 @@ from sim.skate.cycle.start import AT_REST, Start
 from sim.skate.options import SkateOptions
 from sysid.board import Board, load_board
 from sysid.cli.console import Common, Printer
-from sysid.errors import QualityGateError, SysidError
+from sysid.errors import QualityGateError, SysidError, install_extra
 
 
 @Parameter(name="*")
@@ -90,9 +90,11 @@ class Learner:
     """Weight of the actions' entropy at the end of the curriculum."""
     desired_kl: Annotated[float, Parameter(validator=Number(gt=0))] = 0.015
     """Change of the policy that the learning rate aims at, an iteration."""
+    restart_std: Annotated[float, Parameter(validator=Number(gte=0))] = 0.0
+    """Standard deviation of the actions with which a run by --from begins; 0 for the checkpoint's. More unlearns a habit."""
     save_every: Annotated[int, Parameter(validator=Number(gte=1))] = 100
     """Iterations between checkpoints."""
-    style_weight: Annotated[float, Parameter(validator=Number(gte=0))] = 5.0
+    style_weight: Annotated[float, Parameter(validator=Number(gte=0))] = 25.0
     """Weight of the style reward per second."""
     curriculum: Literal["on", "off"] = "on"
     """Whether patience with a wrong stance, entropy and the differences of the worlds follow what the learner can
@@ -248,7 +250,7 @@ def _require_mjlab() -> None:
     missing = [name for name in ("torch", "mjlab", "rsl_rl") if find_spec(name) is None]
     if missing:
         raise SysidError(
-            f"training needs {', '.join(missing)}, which is not installed. Run `pip install 'husky-sysid[train]'`."
+            f"training needs {', '.join(missing)}, which is not installed: {install_extra('train')}."
         )
 
 

@@ -54,6 +54,7 @@ EFFECT = TorqueEffect(
     name="end-stop",
     title="end stop or bumper",
     family="stop",
+    also_called=("stop", "bumper", "limit", "hard stop"),
     parameters=(
         Parameter(
             "angle",

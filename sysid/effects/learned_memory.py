@@ -74,7 +74,7 @@ EFFECT = TorqueEffect(
     ),
     law="τ = q(z), ż = (v - |v| z) / a - z / T: a smooth table of what the joint remembers",
     source="between Maxwell 1867 (a → ∞) and Bouc 1967 (T → ∞)",
-    does="The torque depends on where the deck came from: creep, slip, a second body.",
+    does="The torque depends on where the joint came from: creep, slip, a second body.",
     look_alikes=("viscoelastic", "hysteresis", "bouc-wen", "second-mode"),
     experiment="Hold for 0.2 s and for 5 s before the release, and release from small and wide angles.",
     mujoco=MujocoSupport(

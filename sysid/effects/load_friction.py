@@ -60,7 +60,7 @@ EFFECT = TorqueEffect(
     source="Caughey and Vijayaraghavan, Int. J. Non-Linear Mechanics 5 (1970), for F = 0",
     does="Each swing loses the same share, as with a damper, and a fixed amount beside it; the torque jumps at each turning point.",
     look_alikes=("coulomb", "hysteresis"),
-    experiment="Pull the deck slowly to {3°} and to {12°} and back: the force there and back differs by more at {12°}.",
+    experiment="Pull the joint slowly to {3°} and to {12°} and back: the force there and back differs by more at {12°}.",
     mujoco=MujocoSupport(
         means="nothing that grows with the tilt", since="", warp=True,
         substitute="frictionloss, and a damper that takes as much of a swing as what grows",

@@ -53,6 +53,7 @@ EFFECT = SensorEffect(
     name="lowpass",
     title="a filter in the sensor",
     family="lowpass",
+    also_called=("filter", "low-pass"),
     parameters=(
         Parameter("time_constant", "s", lambda s: 1.0 / s.frequency, low=0.0, high=3.0, starts=(0.1, 0.5)),
     ),

@@ -91,6 +91,7 @@ EFFECT = TorqueEffect(
     name="stribeck",
     title="dry friction with stiction",
     family="friction",
+    also_called=("friction", "stiction"),
     parameters=(
         Parameter(
             "torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.02,), rough=True, default=0.0
@@ -112,9 +113,9 @@ EFFECT = TorqueEffect(
     law="τ = -(Fc + (Fs - Fc) exp(-(v/vs)²)) sgn v; sticks while the other torques stay within ±Fs",
     formula="({torque} + ({static_torque} - {torque}) exp(-(φ̇/{velocity})²)) sgn φ̇",
     source="Stribeck 1902; Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30 (1994)",
-    does="Slow swings lose more than dry friction alone would take, and the deck stops early and off rest.",
+    does="Slow swings lose more than dry friction alone would take, and the joint stops early and off rest.",
     look_alikes=("coulomb", "hysteresis"),
-    experiment="Pull the deck slowly with a spring balance: stiction shows as a jerk when it lets go.",
+    experiment="Pull the joint slowly with a spring balance: stiction shows as a jerk when it lets go.",
     mujoco=MujocoSupport(means="dcmotor without power, with LuGre friction", since="3.11", warp=True),
     to_mjcf=to_mjcf,
     example=(0.08, 0.25, 0.5),

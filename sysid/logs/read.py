@@ -10,16 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from sysid.errors import SysidError
+from sysid.logs.formats.own_clock import with_own_clocks, with_whole_clock
 from sysid.logs.formats.registry import open_log
 from sysid.logs.sources.registry import Reading, Source, choose_source
 from sysid.logs.table.choose import Choice, columns_of, find_column
 from sysid.logs.table.clock import MIN_SAMPLES, Clock, even_clock, repair_clock, usual_step
+from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import Column
 from sysid.logs.table.options import LogOptions
 from sysid.logs.table.outliers import measured_motion
 from sysid.logs.table.remarks import Remarks
 from sysid.logs.table.rows import measured_rows, on_common_rows
-from sysid.logs.table.split_clock import with_whole_clock
 from sysid.roll import Array, Roll
 from sysid.video.options import VideoOptions, is_film
 
@@ -46,7 +47,16 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
         from sysid.video_roll import roll_from_video
 
         return roll_from_video(path, replace(options.video or VideoOptions(), rate=options.rate))
-    log = with_whole_clock(open_log(path))
+    return roll_of_table(open_log(path), options)
+
+
+def roll_of_table(table: LogFile, options: LogOptions) -> Roll:
+    """Turn named columns, of a file or in memory, into roll against time.
+
+    Raises:
+        SysidError: They hold no roll, or too little to be a measurement.
+    """
+    path, log = table.path, with_own_clocks(with_whole_clock(table))
     time, columns = columns_of(log, options)
     source, choice = choose_source(log, columns, time, options)
     also = [find_column(log, name, columns, "also").name for name in options.also]

@@ -28,7 +28,7 @@ class HandMotion:
 
     @property
     def knots(self) -> Array:
-        """Where one piece of the spline ends and the next begins [s], shape (m,)."""
+        """Knots of the spline [s], shape (m,)."""
         return np.unique(self.spline.t)
 
     def acceleration(self, time: float) -> float:

@@ -65,7 +65,7 @@ def inferred(
             f"axis: {yaw:+.1f}° to the right of and {pitch:+.1f}° below the line of sight "
             f"(± {2 * np.degrees(camera.std[:2].max()):.1f}°), from {target.direction_from}"
         )
-    if track.shake.found and track.shake.significant:
+    if track.shake.moves:
         yield f"shake: {np.degrees(track.shake.size):.2g}° of the camera's, taken out by the background"
     if not before.std[READOUT]:
         source = "given" if options.readout is not None else "the phone notes in the file"

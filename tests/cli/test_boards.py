@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import math
 import os
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 
 from sysid.board import (
     DECAY_UNITS,
+    FINEST,
     GEOMETRY_UNITS,
     MASS_UNITS,
     PHYSICAL,
@@ -173,7 +175,12 @@ texts = st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]), max_siz
 def quantities(units):
     return st.fixed_dictionaries(
         {
-            key: st.builds(Quantity, st.floats(*PHYSICAL[unit]), st.floats(0, 1e6), st.just(unit))
+            key: st.builds(
+                Quantity,
+                st.floats(FINEST, math.pi if unit == "rad" else PHYSICAL[1]),
+                st.floats(0, 1e6),
+                st.just(unit),
+            )
             for key, unit in units.items()
         }
     )
@@ -194,7 +201,7 @@ boards = st.builds(
     source=texts,
     geometry=quantities(GEOMETRY_UNITS),
     mass=quantities(MASS_UNITS),
-    inertia=st.builds(Quantity, st.floats(*PHYSICAL["kg*m^2"]), st.floats(0, 1e6), st.just("kg*m^2"), texts),
+    inertia=st.builds(Quantity, st.floats(*PHYSICAL), st.floats(0, 1e6), st.just("kg*m^2"), texts),
     tilt=quantities(TILT_UNITS),
     decay=st.just({}) | quantities(DECAY_UNITS),
     published=st.just({}) | quantities(PUBLISHED_UNITS),
@@ -211,7 +218,7 @@ boards = st.builds(
         max_size=3,
     ).map(tuple),
     fit=sections,
-    check=sections,
+    last_check=sections,
     history=st.lists(sections, max_size=3).map(tuple),
 )
 
@@ -440,7 +447,7 @@ def test_commands_beside_each_other_lose_nothing(tmp_path: Path, pink: Board) ->
     now = space.load_board("pink")
     assert [line["stiffness"] for line in now.history] == [15.0, 16.0]
     assert now.stiffness == 16.0
-    assert not now.check
+    assert not now.last_check
 
 
 @pytest.mark.parametrize(

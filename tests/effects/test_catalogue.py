@@ -17,7 +17,7 @@ DESIGN = {
     "coulomb", "stribeck", "quadratic-damping", "cubic-damping", "cubic-stiffness", "asymmetric-stiffness",
     "gravity", "end-stop", "freeplay", "preload", "offset", "viscoelastic", "hysteresis", "second-mode",
     "inertia", "discretisation", "sensor-bias", "sensor-drift", "clock", "lowpass", "bilinear-stiffness", "bouc-wen", "armature",
-    "linkage", "payload", "weight",
+    "linkage", "linked-spring", "payload", "weight",
     "learned", "learned-memory", "dahl", "load-friction", "one-sided-stop", "hanging-body",
 }  # fmt: skip
 

@@ -126,7 +126,7 @@ def test_everything_that_hangs_on_the_level_is_set(led):
     assert learner.entropy_coef == 0.005
     assert rewards.get_term_cfg("always/course").weight == pytest.approx(10 * 0.4)
     assert rewards.get_term_cfg("always/joint_limits").weight == pytest.approx(-5 - 25 * 0.4)
-    assert rewards.get_term_cfg("push/air_time").weight == 3.0
+    assert rewards.get_term_cfg("push/swing").weight == 4.0
     assert env.event_manager.get_term_cfg("worlds").func.strength == 0.2
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from policy_runtime.evaluation.metrics import Rides, asked_course, episode_errors, reachable_headings
+from policy_runtime.evaluation.strides import clip_distances, stride_metrics
 from policy_runtime.evaluation.statistics import mean_over, proportion
 from sysid.errors import SysidError
 
@@ -17,6 +18,11 @@ def rides(**changes):
         "alive": np.ones(shape, bool),
         "pushing": np.zeros(shape, bool),
         "steering": np.zeros(shape, bool),
+        "waiting": np.zeros(shape, bool),
+        "power": np.zeros(shape),
+        "ground_load": np.zeros(shape),
+        "slip": np.zeros(shape),
+        "foot_place": np.zeros(shape),
         "commanded_speed": np.full(shape, 1.0),
         "target_heading": np.zeros(shape),
         "course": np.zeros(shape),
@@ -36,14 +42,83 @@ def rides(**changes):
 
 
 def test_a_perfect_ride_has_no_error():
-    for name, value in episode_errors(rides()).items():
-        assert value[0] == 0 or name == "E_still", name
+    found = episode_errors(rides())
+    assert all(
+        found[name][0] == 0 for name in ("E_vel", "E_yaw", "E_smth", "E_contact", "E_course", "E_tilt")
+    )
+    assert np.isnan(
+        [found[name][0] for name in ("E_still", "E_stop", "stride_period", "slip", "transport")]
+    ).all()
+
+
+def long_ride(**changes):
+    """One episode of 12 s in pushing, and told to move unless said otherwise."""
+    steps, shape = 600, (600, 1)
+    values = {
+        name: np.repeat(getattr(rides(), name)[:1], steps, axis=0)
+        for name in Rides.__slots__
+        if name != "succeeded"
+    }
+    values |= {
+        "pushing": np.ones(shape, bool),
+        "steering": np.zeros(shape, bool),
+        "succeeded": np.array([True]),
+    }
+    return Rides(**(values | changes))
+
+
+def test_strides_are_counted_from_touchdown_to_touchdown():
+    """A foot that stands for 0.4 s of each 1.0 s, sliding at 0.1 m/s under a tenth of the weight, travels 0.3 m."""
+    step = np.arange(600) % 50
+    down = np.zeros((600, 1, 2), bool)
+    down[:, 0, 0] = step < 20
+    found = stride_metrics(
+        long_ride(
+            foot_on_ground=down,
+            ground_load=np.where(step < 20, 0.1, 0.0)[:, None],
+            slip=np.where(step < 20, 0.1, 3.0)[:, None],
+            foot_place=(0.3 * np.abs(step - 25) / 25)[:, None],
+        )
+    )
+    expected = {
+        "strides": 11,
+        "stride_period": 1.0,
+        "stance_time": 0.4,
+        "foot_travel": 0.3,
+        "slip": 0.1,
+        "impact": 0.1,
+    }
+    assert {name: found[name][0] for name in expected} == pytest.approx(expected)
+    assert found["style_distance"][0] > 0.1  # joints at zero are no push
+
+
+def test_the_reference_clips_are_near_themselves_and_each_other():
+    distances = dict(clip_distances())
+    assert len(distances) == 4
+    assert all(0 < distance < 0.1 for distance in distances.values())
+
+
+@pytest.mark.parametrize(("rest", "falls", "share"), [(300, None, 0.0), (590, None, 1.0), (300, 400, 1.0)])
+def test_a_stop_fails_when_the_board_rolls_on_or_the_robot_falls(rest, falls, share):
+    told = np.where(np.arange(600) < 100, 1.0, 0.0)[:, None]
+    speed = np.where(np.arange(600) < rest, 1.0, 0.05)[:, None]
+    alive = (np.arange(600) < (falls or 600))[:, None]
+    ride = long_ride(commanded_speed=told, speed=speed, alive=alive, succeeded=np.array([falls is None]))
+    assert episode_errors(ride)["E_stop"][0] == share
+
+
+def test_cost_of_transport_is_work_over_weight_and_way():
+    """0.3 weights · m/s at 1 m/s."""
+    assert episode_errors(long_ride(power=np.full((600, 1), 0.3)))["transport"][0] == pytest.approx(0.3)
 
 
 def test_rolling_where_it_is_told_to_stand_is_an_error_of_its_own():
     told = np.where(np.arange(STEPS) < 10, 0.05, 0.8)[:, None]
+    waits = told < 0.1
     speed = np.where(np.arange(STEPS) < 10, -0.4, 0.8)[:, None]
-    assert episode_errors(rides(commanded_speed=told, speed=speed))["E_still"][0] == pytest.approx(0.4)
+    assert episode_errors(rides(commanded_speed=told, waiting=waits, speed=speed))["E_still"][
+        0
+    ] == pytest.approx(0.4)
     assert np.isnan(episode_errors(rides())["E_still"][0])
 
 

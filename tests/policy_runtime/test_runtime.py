@@ -45,11 +45,21 @@ def test_targets_go_out_with_the_robots_gains():
     np.testing.assert_array_equal(command.damping, servos().damping)
 
 
-def test_cycle_stands_still_while_the_command_is_to_stand():
+def test_told_to_stand_while_pushing_the_cycle_waits_at_the_beginning_of_the_next():
     policy = HoldStill()
     script = Script((0.0, 0.1, 0.2), (Command(1.0, 0), Command(0.05, 0), Command(1.0, 0)))
     run(policy=policy, commands=script, duration=0.3)
-    assert [step for _, step in policy.seen] == [*range(5), *[5] * 5, *range(5, 10)]
+    assert [step for _, step in policy.seen] == [
+        *range(6),
+        *[300] * 5,
+        *range(301, 305),
+    ]  # a cycle is 300 steps
+
+
+def test_a_cycle_that_is_to_stop_goes_on_to_the_next_pushing_phase():
+    policy = HoldStill()
+    run(policy=policy, commands=Script((0.0, 2.5), (Command(1.0, 0), Command(0.0, 0))), duration=8.0)
+    assert [step for _, step in policy.seen] == [*range(300), *[300] * 100]
 
 
 def test_speed_counts_at_once_and_a_turn_from_the_start_of_steering():

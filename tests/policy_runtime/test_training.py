@@ -18,9 +18,10 @@ import pytest
 from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder, next_run
 from sim.skate.cycle.start import Start
 from sim.skate.options import SkateOptions
-from sim.skate.world.posterior import Spread, draw_boards, tilt_draws
+from sim.skate.world.posterior import Spread, board_draws, draw_boards
 from sysid.board import BoardEffect, load_board
 from sysid.cli import build_app
+from sysid.effects import effect
 from sysid.errors import QualityGateError, SysidError
 from sysid.quantity import Quantity
 from sysid.workspace import shipped_data
@@ -234,28 +235,42 @@ def test_runs_are_numbered(tmp_path):
 
 
 def test_boards_are_drawn_about_the_record_and_reach_the_simulator():
-    board = replace(
-        load_board(PINK),
-        effects=(BoardEffect("cubic-stiffness", {"coefficient": Quantity(50.0, 5.0, "N*m/rad^3")}),),
-    )
+    cubic = BoardEffect("cubic-stiffness", {"coefficient": Quantity(50.0, 5.0, "N*m/rad^3")})
+    board = replace(load_board(PINK), effects=(cubic,))
     spread = Spread()
     boards = draw_boards(board, 200, spread, np.random.default_rng(1))
-    draws = tilt_draws(boards[:20], 0.005)
-    np.testing.assert_allclose(draws.stiffness, [b.stiffness for b in boards[:20]])
-    steered = np.array([b.inertia.value for b in boards[:20]]) - draws.deck_inertia[:, 0]
+    draws = board_draws(boards[:20], 0.005)
+    joint = "board_tilt_joint"
+    np.testing.assert_allclose(draws.of("jnt_stiffness", joint), [b.stiffness for b in boards[:20]])
+    steered = np.array([b.inertia.value for b in boards[:20]]) - draws.of("body_inertia", "deck")[:, 0]
     slope = np.tan([b.geometry["rake"].value for b in boards[:20]])
-    assert (
-        np.ptp(steered / slope**2) < 1e-12
-    )  # the rest of the roll inertia is what steers, by tan² of the rake
-    np.testing.assert_allclose(draws.coupling[:, 1], slope, rtol=2e-3)  # σ ≈ tan λ · roll
+    # The rest of the roll inertia is of the parts that steer, by tan² of the rake.
+    assert np.ptp(steered / slope**2) < 1e-12
+    coupling = draws.of("eq_data", draws.elements["equality"][0])
+    np.testing.assert_allclose(coupling[:, 1], slope, rtol=2e-3)  # σ ≈ tan λ · roll
     assert 0 <= steered[0] < 0.1 * board.inertia.value
-    np.testing.assert_allclose(
-        draws.stiffness_polynomial[:, 1], [b.effects[0].parameters["coefficient"].value for b in boards[:20]]
+    cubes = [b.effects[0].parameters["coefficient"].value for b in boards[:20]]
+    np.testing.assert_allclose(draws.of("jnt_stiffnesspoly", joint)[:, 1], cubes)
+    stiffness = np.log([b.stiffness / board.stiffness for b in boards])
+    assert stiffness.mean() == pytest.approx(0.0, abs=0.01)
+    assert stiffness.std() == pytest.approx(spread.relative, rel=0.2)
+    assert np.abs(stiffness).max() <= spread.truncate * spread.relative + 1e-3
+
+
+def test_friction_that_is_hardly_known_is_never_negative_and_a_stop_reaches_the_worlds():
+    """Every parameter known to 100 % only: dry friction, and an end stop, which is a tendon."""
+    parts = tuple(
+        BoardEffect(name, {p.name: Quantity(0.1, 0.1, p.unit) for p in effect(name).parameters})
+        for name in ("coulomb", "end-stop")
     )
-    stiffness = np.array([b.stiffness for b in boards])
-    assert stiffness.mean() == pytest.approx(board.stiffness, rel=0.02)
-    assert stiffness.std() == pytest.approx(spread.relative * board.stiffness, rel=0.2)
-    assert np.abs(stiffness / board.stiffness - 1).max() <= spread.truncate * spread.relative + 1e-9
+    boards = draw_boards(replace(load_board(PINK), effects=parts), 64, Spread(), np.random.default_rng(2))
+    draws = board_draws(boards, 0.005)
+    assert (draws.of("dof_frictionloss", "board_tilt_joint") > 0).all()
+    (stop,) = draws.elements["tendon"]
+    assert (draws.of("tendon_stiffness", stop) > 0).all()
+    slack = draws.of("tendon_lengthspring", stop)
+    assert (slack[:, 1] > slack[:, 0]).all()
+    assert np.ptp(slack[:, 1]) > 0.02
 
 
 def test_a_board_that_has_not_passed_is_refused(tmp_path):

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from sysid.decay.linear_fit import fit_traces
 from sysid.releases import find_releases
 from sysid.releases.extrema import smooth_signal
-from sysid.releases.hand import Span, _hand, _let_go
+
 from sysid.roll import Roll
 
 OMEGA = 41.0

@@ -20,7 +20,7 @@ def test_panels_have_units_and_none_is_empty():
     by_label = {
         axes.get_xlabel(): axes for axes in figure.axes if axes.get_ylabel() == "missing torque [N·m]"
     }
-    assert set(by_label) == {"rate [rad/s]", "tilt [°]"}
+    assert set(by_label) == {"rate [rad/s]", "angle [°]"}
     drawn = by_label["rate [rad/s]"].lines[-1].get_xydata()
     assert (
         drawn == list(zip(result.missing.over_rate.at, result.missing.over_rate.torque, strict=True))

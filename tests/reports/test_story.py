@@ -99,7 +99,7 @@ def test_candidates_are_those_that_were_predicted_and_the_chosen_one_is_marked(s
 
 def test_what_is_drawn_is_the_story(story):
     by_name = {panel.name: panel for panel in panels(story)}
-    assert list(by_name) == ["decay", "torque-rate", "torque-tilt", "ladder", "candidates", "whiteness"]
+    assert list(by_name) == ["decay", "torque-rate", "torque-angle", "ladder", "candidates", "whiteness"]
     figure = story_figure(story, "a title")
     drawn = [line.get_xydata() for axes in figure.axes for line in axes.get_lines()]
 

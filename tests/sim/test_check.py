@@ -192,14 +192,14 @@ def test_check_writes_its_verdict_into_the_workspace(tmp_path: Path):
     assert check([DECAYS / "pink.csv"], subject=Subject(board="pink"), common=common) == 0
     board = Workspace(tmp_path).load_board("pink")
     assert board.passed
-    assert board.check["nrmse"] < 0.01
-    assert "equality coupling" in board.check["scene"]
+    assert board.last_check["nrmse"] < 0.01
+    assert "equality coupling" in board.last_check["scene"]
     with pytest.raises(
         QualityGateError, match=r"inertia .* is wanted.*5 ms step and the export alone cost 5\.\d %"
     ):
         check([DECAYS / "black.csv"], subject=Subject(board="black"), export="physical", common=common)
     assert not Workspace(tmp_path).load_board("black").passed
-    assert load_board(shipped_data() / "boards" / "pink.toml").check == {}
+    assert load_board(shipped_data() / "boards" / "pink.toml").last_check == {}
 
 
 def test_fit_in_scene_finds_what_the_scene_must_hold(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

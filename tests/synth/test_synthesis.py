@@ -39,10 +39,12 @@ def pink() -> Board:
 
 def test_options_in_degrees_are_refused_in_degrees(tmp_path: Path) -> None:
     from sysid.cli.subject import Subject
-    from sysid.cli.synth import synth
+    from sysid.cli.synth import SensorArguments, synth
 
     with pytest.raises(SysidError, match=r"--noise-deg -1: expected degrees, 0 or more"):
-        synth(subject=Subject(board="pink"), output=tmp_path / "a.csv", noise_deg=-1.0)
+        synth(
+            subject=Subject(board="pink"), output=tmp_path / "a.csv", sensor=SensorArguments(noise_deg=-1.0)
+        )
     assert list(tmp_path.iterdir()) == []
 
 

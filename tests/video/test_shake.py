@@ -81,7 +81,7 @@ def test_a_wall_that_a_hand_held_camera_turns_does_not_move():
         picture[150:190, left : left + 40] = 20
         frame = frame_of(number, number / 60, picture)
         background.update(frame)
-        motion.add(frame, background.pose(number))
+        motion.add(frame, *background.pose(number))
     rows, columns = np.nonzero(motion.mask(None))
     assert 140 < rows.min() < 155
     assert 185 < rows.max() < 200

@@ -405,7 +405,7 @@ def test_shake_is_a_rotation_and_tells_the_lens():
     seen = seen + 0.08 * (rng.normal(size=seen.shape) + 1j * rng.normal(size=seen.shape))
     seen[:, 3] += 25  # something that moves on its own
     seen[::3, 5] = np.nan
-    shake = find_shake(home, seen, 576.0, centre, known=False)
+    shake = find_shake(home, seen, 576.0, centre, np.zeros(len(seen)))
     score = (shake.motion[:, 2] - turns[:, 2]) / shake.std
     assert shake.significant
     assert shake.focal == pytest.approx(focal, rel=0.05)

@@ -1,7 +1,8 @@
 """The cycle that a skateboarder repeats: push, mount, steer, dismount (HUSKY, section III).
 
 Time alone drives it; contacts never switch it. Every policy step is `CONTROL_PERIOD` long, and the
-cycle phase Φ runs from 0 to 1 over one cycle.
+cycle phase Φ runs from 0 to 1 over one cycle. Told to stand, the cycle goes on to the beginning of the next
+pushing phase, where one foot can brake, and waits there.
 """
 
 from dataclasses import dataclass
@@ -32,6 +33,21 @@ class Clock:
     def period(self) -> int:
         """Length of the cycle in policy steps."""
         return self.push + self.mount + self.steer + self.dismount
+
+    def after(self, step: Any, stands: Any) -> Any:
+        """Return the step that follows, shape (...,).
+
+        Args:
+            step: Steps since the cycle began, integers, shape (...,).
+            stands: Whether the robot is told to stand, shape (...,). In a pushing phase the cycle then jumps to
+                the beginning of the next one and stays there.
+        """
+        waiting_place = -(-step // self.period) * self.period
+        return namespace(step).where(stands & self.pushing(step), waiting_place, step + 1)
+
+    def waiting(self, step: Any, stands: Any) -> Any:
+        """Return whether the cycle waits because the robot is told to stand, shape (...,)."""
+        return stands & (step % self.period == 0)
 
     def cycle_phase(self, step: Any) -> Any:
         """Return Φ in [0, 1) of integer steps since the cycle began, shape (...,)."""

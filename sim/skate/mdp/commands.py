@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 SLOW_SPEED = 0.4
-"""What a slow ride is told at most [m/s]."""
+"""Largest command of a slow ride [m/s]."""
+STRIDE = 0.9
+"""Time over which the speed of pushing is averaged [s]: a stride of the reference clips (0.82 to 0.96 s)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +55,7 @@ class SkateCommandCfg(CommandTermCfg):
     steer_pose: CanonicalPose
     """Where mounting ends."""
     resampling_time_range: tuple[float, float] = (1e9, 1e9)
-    """Speed is drawn once an episode; the turn also at the start of every steering phase."""
+    """mjlab draws once an episode. This term changes the speed at random times, and the turn where steering begins."""
 
     def build(self, env: "ManagerBasedRlEnv") -> "SkateCommand":
         """Return the term."""
@@ -99,7 +101,13 @@ class SkateCommand(CommandTerm):
         self.fraction = torch.zeros(n, device=device)
         """Way gone within the present transition, (n,); 0 or 1 outside one."""
         self.air_time = torch.zeros(n, device=device)
-        """Time since the left foot last touched the ground [s], (n,)."""
+        """Time since the left foot last touched the ground [s], 0 while it does, (n,)."""
+        self.ground_time = torch.zeros(n, device=device)
+        """Time since the left foot came down [s], 0 while it is in the air, (n,)."""
+        self.mean_speed = torch.zeros(n, device=device)
+        """Speed of the board [m/s], averaged over a stride while pushing, (n,)."""
+        self._foot_range = torch.zeros(2, n, device=device)
+        """Least and greatest place of the left sole along the board since it last came down [m]."""
         self.first_action = torch.zeros(n, 23, device=device)
         """What an episode counts as the action before its first: set by the reset, (n, 23)."""
         self._now: dict[str, Any] = {}
@@ -129,12 +137,15 @@ class SkateCommand(CommandTerm):
 
     @property
     def still(self) -> torch.Tensor:
-        """Whether the robot is told to stand, bool (n,)."""
-        return self._once("still", lambda: self._command[:, 0] < STILL_SPEED)
+        """Whether the cycle waits because the robot is told to stand, bool (n,)."""
+        return self._once("still", lambda: self.clock.waiting(self.step, self._stands()))
+
+    def _stands(self) -> torch.Tensor:
+        return self._command[:, 0] < STILL_SPEED
 
     @property
     def phases(self) -> tuple[torch.Tensor, ...]:
-        """Whether the cycle is in pushing, mounting, steering, dismounting, told to move or not, bool (n,) each."""
+        """Whether the cycle is in pushing, mounting, steering, dismounting, waiting or not, bool (n,) each."""
         clock, step = self.clock, self.step
         return self._once(
             "phases",
@@ -154,12 +165,12 @@ class SkateCommand(CommandTerm):
     @property
     def steering(self) -> torch.Tensor:
         """Whether the robot shall steer, bool (n,)."""
-        return self._once("steering", lambda: self.phases[2] & ~self.still)
+        return self.phases[2]
 
     @property
     def transition(self) -> torch.Tensor:
         """Whether the robot mounts or dismounts, bool (n,)."""
-        return self._once("transition", lambda: (self.phases[1] | self.phases[3]) & ~self.still)
+        return self._once("transition", lambda: self.phases[1] | self.phases[3])
 
     @property
     def cycle_phase(self) -> torch.Tensor:
@@ -212,6 +223,7 @@ class SkateCommand(CommandTerm):
         """Draw new commands, and make the first action continue the pose that the reset chose."""
         extras = super().reset(env_ids)
         self.air_time[env_ids] = 0.0
+        self.ground_time[env_ids] = 0.0
         # Who begins within a transition comes from the pose before it.
         pose = self.clock.dismounting(self.step).long()[env_ids]
         self._start_positions[env_ids] = self._end_positions[pose]
@@ -233,21 +245,22 @@ class SkateCommand(CommandTerm):
 
         For all of them, so that it is one CUDA graph whoever needs it.
         """
-        drawn = torch.empty(2, self.num_envs, device=self.device)
-        speed, turn = drawn[0].uniform_(*self._options.speed), self._turns(drawn[1])
-        chance, share = torch.rand(2, self.num_envs, device=self.device)
-        differing = worlds(self._env)
-        # Who stands falls seldom, and lives on: a beginner would do little else, and be led on for it.
-        led = 1.0 if differing is None else differing.strength
-        speed = torch.where(chance > 1 - led * self._options.slow, SLOW_SPEED * share, speed)
-        # An episode that begins in motion is one that was told to move.
-        rolls = self.step > 0
-        speed = torch.where(rolls, speed.clamp(min=STILL_SPEED), speed)
-        speed = torch.where(~rolls & (chance < led * self._options.standing), STILL_SPEED * share, speed)
+        speed, turn = self._speeds(), self._turns(torch.empty(self.num_envs, device=self.device))
         # A turn is told where steering begins; until then the course is straight on, and nothing is left of the turn before.
         turn = torch.where(self.clock.steering(self.step), turn, 0.0)
         target = wrap_angle(self.reading.board_heading() + turn)
         return torch.stack((speed, turn), dim=-1), target, rotation.yaw(self.reading.robot_quaternion())
+
+    def _speeds(self) -> torch.Tensor:
+        """Draw a commanded speed for every world [m/s], (n,): any, slow, or standing still."""
+        options = self._options
+        speed = torch.empty(self.num_envs, device=self.device).uniform_(*options.speed)
+        chance, share = torch.rand(2, self.num_envs, device=self.device)
+        differing = worlds(self._env)
+        # Standing worlds seldom fall and outlive the others. A beginner would do little else.
+        led = 1.0 if differing is None else (4 * differing.strength).clamp(max=1.0)
+        speed = torch.where(chance > 1 - led * options.slow, SLOW_SPEED * share, speed)
+        return torch.where(chance < led * options.standing, STILL_SPEED * share, speed)
 
     def _turns(self, angles: torch.Tensor) -> torch.Tensor:
         """Draw turns to either side [rad] in place."""
@@ -264,17 +277,54 @@ class SkateCommand(CommandTerm):
         for kept, now in zip(self.key_bodies, self.reading.key_bodies_on_board(), strict=True):
             kept.copy_(now)
         if env_ids is None:
-            advances = (self._env.episode_length_buf > 0) & ~(self._command[:, 0] < STILL_SPEED)
-            self.step += advances
+            begun = self._env.episode_length_buf > 0
+            advances = begun & ~self.clock.waiting(self.step, self._stands())
+            _put(self.step, begun, self.clock.after(self.step, self._stands()))
+            changes = torch.rand(self.num_envs, device=self.device) < CONTROL_PERIOD / self._options.change
+            _put(self._command[:, 0], changes & begun, self._speeds())
             self.refresh()
             self._enter_phases(advances)
         else:
             self.refresh()
         self._update_path()
 
-    def count_air_time(self, left_on_ground: torch.Tensor) -> torch.Tensor:
-        """Take a step with or without the left foot on the ground into account and return `air_time`."""
-        return self.air_time.copy_(torch.where(left_on_ground, 0.0, self.air_time + CONTROL_PERIOD))
+    def count_strides(
+        self, left_on_ground: torch.Tensor, place: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Take a step with or without the left foot on the ground into account.
+
+        Args:
+            left_on_ground: Whether it is, bool (n,).
+            place: Of the left foot along the board [m], (n,).
+
+        Returns:
+            Whether the foot has just come down, bool (n,), and how far it travelled along the board since it last
+            did [m], (n,), read where it has.
+        """
+        comes_down = left_on_ground & (self.air_time > 0)
+        self.air_time.copy_(torch.where(left_on_ground, 0.0, self.air_time + CONTROL_PERIOD))
+        self.ground_time.copy_(torch.where(left_on_ground, self.ground_time + CONTROL_PERIOD, 0.0))
+        low, high = self._foot_range
+        travel = high - low
+        begins = comes_down | ~self.pushing | (self._env.episode_length_buf <= 1)
+        low.copy_(torch.where(begins, place, torch.minimum(low, place)))
+        high.copy_(torch.where(begins, place, torch.maximum(high, place)))
+        return comes_down, travel
+
+    def speed_error(self) -> torch.Tensor:
+        """Return `mean_speed` less the commanded speed [m/s], (n,)."""
+        return self.mean_speed - self._command[:, 0]
+
+    def holds_speed(self) -> torch.Tensor:
+        """Return how well `mean_speed` is the commanded one, from 0 to 1, (n,)."""
+        return (-(self.speed_error() ** 2) / self._options.speed_tolerance).exp()
+
+    def average_speed(self) -> torch.Tensor:
+        """Take a step into account and return `mean_speed`: a push speeds the board up, and it slows down until the next."""
+        speed = self.board_velocity()[:, 0]
+        mean = self.mean_speed + CONTROL_PERIOD / STRIDE * (speed - self.mean_speed)
+        begins = ~self.pushing | (self._env.episode_length_buf <= 1)
+        return self.mean_speed.copy_(torch.where(begins, speed, mean))
 
     def _enter_phases(self, advances: torch.Tensor) -> None:
         clock, step = self.clock, self.step % self.clock.period

@@ -142,6 +142,7 @@ def _read(env: "ManagerBasedRlEnv") -> SkateState:
     on_deck = reading.marker_offset()
     on_ground = reading.loaded(contacts.FEET_GROUND)
     actions = env.action_manager
+    touchdown, travel = command.count_strides(on_ground[:, 0], on_deck[:, 0, 0])
     return SkateState(
         pushing=command.pushing,
         transition=command.transition,
@@ -153,6 +154,7 @@ def _read(env: "ManagerBasedRlEnv") -> SkateState:
         heading_reference=command.heading_reference(),
         tilt_reference=command.tilt_reference(),
         board_velocity=command.board_velocity(),
+        mean_speed=command.average_speed(),
         board_heading=board_heading,
         robot_heading=robot_heading,
         tilt=reading.tilt(),
@@ -160,10 +162,17 @@ def _read(env: "ManagerBasedRlEnv") -> SkateState:
         upright=1 - 2 * (pelvis[:, 1] ** 2 + pelvis[:, 2] ** 2),
         foot_on_ground=on_ground,
         foot_on_deck=reading.loaded(contacts.FEET_DECK),
+        ground_load=reading.load(contacts.FEET_GROUND),
+        deck_load=reading.load(contacts.FEET_DECK),
         foot_in_zone=(on_deck[..., 0].abs() < ZONE[0]) & (on_deck[..., 1].abs() < ZONE[1]),
         foot_marker_distance=offset.norm(dim=-1),
         foot_place_error=reading.foot_place() - command.foot_place,
-        left_air_time=command.count_air_time(on_ground[:, 0]),
+        left_air_time=command.air_time,
+        left_ground_time=command.ground_time,
+        left_touchdown=touchdown,
+        left_travel=travel,
+        left_place=on_deck[:, 0, 0],
+        left_slip=reading.left_slip(),
         left_sole_heights=reading.left_sole_heights(),
         wheel_on_ground=reading.wheels_loaded(),
         other_contacts=reading.other_contacts(),

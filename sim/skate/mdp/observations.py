@@ -25,6 +25,9 @@ The critic's vector, in order (privileged, without noise, one frame):
 | 1 | where the right foot shall stay along the deck [m] × 5 |
 | 1 | heading still to turn by now [rad] |
 | 7 | the world: delays of action and sensors, rolling and sole friction, mass, slope; zero where all are the same |
+| 1 | time since the left foot came down [s] |
+| 1 | board's speed, averaged over a stride, less the commanded one [m/s] |
+| 1 | 1 while the cycle waits |
 """
 
 from typing import TYPE_CHECKING, Any, cast
@@ -109,7 +112,7 @@ class CriticVector(ActorFrame):
     """The privileged vector of the module's table."""
 
     def __call__(self, env: "ManagerBasedRlEnv") -> torch.Tensor:
-        """Return the vector, (n, 196)."""
+        """Return the vector, (n, 199)."""
         command = skate_command(env)
         parts = (
             scale_frame(super().__call__(env)),
@@ -119,6 +122,7 @@ class CriticVector(ActorFrame):
             *_contacts(command),
             *_phases(command),
             *self._hidden(command),
+            *_stride(command),
         )
         return torch.cat(parts, dim=-1)
 
@@ -140,7 +144,10 @@ def phase_one_hot(env: "ManagerBasedRlEnv") -> torch.Tensor:
 
 
 def style_mask(env: "ManagerBasedRlEnv", pushing: bool = True, transitions: bool = False) -> torch.Tensor:
-    """Return 1 where the last five joint frames are of one episode and of one phase taught by style, (n, 1).
+    """Return how much the style of the last five joint frames counts, (n, 1).
+
+    It is 0 unless they are of one episode and of one phase taught by style. In pushing it falls with the error of the
+    speed, else marching on the spot earns it.
 
     Args:
         pushing: Whether pushing is one.
@@ -148,13 +155,13 @@ def style_mask(env: "ManagerBasedRlEnv", pushing: bool = True, transitions: bool
     """
     command = skate_command(env)
     clock, step = command.clock, command.step
-    within = clock.pushing(step - 4) & command.pushing & pushing
+    within = (clock.pushing(step - 4) & command.pushing & pushing) * command.holds_speed()
     if transitions:
         _, mounting, _, dismounting = command.phases
         mounts = clock.mounting(step - 4) & mounting
         dismounts = clock.dismounting(step - 4) & dismounting
-        within |= (mounts | dismounts) & ~command.still
-    return (within & (env.episode_length_buf >= 4))[:, None].float()
+        within = within + (mounts | dismounts)
+    return (within * (env.episode_length_buf >= 4))[:, None]
 
 
 def _guidance(command: SkateCommand) -> tuple[torch.Tensor, ...]:
@@ -200,6 +207,14 @@ def _contacts(command: SkateCommand) -> tuple[torch.Tensor, ...]:
         torch.sign(forces) * torch.log1p(forces.abs()),
         reading.wheels_loaded().float(),
         command.air_time[:, None].clamp(max=1.0),
+    )
+
+
+def _stride(command: SkateCommand) -> tuple[torch.Tensor, ...]:
+    return (
+        command.ground_time[:, None].clamp(max=1.0),
+        command.speed_error()[:, None],
+        command.still[:, None].float(),
     )
 
 

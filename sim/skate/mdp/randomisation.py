@@ -4,10 +4,9 @@
 | what | range | when |
 |---|---|---|
 | centre of mass of the torso | ±2.5 cm each axis | once a world |
-| centre of mass of the board's level part | ±2.5 cm each axis | once a world |
-| friction of the soles (and with it of the robot on the ground) | × 0.3 to 1.6, even in the logarithm | once a world |
-| friction of the deck | × U(0.8, 2.0) | once a world |
-| tilt joint, roll inertia and rake | the record's posterior, see `sim.skate.world.posterior` | once a world |
+| centre of mass of the deck | ±2.5 cm each axis | once a world |
+| friction of the soles on ground and deck | × 0.35 to 1.6, even in the logarithm | once a world |
+| tilt joint with its effects, roll inertia and rake | the record's posterior, see `sim.skate.world.posterior` | once a world |
 | delays, gains, masses, rolling friction, sensors' bias, slopes, ledges | see `sim.skate.mdp.worlds` | led by the curriculum |
 | place of the right foot along the deck | `SkateOptions.foot_place` | every reset |
 | pelvis beside the board | ±2 cm | every reset |
@@ -22,12 +21,12 @@ from typing import TYPE_CHECKING, Any
 import torch
 from mjlab.managers.event_manager import RecomputeLevel, requires_model_fields
 
-from sim.board.scene import TILT_JOINT, WHEELS
+from sim.board.scene import WHEELS
 from sim.skate.arrays import constant
 from sim.skate.cycle.start import STANDING_PLACE, Start
 from sim.skate.mdp.observations import skate_command
 from sim.skate.robot import g1
-from sim.skate.world.posterior import TiltDraws
+from sim.skate.world.posterior import FIELDS, BoardDraws, index_of
 
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
@@ -120,42 +119,26 @@ def _whole(
     return qpos, qvel
 
 
-@requires_model_fields(
-    "jnt_stiffness",
-    "jnt_stiffnesspoly",
-    "dof_damping",
-    "dof_dampingpoly",
-    "dof_frictionloss",
-    "qpos_spring",
-    "body_inertia",
-    "eq_data",
-    recompute=RecomputeLevel.set_const_0,
-)
+@requires_model_fields(*FIELDS, recompute=RecomputeLevel.set_const_0)
 def draw_board(
-    env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, draws: TiltDraws, couplings: tuple[str, ...]
+    env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, draws: BoardDraws, coupled: bool
 ) -> None:
     """Give every world one of the boards drawn from the posterior, in turn.
 
     Args:
         env_ids: Which of them; all if None.
-        couplings: Equality constraints by which the deck steers; none where it does otherwise.
+        coupled: Whether the deck steers by the equality constraints that boards are drawn with.
     """
     ids = torch.arange(env.num_envs, device=env.device) if env_ids is None else env_ids
-    model = env.sim.model
-    joint = env.sim.mj_model.joint(f"board/{TILT_JOINT}")
-    dof, deck = joint.dofadr[0], env.sim.mj_model.body("board/deck").id
-    which = ids.cpu().numpy() % len(draws.stiffness)
-    value = lambda column: torch.tensor(column[which], device=env.device, dtype=torch.float)  # noqa: E731
-    model.jnt_stiffness[ids, joint.id] = value(draws.stiffness)
-    model.jnt_stiffnesspoly[ids, joint.id] = value(draws.stiffness_polynomial)
-    model.dof_damping[ids, dof] = value(draws.damping)
-    model.dof_dampingpoly[ids, dof] = value(draws.damping_polynomial)
-    model.dof_frictionloss[ids, dof] = value(draws.friction)
-    model.qpos_spring[ids, joint.qposadr[0]] = value(draws.rest_angle)
-    model.body_inertia[ids, deck] = value(draws.deck_inertia)
-    for name in couplings:
-        equality = env.sim.mj_model.equality(name).id
-        model.eq_data[ids, equality, :5] = value(draws.coupling)
+    scene, model = env.sim.mj_model, env.sim.model
+    which = ids.cpu().numpy() % len(draws.fields["jnt_stiffness"])
+    for field, kind in FIELDS.items():
+        names = draws.elements[kind]
+        if not names or (kind == "equality" and not coupled):
+            continue
+        rows = torch.tensor([index_of(scene, kind, f"board/{name}") for name in names], device=env.device)
+        values = torch.tensor(draws.fields[field][which], device=env.device, dtype=torch.float)
+        getattr(model, field)[ids[:, None], rows] = values
 
 
 def push(env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, speed: float) -> None:

@@ -7,19 +7,18 @@ links are those of MuJoCo's last kinematics, which lag one simulation step when 
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
 
 from sim.board.scene import TILT_JOINT, TRUCK_JOINTS
 from sim.skate import rotation
 from sim.skate.cycle.transitions import KEY_BODIES
-from sim.skate.robot.g1 import FOOT_BODIES, JOINTS, SOLE_HEIGHT
+from sim.skate.robot.g1 import FOOT_BODIES, JOINTS, SOLE_CENTRE
 from sim.skate.world import contacts
 
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
 
-SOLE_CENTRE = (0.039, 0.0, -SOLE_HEIGHT)
-"""Middle of the sole in the ankle roll frame [m]; the capsules reach from x = -0.054 to 0.132."""
 SOLE_POINTS = ((0.15, 0.0, 0.0), (-0.15, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, -0.1, 0.0))
 """Four points in the plane of the sole about its middle [m], by which it is judged flat."""
 BALL = (0.075, 0.0, 0.0)
@@ -54,6 +53,11 @@ class Reading:
         self._markers = torch.tensor(
             [[-wheelbase / 2, 0.0, top], [wheelbase / 2, 0.0, top]], device=env.device, dtype=torch.float
         )
+        self.weight = float(model.body("robot/pelvis").subtreemass[0]) * float(
+            np.linalg.norm(model.opt.gravity)
+        )
+        """Of the robot [N]."""
+        self._root = int(model.body("robot/pelvis").id)
         self.axis_height = float(model.body("board/board").pos[2])
         """Height of the tilt axis over level ground [m]."""
         self.wheel_radius = float(model.geom("board/front_left_wheel_collision").size[0])
@@ -163,6 +167,15 @@ class Reading:
         place = rotation.rotate_back(board, ball - self.board_position()[:, None])
         return place[:, 0, 0] - self._markers[1, 0]
 
+    def left_slip(self) -> torch.Tensor:
+        """Speed of the middle of the left sole over the ground [m/s], (n,)."""
+        data, foot = self._sim.data, self._feet[:1]
+        sole = data.xpos[:, foot] + rotation.rotate(data.xquat[:, foot], self._sole_centre)
+        # MuJoCo's cvel is angular, then linear, at the centre of mass of the whole tree.
+        turning, moving = data.cvel[:, foot].split(3, dim=-1)
+        arm = sole - data.subtree_com[:, self._root, None]
+        return (moving + torch.cross(turning, arm, dim=-1))[:, 0, :2].norm(dim=-1)
+
     def left_sole_heights(self) -> torch.Tensor:
         """Heights of `SOLE_POINTS` of the left foot about its middle [m], (n, 4)."""
         foot = self._sim.data.xquat[:, self._feet[:1]]
@@ -173,6 +186,10 @@ class Reading:
     def foot_forces(self, sensor: str) -> torch.Tensor:
         """Net force on left and right foot [N], world frame, (n, 2, 3)."""
         return self._env.scene[sensor].data.force
+
+    def load(self, sensor: str) -> torch.Tensor:
+        """Vertical force on left and right foot over the robot's nominal weight [1], (n, 2)."""
+        return self.foot_forces(sensor)[..., 2].abs() / self.weight
 
     def loaded(self, sensor: str) -> torch.Tensor:
         """Whether left and right foot are loaded, bool (n, 2)."""

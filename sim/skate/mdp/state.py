@@ -14,11 +14,11 @@ class SkateState:
     pushing: Any
     """In the pushing phase and told to move, bool (n,)."""
     transition: Any
-    """Mounting or dismounting and told to move, bool (n,)."""
+    """Mounting or dismounting, bool (n,)."""
     steering: Any
-    """In the steering phase and told to move, bool (n,)."""
+    """In the steering phase, bool (n,)."""
     still: Any
-    """Told to stand still, bool (n,)."""
+    """Told to stand, and the cycle waits, bool (n,)."""
 
     time_in_push: Any
     """Time since the pushing phase began [s], (n,)."""
@@ -34,6 +34,8 @@ class SkateState:
 
     board_velocity: Any
     """In the board's frame [m/s], (n, 3)."""
+    mean_speed: Any
+    """Speed of the board [m/s], averaged over a stride while pushing, (n,)."""
     board_heading: Any
     """[rad], (n,)."""
     robot_heading: Any
@@ -49,6 +51,10 @@ class SkateState:
     """Left, right: loaded by the ground, bool (n, 2)."""
     foot_on_deck: Any
     """Left, right: loaded by the deck, bool (n, 2)."""
+    ground_load: Any
+    """Vertical force of the ground on left and right foot over the robot's weight [1], (n, 2)."""
+    deck_load: Any
+    """Vertical force of the deck on left and right foot over the robot's weight [1], (n, 2)."""
     foot_in_zone: Any
     """Left over the rear zone, right over the front zone of the deck, bool (n, 2)."""
     foot_marker_distance: Any
@@ -57,6 +63,16 @@ class SkateState:
     """How far the ball of the right foot is from where it stood at the start, along the deck [m], (n,)."""
     left_air_time: Any
     """Time since the left foot last touched the ground [s], 0 while it does, (n,)."""
+    left_ground_time: Any
+    """Time since the left foot came down [s], 0 while it is in the air, (n,)."""
+    left_touchdown: Any
+    """The left foot has just come down, bool (n,)."""
+    left_travel: Any
+    """Way of the left foot along the board since it last came down [m], (n,); read at touchdowns."""
+    left_place: Any
+    """Place of the left sole along the board, from the rear marker [m], (n,)."""
+    left_slip: Any
+    """Speed of the left sole over the ground [m/s], (n,)."""
     left_sole_heights: Any
     """Heights of four points of the left sole, from a common level [m], (n, 4)."""
     wheel_on_ground: Any

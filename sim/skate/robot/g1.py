@@ -30,6 +30,8 @@ JOINTS: tuple[str, ...] = (
 FOOT_BODIES = ("left_ankle_roll_link", "right_ankle_roll_link")
 SOLE_HEIGHT = 0.035
 """Height of the ankle roll frame above the lowest points of the sole [m]: capsules of 1 cm radius at -2.5 cm."""
+SOLE_CENTRE = (0.039, 0.0, -SOLE_HEIGHT)
+"""Middle of the sole in the ankle roll frame [m]; the capsules reach from x = -0.054 to 0.132."""
 SOLE_FRICTION = 1.0
 """Sliding friction of the soles [1]; the stock model's 0.6 slips on a deck."""
 

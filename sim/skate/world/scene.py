@@ -215,6 +215,9 @@ def _robot_child() -> mujoco.MjSpec:
 
 def _board_child(board: Board, options: SceneOptions) -> mujoco.MjSpec:
     spec = board_spec(board, coupling=options.coupling, ground=False, timestep=options.timestep)
+    for geom in spec.geoms:
+        if geom.name == "deck_collision":
+            geom.priority = 0  # the sole's friction counts on the deck as on the ground
     if not options.steered:
         for constraint in spec.equalities:
             constraint.data[:5] = 0.0

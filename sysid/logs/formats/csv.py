@@ -13,9 +13,9 @@ import numpy.typing as npt
 from sysid.errors import SysidError
 from sysid.logs.formats import dialect
 from sysid.logs.formats.long_table import by_sensor, sensor_column
+from sysid.logs.formats.own_clock import with_frame_clock
 from sysid.logs.formats.registry import Format
 from sysid.logs.table.file import LogFile
-from sysid.logs.table.frame_clock import with_frame_clock
 from sysid.logs.table.names import of_sensor
 from sysid.roll import Array
 

@@ -12,14 +12,12 @@ from typing import TypeVar
 
 from sysid.errors import SysidError
 from sysid.logs.formats.csv import open_csv
-from sysid.logs.formats.registry import Format
+from sysid.logs.formats.registry import Format, refuse_larger
 from sysid.logs.formats.tables import MOTION, merge_logs
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import parse_column
 
 T = TypeVar("T")
-MAX_UNPACKED = 1 << 30
-"""An hour of seven sensors at 1 kHz is 0.3 GiB as text."""
 MAX_MEMBERS = 10_000
 """Files in an archive; a phone's export has one a sensor, some ten."""
 _DAMAGE = (RuntimeError, NotImplementedError, EOFError, OSError, ValueError, OverflowError)
@@ -42,10 +40,7 @@ def open_zip(path: Path) -> LogFile:
                 )
             tables = [m for m in listed if not m.is_dir() and _is_table(Path(m.filename))]
             needed = _of_motion(tables, lambda member: Path(member.filename))
-            if sum(member.file_size for member in needed) > MAX_UNPACKED:
-                raise SysidError(
-                    f"{path}: unpacks to more than 1 GiB. Unpack it and name the one file in it."
-                )
+            refuse_larger(path, sum(member.file_size for member in needed))
             files: list[Path] = []
             for number, member in enumerate(needed):
                 target = Path(folder) / str(number) / Path(member.filename).name

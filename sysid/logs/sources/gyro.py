@@ -10,8 +10,9 @@ from sysid.logs.sources.axis import find_roll_axis
 from sysid.logs.sources.registry import LENGTHS, Reading, Source
 from sysid.logs.table.choose import Choice, chosen, triple
 from sysid.logs.table.names import RATE_UNITS, Column, unit_kind
+from sysid.logs.table.noise import noise_of
 from sysid.logs.table.remarks import Remarks, note, warning
-from sysid.noise.sensor import clipped_rows, estimate_noise
+from sysid.noise.sensor import clipped_rows
 from sysid.roll import Array, Roll
 
 REST_BLOCK = 0.2
@@ -46,7 +47,7 @@ def find_gyro(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]
 
 def gyro_from(column: Column, columns: Sequence[Column], sign: float) -> Choice:
     """Return one column that the user names, as a rotation rate."""
-    unit = column.unit if unit_kind(column.unit) == "rate" else None
+    unit = column.unit if unit_kind(column.unit) in ("rate", "speed") else None
     choice = chosen([column], "", sign, f"from the rate '{column.name}', integrated")
     return replace(choice, unit=unit, doubt=0)
 
@@ -111,7 +112,7 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
     the integral is a random walk; fits should use `Roll.rate`, whose errors are independent.
     """
     time = reading.time
-    noise, counted = estimate_noise(rate), reading.counted
+    noise, counted = noise_of(time, rate), reading.counted
     bias = estimate_bias(time[counted], rate[counted], noise.std)
     free = rate - np.interp(time, time[counted], bias.value)
     steps = np.diff(time)

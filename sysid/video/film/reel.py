@@ -12,7 +12,7 @@ from sysid.errors import SysidError
 from sysid.video.film.background import Background
 from sysid.video.film.camera import Lens
 from sysid.video.film.frames import BYTES_AHEAD, Clip, Frame, ahead
-from sysid.video.film.survey import BOX_MARGIN, MIN_REGION, Motion, Survey, box_around
+from sysid.video.film.survey import MIN_REGION, Motion, Survey, box_around
 from sysid.video.options import VideoOptions
 from sysid.video.types import Box, Mask
 
@@ -59,7 +59,7 @@ class Reel:
         """Decode from the first frame on, with nothing in memory."""
         self._frames.clear()
         self.skipped = self.repeated = 0
-        self.background = Background(self.lens)
+        self.background = Background(self.lens, self.options.no_shake)
         count = max(2, BYTES_AHEAD // (3 * self.clip.width * self.clip.height // 2))
         self._source = ahead(self._held(ahead(self._stamped(), count)), 1)
 
@@ -117,12 +117,8 @@ class Reel:
                 f"the board in the picture of {self.clip.width}x{self.clip.height}, or give its region with --roi LEFT TOP WIDTH HEIGHT."
             )
         self.background.leave_out(moving)
-        self._frames = [
-            replace(frame, shift=self.background.shift(self.skipped + row))
-            for row, frame in enumerate(self._frames)
-        ]
         some = np.unique(np.linspace(0, len(self._frames) - 1, SURVEY_FRAMES).astype(int))
-        return Survey(tuple(self._frames[number] for number in some), box_around(moving, BOX_MARGIN), moving)
+        return Survey(tuple(self._frames[number] for number in some), box_around(moving, 10), moving)
 
     def _fill(self, part: Box | None, least: int) -> tuple[Motion, Box | None]:
         """Keep frames until memory is full of what moves; return the motion in them, and the part [px] that was kept.
@@ -134,7 +130,7 @@ class Reel:
         motion, size = Motion(), 0
         for number, frame in enumerate(self._source):
             if number % LOOKED_AT == 0:
-                motion.add(frame, self.background.pose(number))
+                motion.add(frame, *self.background.pose(number))
             self._frames.append(_cut(frame, part or self.region))
             size += self._frames[-1].nbytes
             if size < MEMORY or (part is not None and len(self._frames) < MIN_FRAMES):

@@ -132,11 +132,9 @@ def before_looking(
     """
     if readout is not None and not 0 <= readout <= 0.2:
         raise SysidError(f"--readout {readout}: a read-out takes 0 to 0.2 s; typical is 0.01 to 0.02.")
-    focal, focal_std = 0.0, 0.0 if lens.known else FOCAL_SPREAD
-    if track.shake.significant and track.shake.focal_std < focal_std:  # a camera that turns shows its lens
-        focal, focal_std = float(np.log(track.shake.focal / lens.matrix[0, 0])), track.shake.focal_std
+    focal_std = 0.0 if lens.known else FOCAL_SPREAD
     ceiling = min(float(np.median(np.diff(track.time))), READOUT_CEILING)
     direction = direction_std if angle is None else 0.0
     std = np.array([direction, direction, focal_std, ceiling / np.sqrt(12) if readout is None else 0.0])
     first, limit = (ceiling / 2, ceiling) if readout is None else (readout, np.inf)
-    return CameraState(np.array([*(angle or (0.0, 0.0)), focal, first]), np.diag(std**2), limit)
+    return CameraState(np.array([*(angle or (0.0, 0.0)), 0.0, first]), np.diag(std**2), limit)

@@ -32,7 +32,7 @@ class View:
         """Free the points of lens and shake, and find when they are read."""
         track, filmed = self.track, self.track.points.astype(np.float64)
         points = self.straighten(filmed)
-        if track.shake.significant:
+        if track.shake.moves:
             points = track.shake.undo(points)
         when = self.row_share(filmed)
         seen = np.isfinite(when)

@@ -4,6 +4,7 @@ They are found by colour as people see it, which changes little with shade, and 
 square of 2x2 pixels, both 128 where it is grey.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -62,9 +63,13 @@ class Dot:
     """Whether nothing about it has its colour, as about a sticker; a blob of a print fades into others like it."""
 
 
-def find_dots(look: Survey) -> tuple[Dot, ...]:
-    """Return the two dots that turn as one, or the one that moves; nothing where no colour stands out."""
-    dots = _patches(look.frames[0].cut(look.box), look)
+def find_dots(look: Survey, besides: tuple[Dot, ...] = ()) -> tuple[Dot, ...]:
+    """Return the two dots that turn as one, or the one that moves, other than some; nothing where no colour stands out."""
+    dots = [
+        dot
+        for dot in _patches(look.frames[0].cut(look.box), look)
+        if all(np.linalg.norm(dot.place - other.place) > dot.radius for other in besides)
+    ]
     pairs = [(a, b) for a in dots for b in dots if a.place[0] < b.place[0] and _alike(a, b)]
     pairs = sorted(pairs, key=_likely, reverse=True)[:MAX_PAIRS]
     bright = [pair for pair in pairs if not (pair[0].pale or pair[1].pale)]
@@ -321,10 +326,12 @@ def _stands_alone(colour: Picture, place: Array, dot: Dot) -> bool:
 
 
 def _find(reel: Reel) -> Target | None:
-    options, look = reel.options, reel.look
-    dots = find_dots(look)
-    if not dots:
-        return None
+    dots = find_dots(reel.look)
+    return _target(reel, dots, lambda: _other_pair(reel, dots)) if dots else None
+
+
+def _target(reel: Reel, dots: tuple[Dot, ...], other: Callable[[], Target | None] | None) -> Target:
+    options = reel.options
     follower = DotFollower(dots)
     size = ", ".join(f"{2 * dot.radius:.0f} px wide at {dot.place[0]:.0f},{dot.place[1]:.0f}" for dot in dots)
     if len(dots) == 2:
@@ -335,6 +342,8 @@ def _find(reel: Reel) -> Target | None:
             )
         pair = Target(
             follower=follower,
+            kind="pair of dots",
+            other=other,
             what="the pair of dots",
             why=f"two coloured dots ({size})",
             solve=partial(fit_angle, prior=BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE)),
@@ -365,6 +374,12 @@ def _find(reel: Reel) -> Target | None:
         shows_body=False,
         direction_from="",
     )
+
+
+def _other_pair(reel: Reel, dots: tuple[Dot, ...]) -> Target | None:
+    """Return a second pair that turns as one; None where there is none."""
+    other = find_dots(reel.look, dots)
+    return _target(reel, other, None) if len(other) == 2 and _turn_as_one(other, reel.look) else None
 
 
 def _level_pair(track: AngleTrack) -> float:

@@ -16,7 +16,7 @@ from sysid.video.film.reel import Reel
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.trackers._base import Target, Tracker, level_angle
-from sysid.video.trackers._edge_profile import Aliasing, corners, find_steps
+from sysid.video.trackers._edge_profile import corners, find_steps
 from sysid.video.types import Box, Picture
 
 PRINTED = "ArUco 4x4"
@@ -41,8 +41,6 @@ MIN_LIKENESS = 0.6
 """Least correlation of a marker's cells with what its number says."""
 CONVERGED = 0.15
 """Edges are measured once more where that moves the corners by more than this [px]."""
-MIN_CONTRAST = 12.0
-"""Step of brightness at a marker's edge [grey levels]."""
 STEP_WINDOW = 2.8
 """Width of the window that tells where an edge is, as a factor of the width of its step: black on white stands far above noise, and the
 pixels' grid shows in narrower ones (0.040° in a long film at 1.4, 0.027° at 2.8)."""
@@ -84,8 +82,6 @@ class MarkerFollower:
     """Follows one marker: its four edges from frame to frame, found anew where that fails."""
 
     marker: Marker
-    aliasing: Aliasing = field(default_factory=Aliasing)
-    """Of its edges; what is known of it grows from frame to frame."""
     points: int = 4
     """Its corners."""
     cells: Array = field(init=False)
@@ -135,24 +131,19 @@ class MarkerFollower:
         if np.any(rough < limits[0] + 2) or np.any(rough > limits[1] - 3):
             return None
         place, reach = rough, min(0.75 * cell, 3.0 + 3.0 * self._miss, 12.0)
-        ends = edges = np.empty(0)
         for _ in range(3):
             before = place
             ends = np.stack([place, np.roll(place, -1, axis=0)], axis=1)
-            (edges,), _ = find_steps(frame, ends, reach, MIN_CONTRAST, STEP_WINDOW)
+            edges = find_steps(frame, ends, reach, STEP_WINDOW)
             if np.isnan(edges).any(axis=2).mean(axis=1).max() > 0.5:
                 return None
-            straight = self.aliasing.taken_from(edges, ends)
-            place = corners([edge[np.isfinite(edge).all(axis=1)] for edge in straight])
+            place = corners([edge[np.isfinite(edge).all(axis=1)] for edge in edges])
             if not np.isfinite(place).all() or np.abs(place - rough).max() > 2 * cell:
                 return None
             if np.abs(place - before).max() < CONVERGED:
                 break
             reach = min(0.6 * cell, 5.0)
-        if self._likeness(frame, place) < MIN_LIKENESS:
-            return None
-        self.aliasing.learn(edges, ends)
-        return place
+        return place if self._likeness(frame, place) > MIN_LIKENESS else None
 
     def _likeness(self, frame: Frame, place: Array) -> float:
         """Correlation of the cells seen with the cells that the marker should have."""
@@ -203,11 +194,8 @@ def _find(reel: Reel) -> Target | None:
         _refuse_mirrored(reel, places)
     if marker is None:
         return None
-    first = MarkerFollower(marker)
-    for frame in look.frames:  # what they tell of aliasing
-        first.update(frame)
     return Target(
-        follower=MarkerFollower(marker, first.aliasing),
+        follower=MarkerFollower(marker),
         what=f"{marker.kind} marker {marker.number}",
         why=f"{marker.kind} marker {marker.number}",
         solve=partial(fit_angle, prior=BodyPrior(square=True, dead_zone=CORNER_DEAD_ZONE)),

@@ -13,7 +13,7 @@ from sim.board.bench import rig_spec
 from sim.board.learned import left_out, passive
 from sim.board.scene import TILT_JOINT
 from sim.skate.options import NOMINAL, SkateOptions
-from sim.skate.world.posterior import Spread, draw_boards, tilt_draws
+from sim.skate.world.posterior import Spread, board_draws, draw_boards
 from sysid.board import Board, BoardEffect
 from sysid.effects import effect
 from sysid.effects._table import knots
@@ -95,7 +95,7 @@ def test_what_is_left_is_exact_by_the_law():
 def test_worlds_whose_dampers_differ_have_the_same_table():
     """Of drawn boards each has its own polynomial: that, with what is left, is one torque."""
     boards = draw_boards(one_sided(), 3, Spread(relative=0.4), np.random.default_rng(2))
-    draws = tilt_draws(boards, 0.005)
+    draws = board_draws(boards, 0.005)
     dampers = draws.learned_dampers + np.arange(3)[:, None, None] * [0.01, 0.001, 0.0]
     assert dampers.shape == (3, 1, 3)
     model = rig_spec(one_sided()).compile()

@@ -39,6 +39,8 @@ def state():
         upright=one,
         foot_on_ground=np.array([[False, False]]), foot_on_deck=np.array([[False, True]]),
         foot_in_zone=np.array([[False, True]]), foot_marker_distance=np.zeros((1, 2)),
+        mean_speed=zero, ground_load=np.zeros((1, 2)), deck_load=np.zeros((1, 2)),
+        left_ground_time=zero, left_touchdown=no, left_travel=zero, left_slip=zero, left_place=zero,
         left_air_time=zero, left_sole_heights=np.zeros((1, 4)),
         wheel_on_ground=np.array([[True] * 4]), other_contacts=zero, self_contacts=zero,
         joint_position=np.zeros((1, 23)), joint_velocity=np.zeros((1, 23)),
@@ -56,7 +58,12 @@ def first(columns, value):
 
 
 def test_board_velocity_takes_forward_error_and_everything_sideways(state):
-    state = replace(state, commanded_speed=np.array([1.0]), board_velocity=np.array([[0.5, 0.3, 0.4]]))
+    state = replace(
+        state,
+        commanded_speed=np.array([1.0]),
+        mean_speed=np.array([0.5]),
+        board_velocity=np.array([[9.0, 0.3, 0.4]]),
+    )
     assert pushing.board_velocity(state, tolerance=0.25)[0] == pytest.approx(math.exp(-0.5 / 0.25))
 
 
@@ -66,34 +73,55 @@ def test_facing_forward_wraps_the_angle(state):
     assert pushing.facing_forward(state, tolerance=0.5)[0] == pytest.approx(math.exp(-apart / 0.5))
 
 
-@pytest.mark.parametrize(("seconds", "value"), [(0.1, 0), (0.11, 1), (0.49, 1), (0.5, 0), (0.0, 0)])
-def test_air_time_wants_a_swing(state, seconds, value):
-    assert pushing.air_time(replace(state, left_air_time=np.array([seconds])))[0] == value
+@pytest.mark.parametrize(("seconds", "value"), [(0.1, 0), (0.3, 1), (0.7, 0), (0.0, 0)])
+def test_swing_is_as_long_as_the_clips(state, seconds, value):
+    assert pushing.swing(replace(state, left_air_time=np.array([seconds])))[0] == value
 
 
-@pytest.mark.parametrize(("speed", "value"), [(1.2, 1), (1.05, 0), (0.2, 0)])
-def test_what_a_swing_earns_is_lost_where_the_board_is_too_fast(state, speed, value):
-    velocity, told = np.array([[speed, 0.0, 0.0]]), np.array([1.0])
-    swing = replace(state, left_air_time=np.array([0.3]), board_velocity=velocity, commanded_speed=told)
-    assert pushing.hasty_swing(swing)[0] == value
-    assert pushing.hasty_swing(replace(swing, left_air_time=np.array([0.6])))[0] == 0
+def test_a_swing_counts_as_far_as_the_speed_is_held(state):
+    late = replace(state, left_air_time=np.array([0.3]), commanded_speed=np.array([0.5]))
+    assert pushing.swing(late, tolerance=0.25)[0] == pytest.approx(math.exp(-1))
 
 
-def test_a_beginner_is_paid_for_riding_only_and_a_rider_in_worlds_that_differ_by_half_for_all():
+def test_stance_wants_load_time_and_no_slip(state):
+    stands = replace(state, left_ground_time=np.array([0.3]), ground_load=np.array([[0.3, 0.0]]))
+    assert pushing.stance(stands)[0] == 1
+    assert pushing.stance(replace(stands, left_slip=np.array([0.2])), sliding=0.2)[0] == pytest.approx(
+        math.exp(-1)
+    )
+    assert pushing.stance(replace(stands, ground_load=np.array([[0.03, 0.0]])), load=0.15)[
+        0
+    ] == pytest.approx(0.2)
+    assert pushing.stance(replace(stands, left_ground_time=np.array([0.06])))[0] == 0  # a tap
+    assert pushing.stance(replace(stands, left_ground_time=np.array([0.8])))[0] == 0
+
+
+def test_slip_counts_by_the_load_and_a_touchdown_once(state):
+    slides = replace(state, left_slip=np.array([0.4]), ground_load=np.array([[0.5, 0.9]]))
+    assert pushing.slip(slides)[0] == pytest.approx(0.2)
+    assert pushing.touchdown(replace(state, left_touchdown=np.array([True])))[0] == 1
+    assert pushing.touchdown(state)[0] == 0
+
+
+def test_the_left_foot_shall_carry_a_quarter_of_the_weight(state):
+    assert steering.left_foot_loaded(replace(state, deck_load=np.array([[0.1, 0.9]])))[0] == pytest.approx(
+        0.4
+    )
+    assert steering.left_foot_loaded(replace(state, deck_load=np.array([[0.5, 0.5]])))[0] == 1
+
+
+def test_beginners_pay_less_and_riders_all_from_a_quarter_of_the_variation_on():
     terms = {term.name: term for term in rewards.rewards(TASK)}
-    first = {name: term.weight_at(0.0) for name, term in terms.items() if term.weight_at(0.0) != term.weight}
-    assert first == {
-        "push/speed_error": 0.0, "still/speed_error": 0.0, "push/hasty_swing": 0.0, "always/course": 0.0,
-        "always/joint_limits": -5.0,
-    }  # fmt: skip
-    assert terms["push/air_time"].weight + terms["push/hasty_swing"].weight == 0.0
-    assert terms["always/joint_limits"].weight_at(0.25) == -17.5
-    assert all(term.weight_at(0.5) == term.weight_at(1.0) == term.weight for term in terms.values())
+    less = {name for name, term in terms.items() if abs(term.weight_at(0.0)) < abs(term.weight)}
+    assert {"push/speed_error", "still/speed_error", "always/course", "push/slip", "push/touchdown"} <= less
+    assert all(term.weight_at(0.25) == term.weight_at(1.0) == term.weight for term in terms.values())
+    limits = terms["always/joint_limits"]
+    assert limits.weight_at(0.125) == pytest.approx((limits.weight_at(0.0) + limits.weight) / 2)
 
 
 @pytest.mark.parametrize(("speed", "error"), [(1.4, 0.4), (0.7, 0.3), (3.9, 2.0)])
 def test_speed_error_grows_evenly_up_to_a_limit(state, speed, error):
-    moving = replace(state, board_velocity=np.array([[speed, 0.0, 0.0]]), commanded_speed=np.array([1.0]))
+    moving = replace(state, mean_speed=np.array([speed]), commanded_speed=np.array([1.0]))
     assert pushing.speed_error(moving)[0] == pytest.approx(error)
 
 

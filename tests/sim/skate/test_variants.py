@@ -133,7 +133,7 @@ def test_the_default_variant():
     from sim.skate.mdp import randomisation
     from sim.skate.mdp.measuring import measure
     from sim.skate.mdp.observations import skate_command
-    from sim.skate.world.posterior import draw_boards, tilt_draws
+    from sim.skate.world.posterior import board_draws, draw_boards
     from sim.skate.world.scene import SceneOptions, as_written
 
     options = SkateOptions(boards=6, start=PUSHING, speed=(0.5, 1.5))
@@ -145,12 +145,13 @@ def test_the_default_variant():
 
         # Boards of the posterior, in turn.
         rng = np.random.default_rng(3)
-        draws = tilt_draws(
+        draws = board_draws(
             draw_boards(as_written(pink(), SceneOptions()), 6, options.spread, rng), SceneOptions().timestep
         )
         joint = env.sim.mj_model.joint("board/board_tilt_joint")
         stiffness = env.sim.model.jnt_stiffness[:, joint.id].numpy()
-        np.testing.assert_allclose(stiffness, draws.stiffness[np.arange(WORLDS) % 6], rtol=1e-6)
+        drawn = draws.of("jnt_stiffness", "board_tilt_joint")
+        np.testing.assert_allclose(stiffness, drawn[np.arange(WORLDS) % 6], rtol=1e-6)
         assert np.ptp(stiffness) > 0.5
 
         # How far it still has to turn, by the yaw of the pelvis since it was told.
@@ -337,12 +338,12 @@ def test_a_world_that_breaks_down_is_ended_named_and_not_counted(capfd):
         assert progress.broken() == []
 
         step(env)
-        term = env.reward_manager.get_term_cfg("push/air_time")
+        term = env.reward_manager.get_term_cfg("push/swing")
         right, wrong = term.func, torch.tensor([1.0] * 5 + [math.nan] + [1.0] * 2)
         term.func = lambda env, **arguments: right(env, **arguments) * wrong
         step(env)
         assert torch.isfinite(env.reward_buf).all()  # mjlab says nothing
-        with pytest.raises(SysidError, match=r"iteration 5: reward 'push/air_time' is not finite in world 5"):
+        with pytest.raises(SysidError, match=r"iteration 5: reward 'push/swing' is not finite in world 5"):
             check_rewards(env, 5)
 
 

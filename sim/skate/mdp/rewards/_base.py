@@ -42,9 +42,9 @@ class Reward:
     """Weight for who does not ride yet, where that is another."""
 
     def weight_at(self, strength: float) -> float:
-        """Return the weight where worlds differ by this share of their variation: its own from half of it on."""
+        """Return the weight where worlds differ by this share of their variation: its own from a quarter on."""
         first = self.weight if self.beginner is None else self.beginner
-        return first + min(2 * strength, 1.0) * (self.weight - first)
+        return first + min(4 * strength, 1.0) * (self.weight - first)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

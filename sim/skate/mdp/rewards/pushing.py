@@ -1,4 +1,9 @@
-"""Pushing: fast enough, straight, with a foot that swings and lands flat."""
+"""Pushing: strides that push, not taps that hold the speed.
+
+The speed is paid as its mean over a stride, because a push speeds the board up and it slows down until the next.
+What is paid besides is the contact: a foot that stands without slipping, swings, and comes down seldom. Contacts and
+style count as far as the speed is held, else marching on the spot earns them.
+"""
 
 from collections.abc import Iterator
 from typing import Any
@@ -9,16 +14,16 @@ from sim.skate.mdp.state import SkateState
 
 
 def board_velocity(state: SkateState, tolerance: float = 0.25) -> Any:
-    """The board moves forward as fast as told, neither sideways nor up; `tolerance` [m^2/s^2]."""
+    """The board's mean speed is the commanded one, and it moves neither sideways nor up; `tolerance` [m^2/s^2]."""
     velocity = state.board_velocity
-    forward = state.commanded_speed - velocity[..., 0]
+    forward = state.commanded_speed - state.mean_speed
     return kernel(forward**2 + velocity[..., 1] ** 2 + velocity[..., 2] ** 2, tolerance)
 
 
 def speed_error(state: SkateState, most: float = 2.0) -> Any:
-    """Error of the board's speed [m/s], up to `most`: braking pays at any speed below that."""
+    """Error of the board's mean speed [m/s], up to `most`."""
     xp = namespace(state.tilt)
-    return xp.clip(xp.abs(state.board_velocity[..., 0] - state.commanded_speed), None, most)
+    return xp.clip(xp.abs(state.mean_speed - state.commanded_speed), None, most)
 
 
 def facing_forward(state: SkateState, tolerance: float = 0.5) -> Any:
@@ -26,18 +31,47 @@ def facing_forward(state: SkateState, tolerance: float = 0.5) -> Any:
     return kernel(namespace(state.tilt).abs(wrap_angle(state.robot_heading - state.board_heading)), tolerance)
 
 
-def air_time(state: SkateState, shortest: float = 0.1, longest: float = 0.5) -> Any:
-    """The pushing foot swings, neither tapping nor resting: its time in the air is in between [s]."""
-    return number((state.left_air_time > shortest) & (state.left_air_time < longest))
+def holds_speed(state: SkateState, tolerance: float) -> Any:
+    """How well the mean speed is the commanded one, from 0 to 1; `tolerance` [m^2/s^2]."""
+    return kernel((state.commanded_speed - state.mean_speed) ** 2, tolerance)
 
 
-def hasty_swing(state: SkateState, too_fast: float = 0.05) -> Any:
-    """Reward of a swing while the board is over `too_fast` [m/s] too fast, to be taken back: braking costs nothing.
+def swing(state: SkateState, tolerance: float = 0.25, shortest: float = 0.2, longest: float = 0.6) -> Any:
+    """The pushing foot swings as the clips' does, for 0.46 to 0.50 s: its time in the air is in between [s]."""
+    swings = (state.left_air_time > shortest) & (state.left_air_time < longest)
+    return number(swings) * holds_speed(state, tolerance)
 
-    Where braking was paid like a swing, policies rode 0.1 m/s too fast to be paid for both; with 0.1 m/s they
-    rode 0.08 too fast.
+
+def stance(
+    state: SkateState,
+    tolerance: float = 0.25,
+    shortest: float = 0.1,
+    longest: float = 0.6,
+    load: float = 0.15,
+    sliding: float = 0.2,
+) -> Any:
+    """The pushing foot stands as the clips' does, for 0.36 to 0.46 s, under load and without slipping.
+
+    Args:
+        tolerance: Of the speed [m^2/s^2].
+        shortest: Time on the ground from which it pays [s].
+        longest: Time on the ground up to which it pays [s].
+        load: Share of the robot's weight that pays in full.
+        sliding: Tolerance of the slip [m/s].
     """
-    return air_time(state) * (state.board_velocity[..., 0] > state.commanded_speed + too_fast)
+    carried = namespace(state.tilt).clip(state.ground_load[..., 0] / load, None, 1.0)
+    lasts = (state.left_ground_time > shortest) & (state.left_ground_time < longest)
+    return number(lasts) * carried * kernel(state.left_slip, sliding) * holds_speed(state, tolerance)
+
+
+def slip(state: SkateState) -> Any:
+    """Speed of the pushing foot over the ground [m/s], weighted by its load."""
+    return state.ground_load[..., 0] * state.left_slip
+
+
+def touchdown(state: SkateState) -> Any:
+    """1 in the step in which the pushing foot comes down."""
+    return number(state.left_touchdown)
 
 
 def flat_push(state: SkateState, tolerance: float = 5e-4) -> Any:
@@ -49,23 +83,31 @@ def flat_push(state: SkateState, tolerance: float = 5e-4) -> Any:
 
 
 def left_foot_on_deck(state: SkateState) -> Any:
-    """1 while the left foot stands on the deck: right while steering, wrong while pushing."""
+    """1 while the left foot stands on the deck, which is wrong while pushing."""
     return number(state.foot_on_deck[..., 0])
 
 
 def _terms(task: Task) -> Iterator[Reward]:
-    yield Reward(
-        "push/board_velocity", board_velocity, "push", 3.0, {"tolerance": task.options.speed_tolerance}
-    )
+    options = task.options
+    yield Reward("push/board_velocity", board_velocity, "push", 3.0, {"tolerance": options.speed_tolerance})
     # The wide kernel leads there from rest, the narrow one pays for the last 0.2 m/s.
     yield Reward("push/exact_velocity", board_velocity, "push", 3.0, {"tolerance": 0.02})
-    # Beginners whom a wrong speed costs, and who earn no swing above it, tap along with the foot at the ground.
-    yield Reward("push/speed_error", speed_error, "push", -24.0, beginner=0.0)
+    yield Reward("push/speed_error", speed_error, "push", -12.0, beginner=0.0)
     yield Reward("still/speed_error", speed_error, "still", -8.0, beginner=0.0)
     yield Reward("push/facing_forward", facing_forward, "push", 2.0)
     yield Reward("push/left_foot", left_foot_on_deck, "push", -12.0)
-    yield Reward("push/air_time", air_time, "push", 3.0)
-    yield Reward("push/hasty_swing", hasty_swing, "push", -3.0, beginner=0.0)
+    wide = {"tolerance": options.speed_tolerance}
+    yield Reward("push/swing", swing, "push", 4.0, wide)
+    yield Reward("push/stance", stance, "push", options.stance, wide)
+    # Beginners pay less for a bad contact: a foot that never comes down slips least.
+    yield Reward("push/slip", slip, "push", -options.slip, beginner=-options.beginner * options.slip)
+    yield Reward(
+        "push/touchdown",
+        touchdown,
+        "push",
+        -options.touchdown,
+        beginner=-options.beginner * options.touchdown,
+    )
     yield Reward("push/flat_push", flat_push, "push", 0.5)
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from sim.skate.arrays import constant, namespace
 from sim.skate.mdp.rewards._base import Reward, Rewards, Task, kernel, number
-from sim.skate.mdp.rewards.pushing import board_velocity
+from sim.skate.mdp.rewards.pushing import board_velocity, speed_error
 from sim.skate.mdp.state import SkateState
 
 
@@ -76,6 +76,7 @@ def alive(state: SkateState) -> Any:
 def _terms(task: Task) -> Iterator[Reward]:
     smoothness = task.options.smoothness
     yield Reward("coast/board_velocity", board_velocity, "not-push", 2.0)
+    yield Reward("coast/speed_error", speed_error, "not-push", -6.0, beginner=0.0)
     yield Reward("always/wheels", wheels_on_ground, "always", 0.5)
     yield Reward("always/foot_place", foot_place, "always", 12.0)
     yield Reward("always/level_deck", level_deck, "not-steer", 3.0)

@@ -5,7 +5,6 @@ from typing import Any
 
 from sim.skate.arrays import constant, namespace, wrap_angle
 from sim.skate.mdp.rewards._base import Reward, Rewards, Task, kernel, number
-from sim.skate.mdp.rewards.pushing import left_foot_on_deck
 from sim.skate.mdp.state import SkateState
 
 
@@ -13,6 +12,12 @@ def feet_on_board(state: SkateState) -> Any:
     """2 for both feet on the board in their zones, -1 for the pushing foot on the ground."""
     both = state.foot_on_deck[..., 0] & state.foot_on_deck[..., 1] & state.foot_in_zone[..., 0]
     return 2 * number(both) - number(state.foot_on_ground[..., 0])
+
+
+def left_foot_loaded(state: SkateState, share: float = 0.25) -> Any:
+    """The left foot carries its part: load on the deck over `share` of the robot's weight, up to 1."""
+    load = state.deck_load[..., 0]
+    return namespace(load).clip(load / share, None, 1.0)
 
 
 def steering_pose(state: SkateState, pose: tuple[float, ...], tolerance: float = 0.2) -> Any:
@@ -41,7 +46,7 @@ def tilt_rate(state: SkateState) -> Any:
 def _terms(task: Task) -> Iterator[Reward]:
     yield Reward("steer/feet_on_board", feet_on_board, "steer", 3.0)
     yield Reward("steer/pose", steering_pose, "steer", 1.5, {"pose": task.steer_pose})
-    yield Reward("steer/left_foot", left_foot_on_deck, "steer", 8.0)
+    yield Reward("steer/left_foot", left_foot_loaded, "steer", 8.0)
     yield Reward("steer/feet_on_markers", feet_on_markers, "steer", 2.0)
     yield Reward("steer/heading", board_heading, "steer", 5.0)
     yield Reward("steer/exact_heading", board_heading, "steer", 4.0, {"tolerance": 0.05})

@@ -1,0 +1,118 @@
+"""How a rider pushes: strides, stance, travel and slip of the pushing foot, and how close it is to the reference clips.
+
+| name | here |
+|---|---|
+| strides | touchdowns of the left foot in a pushing phase |
+| stride_period | median time between two touchdowns of one pushing phase [s] |
+| stance_time | median time on the ground [s] |
+| foot_travel | median range of the left foot along the board between two touchdowns [m] |
+| slip | speed of the left sole over the ground while pushing, weighted by its load [m/s] |
+| impact | median of the largest load within 0.1 s of a touchdown, in weights of the robot |
+| style_distance | RMS distance of five joint frames of pushing to the nearest five of the reference clips [rad] |
+
+Each is a number an episode; NaN where the episode has no such thing.
+"""
+
+from collections.abc import Iterator
+from functools import lru_cache
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from policy_runtime.motion.motions import WINDOW, Motion, load_motions, windows
+from sim.skate.cycle.clock import CONTROL_PERIOD
+from sysid.roll import Array
+
+if TYPE_CHECKING:
+    from policy_runtime.evaluation.metrics import Flags, Rides
+
+IMPACT_STEPS = round(0.1 / CONTROL_PERIOD)
+"""Policy steps after a touchdown that belong to its impact."""
+STRIDE_METRICS = {
+    "strides": "1", "stride_period": "s", "stance_time": "s", "foot_travel": "m", "slip": "m/s", "impact": "1",
+    "style_distance": "rad",
+}  # fmt: skip
+"""Every metric of this module, with its unit."""
+
+
+def intervals(where: "Flags") -> list[tuple[int, int]]:
+    """Return first step and the one after the last of every interval in which a flag is set, (t,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(int), [0]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def stride_metrics(rides: "Rides") -> dict[str, Array]:
+    """Return every metric of `STRIDE_METRICS` for every episode, shape (n,)."""
+    rows = [_of_episode(rides, n) for n in range(rides.alive.shape[1])]
+    return {name: np.array([row[name] for row in rows]) for name in STRIDE_METRICS}
+
+
+def _of_episode(rides: "Rides", n: int) -> dict[str, float]:
+    push = rides.pushing[:, n] & rides.alive[:, n]
+    down = rides.foot_on_ground[:, n, 0]
+    phases = intervals(push)
+    times, stances, travels, impacts, counts = [], [], [], [], []
+    for begin, end in phases:
+        stands = intervals(down[begin:end])
+        touchdowns = [begin + first for first, _ in stands if first > 0]
+        counts.append(len(touchdowns))
+        stances += [CONTROL_PERIOD * (b - a) for a, b in stands if a > 0 and b < end - begin]
+        for a, b in pairwise(touchdowns):
+            times.append(CONTROL_PERIOD * (b - a))
+            travels.append(float(np.ptp(rides.foot_place[a:b, n])))
+        impacts += [float(rides.ground_load[a : min(a + IMPACT_STEPS, end), n].max()) for a in touchdowns]
+    load = rides.ground_load[push, n]
+    weight = float(load.sum())
+    return {
+        "strides": float(np.mean(counts)) if counts else np.nan,
+        "stride_period": _median(times),
+        "stance_time": _median(stances),
+        "foot_travel": _median(travels),
+        "slip": float((load * rides.slip[push, n]).sum()) / weight if weight > 0 else np.nan,
+        "impact": _median(impacts),
+        "style_distance": _style_distance(rides.joints[:, n], phases),
+    }
+
+
+def _median(values: list[float]) -> float:
+    return float(np.median(values)) if values else np.nan
+
+
+def _style_distance(joints: Array, phases: list[tuple[int, int]]) -> float:
+    """Return the mean distance of windows of joint angles, (t, 23), in some phases [rad]."""
+    seen = np.concatenate(
+        [
+            np.lib.stride_tricks.sliding_window_view(joints[a:b], WINDOW, axis=0)
+            for a, b in phases
+            if b - a >= WINDOW
+        ]
+        or [np.zeros((0, joints.shape[1], WINDOW))]
+    )
+    if not len(seen):
+        return np.nan
+    return float(nearest(seen.transpose(0, 2, 1).reshape(len(seen), -1), _reference()).mean())
+
+
+def nearest(windows: Array, reference: Array) -> Array:
+    """Return the RMS distance of flat windows, (m, k), to the nearest of a reference, (r, k) [rad], shape (m,)."""
+    square = (windows**2).sum(1)[:, None] + (reference**2).sum(1) - 2 * windows @ reference.T
+    return np.sqrt(np.maximum(square.min(axis=1), 0.0) / windows.shape[1])
+
+
+@lru_cache(maxsize=1)
+def _reference() -> Array:
+    return np.concatenate([_flat(motion) for motion in load_motions()])
+
+
+def _flat(motion: Motion) -> Array:
+    found = windows(motion)
+    return found.reshape(len(found), -1)
+
+
+def clip_distances() -> Iterator[tuple[str, float]]:
+    """Yield each reference clip's name and its distance to the others [rad]: how far apart good strides are."""
+    clips = load_motions()
+    for clip in clips:
+        others = np.concatenate([_flat(other) for other in clips if other is not clip])
+        yield clip.name, float(nearest(_flat(clip), others).mean())
