@@ -1,6 +1,7 @@
 """Options of a joint that something drives."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Group, Parameter
@@ -27,6 +28,9 @@ class DriveArguments:
     """Gains instead of the model's: kp and kd of a command, or the torque of one unit of the input."""
     encoder: Literal["joint", "motor"] = "joint"
     """Side of the gear on which the angle is measured."""
+
+    next_motion: Path | None = None
+    """Write the next motion that the robot should play here, as CSV: the one that narrows the widest interval most."""
 
     @property
     def given(self) -> bool:

@@ -15,7 +15,7 @@ from sysid.cli.log_options import LogArguments, refuse_overwriting_logs, say_not
 from sysid.cli.parameter_options import parse_bounds, parse_fixed
 from sysid.cli.subject import Subject
 from sysid.errors import QualityGateError, SysidError, UsageError
-from sysid.files import refuse_overwriting, write_json
+from sysid.files import refuse_overwriting, write_atomically, write_json
 from sysid.roll import Roll
 
 if TYPE_CHECKING:
@@ -250,7 +250,7 @@ def driven_diagnose(driven: Driven, printer: Printer, fix: Sequence[str]) -> dic
 
 def driven_fit(
     driven: Driven, printer: Printer, *, effects: Sequence[str], fix: Sequence[str], bound: Sequence[str], plain: bool,
-    output: Path | None,
+    output: Path | None, motion: Path | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Fit each joint, say how far several logs agree, and write a patched copy of the model."""
     from sim.model.driven import patch_driven
@@ -278,6 +278,16 @@ def driven_fit(
     merged = {joint: agreement(one) for joint, one in fits.items()}
     for joint, one in merged.items():
         printer.say(fit_text(joint, fits[joint], one, driven.stated[joint].values))
+    if motion is not None:
+        from sysid.driven.next_motion import next_motion
+
+        for joint, one in merged.items():
+            found = next_motion(one.combined)
+            path = motion if len(merged) == 1 else motion.with_stem(f"{motion.stem}_{joint}")
+            write_atomically(path, found.csv())
+            printer.say(
+                f"{path}: {found.text}; the interval of {found.worst} becomes {100 * found.narrower:.0f} % as wide"
+            )
     path = output or driven.setup.file.with_name(f"{driven.name}.xml")
     made = patch_driven(driven.setup, {joint: one.combined for joint, one in merged.items()})
     refuse_overwriting([driven.setup.file, *made.files], {"--output": path})
@@ -286,6 +296,21 @@ def driven_fit(
     printer.say(made.diff.rstrip())
     printer.written(*made.save(path))
     return {"joints": {joint: one.to_json() for joint, one in merged.items()}, "model": str(path)}
+
+
+def driven_export(path: Path, output: Path | None, timestep: float, printer: Printer) -> dict[str, Any]:
+    """Write a fit of driven joints as a module for mjlab, and as JSON beside it."""
+    from sysid.driven.export import handed_over, mjlab_module
+
+    if not 0 < timestep <= 0.05:
+        raise SysidError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
+    joints = handed_over(path)
+    module = output or path.with_name("actuators.py")
+    refuse_overwriting([path], {"--output": module, "JSON beside it": module.with_suffix(".json")})
+    write_atomically(module, mjlab_module(joints, timestep=timestep, source=path.name))
+    write_json(module.with_suffix(".json"), {"joints": joints})
+    printer.written(module, module.with_suffix(".json"))
+    return {"joints": joints, "module": str(module)}
 
 
 def _beside(

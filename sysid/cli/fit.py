@@ -73,7 +73,7 @@ def fit(
         from sysid.cli.driven import driven_fit, run_driven
 
         run_driven(
-            lambda joints, out: driven_fit(joints, out, effects=effect, fix=fix, bound=bound, plain=plain, output=output),
+            lambda joints, out: driven_fit(joints, out, effects=effect, fix=fix, bound=bound, plain=plain, output=output, motion=drive.next_motion),
             "fit", logs, subject, drive, arguments, common,
         )  # fmt: skip
         return 0

@@ -15,7 +15,7 @@ from sysid.errors import SysidError
 
 SCORE_TOLERANCE = 12.0
 """Twice the log likelihood within which two sets tie: odds of 400 to 1, as for free decays."""
-MATTERS = 0.01
+MATTERS = 0.1
 """Share of the residual's RMS that an effect must take away to be named: less is certain in a long log, and worthless."""
 MAX_EFFECTS = 3
 """Effects in a set at most."""

@@ -66,6 +66,7 @@ class DrivenFit:
         return {
             "log": self.log.name, "input": self.log.kind, "effects": list(self.structure.effects), "rmse_rad": self.rmse,
             "noise_floor_rad": self.noise, "nrmse": self.nrmse, "memory_samples": self.memory,
+            "values": dict(self.values),
             "parameters": {name: quantity.to_json() for name, quantity in self.quantities.items()},
         }  # fmt: skip
 
@@ -130,20 +131,19 @@ def fit(
     structure = structure.checked()
     bounds = dict(bounds or {})
     values = start_values(structure, {**given, **(warm or {})}, log)
+    found = begins or starts(Motion(log), structure, values, free, bounds, known=warm or {})[0]
+    if (
+        structure.gear is not None and len(found) > 1
+    ):  # each valley of a gear has its own start: the deepest is followed
+        valleys = [
+            one for start in found if (one := _chain(log, structure, start, free, bounds, WINDOWS[1:-1], 6))
+        ]
+        if valleys:
+            found = begins = [_values(min(valleys, key=lambda one: one[-1][1].normal.cost)[-1])]
     best: list[tuple[Problem, Minimum]] = []
-    for one in begins or starts(Motion(log), structure, values, free, bounds, known=warm or {})[0]:
-        begin = dict(one)
-        chain: list[tuple[Problem, Minimum]] = []
-        for windows in sorted({min(number, max(1, len(log.time) // 40)) for number in WINDOWS}, reverse=True):
-            if windows > 1 and (warm or begins):
-                continue
-            problem = Problem(
-                log=log, structure=structure, values=begin, free=free, windows=windows, bounds=bounds
-            )
-            found = problem.fitted(iterations=12 if windows > 1 and quick else 40)
-            if np.isfinite(found.normal.cost):
-                begin = dict(zip(structure.parameters, problem.vector(found.point).tolist(), strict=True))
-                chain.append((problem, found))
+    for one in found:
+        windows = WINDOWS[-1:] if warm or begins else WINDOWS
+        chain = _chain(log, structure, one, free, bounds, windows, 12 if quick else 40)
         if (
             chain
             and chain[-1][0].windows == 1
@@ -155,6 +155,29 @@ def fit(
             f"{log.name}: the simulated motion runs away wherever the fit starts. Check the input's unit and sign, and the gains."
         )
     return _result(best, quick=quick)
+
+
+def _chain(
+    log: DrivenLog, structure: Structure, begin: Mapping[str, float], free: tuple[str, ...],
+    bounds: Mapping[str, tuple[float, float]], windows: Sequence[int], iterations: int,
+) -> list[tuple[Problem, Minimum]]:  # fmt: skip
+    """Return fits over fewer and fewer windows, each from the one before."""
+    chain: list[tuple[Problem, Minimum]] = []
+    for number in sorted({min(one, max(1, len(log.time) // 40)) for one in windows}, reverse=True):
+        problem = Problem(
+            log=log, structure=structure, values=begin, free=free, windows=number, bounds=bounds
+        )
+        found = problem.fitted(iterations=iterations if number > 1 else 40)
+        if np.isfinite(found.normal.cost):
+            chain.append((problem, found))
+            begin = _values(chain[-1])
+    return chain
+
+
+def _values(one: tuple[Problem, Minimum]) -> dict[str, float]:
+    """Return all parameters of a fit."""
+    problem, found = one
+    return dict(zip(problem.structure.parameters, problem.vector(found.point).tolist(), strict=True))
 
 
 def starts(

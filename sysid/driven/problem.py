@@ -51,7 +51,10 @@ class Problem:
     @cached_property
     def grid(self) -> Array:
         """Integration times [s], shape (m + 1,)."""
-        return self.log.grid(self.substeps or substeps_of(self.log, self.structure, self.values, self.scales))
+        return self.log.grid(
+            self.substeps
+            or substeps_of(self.log, self.structure, self.values, self.scales, fine=self.windows == 1)
+        )
 
     @property
     def h(self) -> float:
@@ -269,7 +272,9 @@ def limits_of(structure: Structure, name: str, scales: Scales) -> tuple[float, f
     return known.get(name, (-50.0, 50.0))
 
 
-def substeps_of(log: DrivenLog, structure: Structure, values: Mapping[str, float], scales: Scales) -> int:
+def substeps_of(
+    log: DrivenLog, structure: Structure, values: Mapping[str, float], scales: Scales, *, fine: bool = True
+) -> int:
     """Return the integration steps a sample: enough for the fastest of motion, servo, spring and damper."""
     inertia = max(float(np.min(log.load.inertia)) + values["armature"], LIGHT * scales.inertia)
     rates = [
@@ -281,7 +286,7 @@ def substeps_of(log: DrivenLog, structure: Structure, values: Mapping[str, float
     if len(own) > 1:
         gain, derivative = own.values()
         rates += [np.sqrt(max(gain, 0.0) / inertia), derivative / inertia / 2]
-    geared = GEAR_STEPS if structure.gear is not None else 1
+    geared = GEAR_STEPS * (4 if fine else 1) if structure.gear is not None else 1
     rubs = any(isinstance(part, TorqueEffect) and part.friction is not None for part in structure.parts)
-    fine = STEPS_PER_RADIAN * (TURNS_FINER if rubs else 1)
-    return int(np.clip(np.ceil(log.step * max(rates) * fine), geared, MOST_STEPS))
+    steps = STEPS_PER_RADIAN * (TURNS_FINER if rubs else 1)
+    return int(np.clip(np.ceil(log.step * max(rates) * steps), geared, MOST_STEPS))
