@@ -136,7 +136,7 @@ def fit(
         structure.gear is not None and len(found) > 1
     ):  # each valley of a gear has its own start: the deepest is followed
         valleys = [
-            one for start in found if (one := _chain(log, structure, start, free, bounds, WINDOWS[1:-1], 6))
+            one for start in found if (one := _chain(log, structure, start, free, bounds, WINDOWS[:-1], 10))
         ]
         if valleys:
             found = begins = [_values(min(valleys, key=lambda one: one[-1][1].normal.cost)[-1])]
