@@ -113,11 +113,12 @@ def _motions(fit: DrivenFit, low: float, high: float) -> Iterator[tuple[str, Dri
                     wave = 1 - 4 * np.abs(phase - 0.5) if shape == "triangle" else np.sign(0.5 - phase)
                 at = middle + share * size * wave
                 angle = at if command else np.full_like(at, float(np.median(log.angle)))
+                parts = ("inertia", "torque", "slope")
                 load = Load(
-                    *(
-                        np.interp(angle, log.angle[order], x[order])
-                        for x in (log.load.inertia, log.load.torque, log.load.slope)
-                    )
+                    **{
+                        one: np.interp(angle, log.angle[order], getattr(log.load, one)[order])
+                        for one in parts
+                    }
                 )
                 text = f"{shape} of ±{share * size:.3g} {'rad' if command else log.kind} up to {band:.3g} Hz, {SECONDS:g} s"
                 yield text, replace(log, time=time, input=at, angle=angle, load=load)
