@@ -25,6 +25,8 @@ class Load:
     """Torque towards larger angles without the joint's own spring, damper and friction [N*m], shape (n,)."""
     slope: Array
     """Its derivative by the joint's angle [N*m/rad], shape (n,)."""
+    zero: float = 0.0
+    """Reading of the encoder at the model's zero that was assumed [rad]."""
 
     @classmethod
     def constant(cls, inertia: float, samples: int) -> Self:
@@ -53,7 +55,7 @@ class DrivenLog:
 
     def part(self, rows: slice) -> "DrivenLog":
         """Return these samples."""
-        load = Load(**{k: getattr(self.load, k)[rows] for k in ("inertia", "torque", "slope")})
+        load = replace(self.load, **{k: getattr(self.load, k)[rows] for k in ("inertia", "torque", "slope")})
         return replace(self, time=self.time[rows], angle=self.angle[rows], input=self.input[rows], load=load)
 
     @property

@@ -42,6 +42,8 @@ class Problem:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
     substeps: int = 0
     """Integration steps a sample; 0 chooses them."""
+    finer: int = 1
+    """Factor of the chosen ones."""
 
     @cached_property
     def scales(self) -> Scales:
@@ -51,10 +53,8 @@ class Problem:
     @cached_property
     def grid(self) -> Array:
         """Integration times [s], shape (m + 1,)."""
-        return self.log.grid(
-            self.substeps
-            or substeps_of(self.log, self.structure, self.values, self.scales, fine=self.windows == 1)
-        )
+        chosen = substeps_of(self.log, self.structure, self.values, self.scales, fine=self.windows == 1)
+        return self.log.grid(self.substeps or self.finer * chosen)
 
     @property
     def h(self) -> float:
@@ -93,7 +93,7 @@ class Problem:
         return np.stack(
             [
                 np.interp(middle, self.log.time, x)
-                for x in (load.inertia, load.torque, load.slope, self.log.angle)
+                for x in (load.inertia, load.torque, load.slope, self.log.angle - load.zero)
             ]
         )
 

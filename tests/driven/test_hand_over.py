@@ -82,6 +82,7 @@ def test_training_gets_values_and_ranges(json_of_fit, fits):
 
 
 @pytest.mark.train
+@pytest.mark.filterwarnings("ignore")
 def test_mjlab_reads_the_module(json_of_fit):
     pytest.importorskip("mjlab")
     joints = handed_over(json_of_fit)
