@@ -8,7 +8,7 @@ One row a log. The last lines say how many are right by kind, and how the stated
 import argparse
 import json
 import time
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -87,7 +87,8 @@ def main() -> None:
     first, last = map(int, options.seeds.split(":"))
     rows: list[dict[str, Any]] = []
     with ProcessPoolExecutor(options.processes) as pool:
-        for row in pool.map(run, range(first, last)):
+        for job in as_completed([pool.submit(run, seed) for seed in range(first, last)]):
+            row = job.result()
             rows.append(row)
             if options.out:
                 with options.out.open("a") as file:

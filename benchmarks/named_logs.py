@@ -5,7 +5,7 @@
 
 import argparse
 import time
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,8 +47,8 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=1)
     options = parser.parse_args()
     with ProcessPoolExecutor(options.processes) as pool:
-        for line in pool.map(run, options.logs):
-            print(line, flush=True)
+        for job in as_completed([pool.submit(run, log) for log in options.logs]):
+            print(job.result(), flush=True)
 
 
 if __name__ == "__main__":

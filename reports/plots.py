@@ -97,7 +97,7 @@ def _draw(result: object, axes: "Axes") -> None:
 def _draw_recording(recording: Recording, axes: "Axes") -> None:
     """Draw the whole log, its free decays shaded."""
     roll = recording.roll
-    show = display(is_rate=False, slides=roll.slides, angle="angle")
+    show = display(is_rate=False, slides=roll.slides)
     axes.plot(*thin(roll.time, show.scale * roll.roll), color=REAL, lw=1.0)
     for release in recording.releases:
         axes.axvspan(release.start, float(release.time[-1]), color=SIM, alpha=0.12, lw=0)
@@ -119,7 +119,7 @@ def _draw_fit(fit: Fit, axes: "Axes") -> None:
     """Draw the release with the largest error, measured and fitted."""
     pairs = zip(fit.joint.records, fit.joint.residuals, strict=True)
     record, residual = max(pairs, key=lambda pair: float(np.mean(pair[1] ** 2)))
-    show = display(is_rate=record.is_rate, slides=fit.before.slides, angle="angle")
+    show = display(is_rate=record.is_rate, slides=fit.before.slides)
     time, measured, fitted = thin(record.time, record.signal, record.signal + residual)
     _draw_pair(axes, time, show.scale * measured, show.scale * fitted, show.axis, "fitted")
     axes.set_title(
@@ -130,7 +130,7 @@ def _draw_fit(fit: Fit, axes: "Axes") -> None:
 def _draw_check(verdict: Any, axes: "Axes") -> None:
     """Draw the decay with the largest error, measured and in the scene."""
     one = max(verdict.case.decays.releases, key=lambda release: release.nrmse)
-    show = display(is_rate=False, slides=verdict.case.board.slides, angle="angle")
+    show = display(is_rate=False, slides=verdict.case.board.slides)
     time = one.release.time - one.release.time[0]
     time, measured, simulated = thin(time, one.release.roll, one.simulated)
     _draw_pair(axes, time, show.scale * measured, show.scale * simulated, show.axis, "in the scene")
@@ -160,7 +160,7 @@ def _draw_record(record: Board, axes: "Axes") -> None:
     law = JointLaw.from_board(record)
     time = np.linspace(0.0, PERIODS * 2 * np.pi / law.frequency, 400)
     path = simulate(law, time, law.rest_angle + record.tilt["range"].value / 4)
-    show = display(is_rate=False, slides=record.slides, angle="angle")
+    show = display(is_rate=False, slides=record.slides)
     axes.plot(path.time, show.scale * path.roll, color=SIM)
     axes.set(xlabel="time since release [s]", ylabel=show.axis, title=f"{record.name}: {law}")
 
@@ -170,9 +170,7 @@ def _draw_diagnosis(found: Any, axes: "Axes") -> None:
     from reports.figures.story import draw_candidates
     from reports.story import ranked
 
-    draw_candidates(
-        axes, ranked([(c.effects, c.score, c.score_std) for c in found.candidates], found.effects)
-    )
+    draw_candidates(axes, ranked([(c.effects, c.score, 0.0) for c in found.candidates], found.best.effects))
 
 
 def _story(fit: Fit) -> "Figure | None":

@@ -1,4 +1,4 @@
-"""Pictures of recordings and pages: a viewer and a browser without a window, asked for what they show."""
+"""Pictures of recordings and pages, by a viewer and a browser without a window."""
 
 import os
 import shutil
@@ -75,7 +75,7 @@ def recording_picture(viewer: "ViewerClient", recording: Path, time_s: float) ->
 
     Args:
         viewer: From `headless_viewer`.
-        time_s: Where to put the time cursor [s].
+        time_s: Time of the cursor [s].
 
     Raises:
         SysidError: The viewer does not answer, or its picture does not settle.

@@ -45,14 +45,9 @@ def default_export(kind: Kind, timestep: float) -> Export:
 
 
 def board_mjcf(
-    board: Board,
-    kind: Kind,
-    *,
-    timestep: float = 0.005,
-    integrator: str = "implicitfast",
-    export: Export | None = None,
-    coupling: Coupling = "equality",
-) -> Mjcf:
+    board: Board, kind: Kind, *, timestep: float = 0.005, integrator: str = "implicitfast",
+    export: Export | None = None, coupling: Coupling = "equality",
+) -> Mjcf:  # fmt: skip
     """Write a board as MJCF, for MuJoCo 3.11 and newer.
 
     Args:

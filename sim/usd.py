@@ -50,9 +50,9 @@ def write_usd(xml: str, output: Path) -> None:
             "MJCF (without --usd), or fit the joint without these effects (fit --plain)."
         )
     with needs_extra("usd", "USD files"):
-        import mujoco_usd_converter
-        import usdex.core
-        from pxr import Usd
+        import mujoco_usd_converter  # pyright: ignore[reportMissingImports]
+        import usdex.core  # pyright: ignore[reportMissingImports]
+        from pxr import Usd  # pyright: ignore[reportMissingImports]
     usdex.core.activateDiagnosticsDelegate()
     usdex.core.setDiagnosticsLevel(usdex.core.DiagnosticsLevel.eError)  # lights are left out
     with tempfile.TemporaryDirectory() as folder:

@@ -233,7 +233,7 @@ def fit(
     Raises:
         SysidError: An effect that free decays cannot identify, no convergence, or a period that nothing has.
     """
-    recordings, releases, weak = unpack(data)
+    recordings, releases, weak = unpack(data, whole=True)
     require_record(board)
     check_effects(effects, [part.name for part in board.effects])
     kept = tuple(part.name for part in board.effects if not plain or effect(part.name).is_known)

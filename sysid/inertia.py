@@ -66,13 +66,9 @@ def parts(inertias: Sequence[Quantity]) -> Quantity:
 
 
 def bifilar(
-    mass: Quantity,
-    separation: Quantity,
-    length: Quantity,
-    period: Quantity,
-    distance: Quantity = ON_AXIS,
+    mass: Quantity, separation: Quantity, length: Quantity, period: Quantity, distance: Quantity = ON_AXIS,
     gravity: Quantity = GRAVITY,
-) -> Quantity:
+) -> Quantity:  # fmt: skip
     """Return the inertia of a deck that twists on two parallel strings L long and s apart, its roll axis vertical.
 
     About the vertical through the centre of mass, midway between the strings, I = m g s² T² / (16 π² L). The tilt axis adds m e².

@@ -200,7 +200,9 @@ class Recording(Shown):
             if one.hold and one.start - given > EARLY_RELEASE_SHARE * one.hold
         )
         driven = tuple(
-            f"something drives it until {shown(one.driven_until)}: free from then on" for one in found if one.driven_until
+            f"something drives it until {shown(one.driven_until)}: free from then on"
+            for one in found
+            if one.driven_until
         )
         recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held, *driven)), releases=found)
         turn = 0.0 if roll.slides else math.tau * round((rest - recording._rest) / math.tau)
@@ -213,10 +215,8 @@ class Recording(Shown):
 
     def _shifted(self, by: float, **changes: Any) -> Self:
         """Return the recording with every roll larger by a constant [rad or m]."""
-        releases = (replace(r, roll=r.roll + by, rest=r.rest + by, **changes) for r in self.releases)
-        return replace(
-            self, roll=replace(self.roll, roll=self.roll.roll + by, **changes), releases=tuple(releases)
-        )
+        releases = tuple(_moved(release, by, **changes) for release in self.releases)
+        return replace(self, roll=replace(self.roll, roll=self.roll.roll + by, **changes), releases=releases)
 
     def _about(self, rest: float) -> Self:
         """Return the recording with roll counted from the joint's rest, if the log's zero is not the joint's."""
@@ -289,12 +289,21 @@ class Recording(Shown):
         )
 
 
+def _moved(release: Release, by: float, **changes: Any) -> Release:
+    whole = None if release.whole is None else _moved(release.whole, by, **changes)
+    return replace(release, roll=release.roll + by, rest=release.rest + by, whole=whole, **changes)
+
+
 Data = Recording | Release | str | Path | Iterable[Recording | Release | str | Path]
 """Measured decays, as every verb takes them: a recording, a release, the path of a log, or several of these."""
 
 
-def unpack(data: Data) -> tuple[tuple[Recording, ...], list[Release], list[str]]:
-    """Return the recordings in what a verb was given, all releases that stand clear of their noise, and what is said of the others.
+def unpack(data: Data, *, whole: bool = False) -> tuple[tuple[Recording, ...], list[Release], list[str]]:
+    """Return the recordings in given data, all releases that stand clear of their noise, and a remark on each other one.
+
+    Args:
+        data: As a verb takes it.
+        whole: Whether releases begin at the hold, also where a law that is not linear bends their start.
 
     Raises:
         SysidError: There is none, a measurement was given twice, or something is no measurement.
@@ -305,6 +314,8 @@ def unpack(data: Data) -> tuple[tuple[Recording, ...], list[Release], list[str]]
     releases: list[Release] = []
     for item in items:
         releases += item.releases if isinstance(item, Recording) else [item]
+    if whole:
+        releases = [release.whole or release for release in releases]
     if not releases:
         raise SysidError("no release was given. Let the deck go and record until it rests.")
     return recordings, *clear_of_noise(releases)

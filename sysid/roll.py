@@ -113,6 +113,8 @@ class Release(Signal):
 
     driven_until: float | None = None
     """Until when something drove the joint before this release [s]; None where nothing did."""
+    whole: "Release | None" = None
+    """The same from the hold on, where a hand, or a law that is not linear, bends its start; None where nothing does."""
 
     @classmethod
     def of(

@@ -49,7 +49,7 @@ def quantity_frame(quantities: "Mapping[str, Quantity]") -> "pd.DataFrame":
 
 @dataclass(frozen=True, slots=True)
 class Display:
-    """Unit and scale in which a roll or its rate is displayed; of a slide, its position or speed."""
+    """Unit and scale in which a position or its rate is displayed."""
 
     name: str
     unit: str
@@ -62,12 +62,12 @@ class Display:
         return f"{self.name} [{self.unit.strip()}]"
 
     def __call__(self, value: float, digits: int = 4) -> str:
-        """Return a roll [rad] or rate [rad/s] in `unit`."""
+        """Return a position [rad or m] or rate [rad/s or m/s] in `unit`."""
         return f"{self.scale * value:.{digits}g}{self.unit}"
 
 
-def display(*, is_rate: bool, slides: bool = False, angle: str = "roll") -> Display:
-    """Return how a roll, called `angle`, or its rate, is shown; of a slide, in mm and m/s."""
+def display(*, is_rate: bool, slides: bool = False, angle: str = "angle") -> Display:
+    """Return how a position, called `angle`, or its rate is shown: in degrees and rad/s; of a slide in mm and m/s."""
     if slides:
         return Display("speed", " m/s", 1.0) if is_rate else Display("position", " mm", 1e3)
     return Display("rate", " rad/s", 1.0) if is_rate else Display(angle, "°", DEGREES)

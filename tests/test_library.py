@@ -319,3 +319,27 @@ def test_every_result_prints_short_and_draws(swing):
     for result in (*results, *log.releases, log.roll, fit.law, fit.quantities["stiffness"]):
         assert len(repr(result)) < 2000
         assert "array(" not in repr(result)
+
+
+def test_a_rate_has_the_amplitudes_of_its_angle():
+    time = np.arange(0, 12, 0.005)
+    since = np.maximum(time - 1, 0)
+    decay, omega = 0.5, 2 * np.pi
+    angle = 0.3 * np.exp(-decay * since) * (np.cos(omega * since) + decay / omega * np.sin(omega * since))
+    angle[time < 1] = 0.3
+    noise = np.random.default_rng(1)
+    rate = np.where(
+        time < 1, 0.0, -0.3 * np.exp(-decay * since) * np.sin(omega * since) * (omega + decay**2 / omega)
+    )
+    rig = sysid.Joint.new("rig", 0.01)
+    found = []
+    for signal in (
+        {"angle": angle + 1e-4 * noise.normal(size=len(time))},
+        {"rate": rate + 1e-3 * noise.normal(size=len(time))},
+    ):
+        log = sysid.Recording.from_arrays(time, **signal)
+        found.append(sysid.compare(log, sysid.fit(log, rig).board))
+    of_angle, of_rate = (one.measured_backbone for one in found)
+    assert of_rate.amplitude.max() == pytest.approx(of_angle.amplitude.max(), rel=0.35)
+    assert of_rate.amplitude.max() < 0.3
+    assert np.interp(0.1, of_rate.amplitude, of_rate.period) == pytest.approx(1.0, rel=0.02)

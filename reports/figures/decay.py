@@ -98,7 +98,9 @@ def draw_traces(axes: "Axes", decay: FreeDecay) -> "Axes":
     axes.set_ylim(-1.15 * height, 1.15 * height)
     axes.legend(loc="upper right", ncols=3, handlelength=1.6, columnspacing=1.2)
     numbers = decay.numbers
-    known = {"ωₙ": numbers.omega_n, "ζ": numbers.damping_ratio} | dict(zip(("k/d",), decay.others.values(), strict=False))
+    known = {"ωₙ": numbers.omega_n, "ζ": numbers.damping_ratio} | dict(
+        zip(("k/d",), decay.others.values(), strict=False)
+    )
     if decay.linear:
         axes.set_title("    ".join(f"{name} = {q}" for name, q in known.items() if math.isfinite(q.value)))
     else:
@@ -146,7 +148,13 @@ def draw_peak_line(axes: "Axes", decay: FreeDecay) -> "Axes":
         label = "peaks ±2σ" if i == used[0][0] else None
         axes.errorbar(number, amplitude, yerr=error, fmt="o", ms=3.5, color=REAL, elinewidth=0.8, label=label)
         # The trace gives the slope, and the widest peak, which noise moves least, the height.
-        axes.plot(number, amplitude[0] * np.exp(slope * (number - number[0])), color=SIM, lw=1.0, label=label and "fitted decay")
+        axes.plot(
+            number,
+            amplitude[0] * np.exp(slope * (number - number[0])),
+            color=SIM,
+            lw=1.0,
+            label=label and "fitted decay",
+        )
     axes.set_yscale("log")
     smallest = min(peak.amplitude for _, group in used for peak in group)
     axes.set_ylim(bottom=max(axes.get_ylim()[0], scale * smallest / 3))

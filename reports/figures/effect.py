@@ -1,4 +1,4 @@
-"""What an effect does to a decay: with it and without."""
+"""A decay with an effect and without."""
 
 from typing import TYPE_CHECKING
 

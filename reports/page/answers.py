@@ -1,4 +1,4 @@
-"""The four questions of a hurried reader: does the model match, what is missing, how sure, what to do next."""
+"""The four questions of a hurried reader: match, missing effect, certainty, next step."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -31,7 +31,7 @@ def four_answers(
 
 def _match(board: Board, evidence: Evidence | None) -> tuple[str, str]:
     if evidence is None:
-        return "Not known: none of the logs is there any more.", ""
+        return "Unknown: the logs are gone.", ""
     result = evidence.comparison
     fits = f"error {times(result.rmse / result.noise.std)} × the noise; {result.verdict()}"
     if result.passed and _fails(board):
@@ -74,7 +74,7 @@ def _missing(board: Board, evidence: Evidence | None, diagnosis: LastDiagnosis |
             return f"{names}.", "bad"
         case _:
             nearest = f" Nearest: {names}." if names else ""
-            return f"Something that no effect of the catalogue explains.{nearest}", "bad"
+            return f"A torque without a name in the catalogue.{nearest}", "bad"
 
 
 UNSURE = "Not known: the record's numbers come without intervals; a fit finds them."
@@ -129,7 +129,7 @@ def next_step(
     if diagnosis is None or not diagnosis.is_current:
         if evidence.comparison.passed and _fails(board):
             return check
-        return f"Ask what is missing: {command('diagnose')}"
+        return f"Find the missing effect: {command('diagnose')}"
     verdict = diagnosis.content["verdict"]
     if verdict["status"] == "missing":
         fitted = [name for name in verdict["effects"] if effect(name).identifiable_from_decay]

@@ -56,7 +56,7 @@ MOST_PAIRS = 6
 MIN_CORRELATION = 0.9
 """Correlation from which two parameters are hardly told apart."""
 MAX_STRENGTH_RATIO = 30.0
-"""Multiple of an effect's clear strength beyond which no board has it."""
+"""An effect is too weak to show if it would need more than this multiple of its clear strength."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +118,7 @@ def _lead(
         parts.append(note(remark + "Nothing on this page was measured on a real board."))
     play = None if evidence is None else playground(evidence, diagnosis)
     if play is not None:
-        remark = "Each effect's slider multiplies what was fitted of it; roll and rate at each release are fitted at once."
+        remark = "Each effect's slider multiplies its fitted strength; angle and rate at each release are fitted again at once."
         if play.left_out:
             remark += f" Not on a slider: {', '.join(play.left_out)}."
         parts.append(sliders(play.code, play.to_json(), remark))
@@ -275,8 +275,8 @@ def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
     pairs = f"{count(len(twins), 'pair')} cannot be told apart" if twins else "no two of them look the same"
     return [
         paragraph(
-            f"{hidden} in these releases, and {pairs} (cosine of what they change from {ALIKE} on, once stiffness, damping, "
-            "rest angle and starts have done what they can)."
+            f"{hidden} in these releases, and {pairs} (cosine of their signatures from {ALIKE} on, after a refit of stiffness, damping, "
+            "rest angle and starts)."
         ),
         table(("effect", "weakest that would show here", "looks like", "experiment that tells"), rows),
     ]

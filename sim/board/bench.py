@@ -101,15 +101,9 @@ class Swing:
 
 
 def swing(
-    model: mujoco.MjModel,
-    angle: float,
-    rate: float,
-    duration: float,
-    *,
-    joint: str = TILT_JOINT,
-    after_step: AfterStep | None = None,
-    begin: Begin | None = None,
-) -> Swing:
+    model: mujoco.MjModel, angle: float, rate: float, duration: float, *, joint: str = TILT_JOINT,
+    after_step: AfterStep | None = None, begin: Begin | None = None,
+) -> Swing:  # fmt: skip
     """Release the deck and step MuJoCo.
 
     Args:

@@ -52,12 +52,12 @@ thirds of the radius of a small contact patch. The 0.01 m of the authors' releas
 COASTING = (-5.160, 0.7831, 0.02918)
 """Rolling friction [m] for a loss of speed [m/s^2] at 1 m/s: c₀, c₁, c₂ of ln friction = c₀ + c₁ L + c₂ L² with L = ln loss.
 
-Within 4 % of what this scene does under 33 kg from 0.007 to 0.6 m/s² (`benchmarks/results/hands_off.md`). A pyramidal cone makes
+It is within 4 % of this scene under 33 kg, from 0.007 to 0.6 m/s² (`benchmarks/results/hands_off.md`). A pyramidal cone makes
 of rolling friction a loss that grows with the speed and falls with the load."""
 
 WHEEL_IMPEDANCE = (0.99, 0.999)
-"""First two numbers of a wheel's solimp [1]. MuJoCo scales the softness of a contact by the mobility of its bodies: by its
-default, these light wheels sink by 23 mm under a rider, with these numbers by 0.8 mm."""
+"""First two numbers of a wheel's solimp [1]. MuJoCo scales the softness of a contact by the mobility of its bodies. These light
+wheels sink by 0.8 mm under a rider, by 23 mm with the defaults."""
 
 _DIRECT_ARMATURE = 1.0
 """Armature [kg*m^2] of a truck joint that is set from outside: contacts must not turn it within a step. An armature loads its
@@ -72,7 +72,7 @@ _DECK_COLOUR, _METAL, _WHEEL_COLOUR, _MARKER = "d4ad78", "8c9199", "edede6", "33
 
 def colour(digits: str) -> list[float]:
     """Return red, green, blue and opacity as shares of full [1]."""
-    return [*(value / 255 for value in bytes.fromhex(digits)), 1.0]
+    return [*(round(value / 255, 2) for value in bytes.fromhex(digits)), 1.0]
 
 
 def wheel_friction(board: Board) -> tuple[float, float, float]:
@@ -128,13 +128,9 @@ def add_deck(root: mujoco.MjsBody, board: Board, inertia: float, tilt_range: flo
 
 
 def add_truck(
-    root: mujoco.MjsBody,
-    board: Board,
-    end: Literal["front", "rear"],
-    tilt_range: float,
-    coupling: Coupling,
+    root: mujoco.MjsBody, board: Board, end: Literal["front", "rear"], tilt_range: float, coupling: Coupling,
     wheel_friction: Sequence[float],
-) -> None:
+) -> None:  # fmt: skip
     """Add a truck on its steering joint with two wheels; the body's origin is the middle of its axle."""
     geometry = board.geometry
     sign = 1.0 if end == "front" else -1.0
@@ -177,13 +173,9 @@ def _add_wheel(
 
 
 def add_body(
-    parent: mujoco.MjsBody,
-    name: str,
-    pos: Place,
-    mass: float,
-    inertia: Array,
+    parent: mujoco.MjsBody, name: str, pos: Place, mass: float, inertia: Array,
     centre: Place | Array = _ORIGIN,
-) -> mujoco.MjsBody:
+) -> mujoco.MjsBody:  # fmt: skip
     """Add a body at `pos` [m] in its parent, of this mass [kg] and inertia [kg*m^2] about its own axes through `centre` [m]."""
     return parent.add_body(name=name, pos=pos, mass=mass, ipos=centre, inertia=inertia, explicitinertial=True)
 

@@ -31,14 +31,9 @@ from sysid.roll import Array
 
 
 def board_spec(
-    board: Board,
-    *,
-    coupling: Coupling = "equality",
-    ground: bool = True,
-    timestep: float = 0.005,
-    integrator: str = "implicitfast",
-    friction: Sequence[float] | None = None,
-) -> mujoco.MjSpec:
+    board: Board, *, coupling: Coupling = "equality", ground: bool = True, timestep: float = 0.005,
+    integrator: str = "implicitfast", friction: Sequence[float] | None = None,
+) -> mujoco.MjSpec:  # fmt: skip
     """Build the free board from its record, effects included.
 
     Args:

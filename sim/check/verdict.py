@@ -86,7 +86,8 @@ class Verdict(Shown):
                 f"{1e3 * one.rmse:.2f} {'mm' if self.case.board.slides else 'mrad'}",
             )
             measured, length = one.release, one.release.time[-1] - one.release.time[0]
-            rows.append((measured.log, str(measured.number), one.side, f"{length:.2f} s", *errors))
+            side = one.side if joint is not None else {"right": "above", "left": "below"}[one.side]
+            rows.append((measured.log, str(measured.number), side, f"{length:.2f} s", *errors))
         held = "all but the joint" if joint is None else "the chassis"
         lines = [
             f"{self.case.kind} {self.case.board.name} in: {self.case.scene.name}; {held} is held, as on a bench",

@@ -1,7 +1,7 @@
 """Parasitic stiffness, damping and inertia that a scene adds to the tilt joint, by part of the scene.
 
 The scene is a black box. Static loads give its stiffness. A small sampled decay, a recursion of two terms, gives the two
-poles of the step; with the stiffness they give damping and inertia as the integrator sees them. Parts are then switched off
+poles of the step. With the stiffness, the poles give damping and inertia as the integrator sees them. Parts are then switched off
 one at a time: each change is the part's.
 """
 

@@ -65,12 +65,9 @@ class ClampedScene:
 
 
 def training_scene(
-    board: Board,
-    *,
-    timestep: float = 0.005,
-    integrator: str = "implicitfast",
+    board: Board, *, timestep: float = 0.005, integrator: str = "implicitfast",
     coupling: Coupling = "equality",
-) -> ClampedScene:
+) -> ClampedScene:  # fmt: skip
     """Build our scene of a board as written (compensated or not) and hold its chassis.
 
     Raises:
@@ -162,13 +159,9 @@ def _settled_pose(spec: mujoco.MjSpec, free: mujoco.MjsJoint) -> Array:
 
 
 def compensate(
-    board: Board,
-    export: Export,
-    *,
-    timestep: float,
-    integrator: str = "implicitfast",
+    board: Board, export: Export, *, timestep: float, integrator: str = "implicitfast",
     coupling: Coupling = "equality",
-) -> Compensation:
+) -> Compensation:  # fmt: skip
     """Return the board to be written for an export; arguments as in `compensate_in_scene`."""
     if export == "in-scene":
         return compensate_in_scene(board, timestep=timestep, integrator=integrator, coupling=coupling)
@@ -177,12 +170,9 @@ def compensate(
 
 
 def compensate_in_scene(
-    board: Board,
-    *,
-    timestep: float = 0.005,
-    integrator: str = "implicitfast",
+    board: Board, *, timestep: float = 0.005, integrator: str = "implicitfast",
     coupling: Coupling = "equality",
-) -> Compensation:
+) -> Compensation:  # fmt: skip
     """Return the board to be written so that the whole scene decays like the record's law.
 
     The deck's roll inertia and damping make up for wheels, contacts, coupling and the step. The static stiffness is the

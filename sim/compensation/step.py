@@ -1,8 +1,8 @@
 """Parameters that make the simulator's sampled decay the board's, at the step it is trained with.
 
 A time step of milliseconds changes the decay: implicitfast at 5 ms takes 8.3 % off the stiff HUSKY board's damping ratio.
-Stiffness, damping and roll inertia are three numbers for two poles. The stiffness stays, for it sets the tilt under a rider,
-which is static; compensated by stiffness and damping, the board would be 20 % too stiff. So damping and roll inertia change.
+Stiffness, damping and roll inertia are three numbers for two poles. The stiffness stays, for it sets the static tilt under a
+rider; a compensation by stiffness would make the board 20 % too stiff. So damping and roll inertia change.
 
 Spring and damper alone have a closed form. With further effects the same two numbers are fitted.
 """
@@ -33,8 +33,8 @@ USUAL_STEPS = 8
 UNKNOWN_RANGE, DEFAULT_RANGE = 3.1, 0.3
 """A tilt range of half a turn or more counts as unknown; the release is then from a deck's usual range [rad]."""
 BELOW_BARRIER = 0.75
-"""Energy of the widest release, over the energy at which the joint no longer returns [1]: 0.7 of that angle for a spring that
-softens as x³."""
+"""Energy of the widest release, over the energy at which the joint no longer returns [1]. For a spring that softens as x³ it is
+0.7 of that angle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,13 +198,9 @@ def _static_torque(board: Board, tilt: Array) -> Array:
 
 
 def fit_inertia_and_damping(
-    board: Board,
-    start: Board,
-    build: Callable[[Board], mujoco.MjModel],
-    amplitudes: Sequence[float],
-    *,
+    board: Board, start: Board, build: Callable[[Board], mujoco.MjModel], amplitudes: Sequence[float], *,
     after_step: AfterStep | None = None,
-) -> Board:
+) -> Board:  # fmt: skip
     """Fit roll inertia and damping so that MuJoCo's decay is the law's; start rates are free.
 
     The parameters of a second body (support or hanging) are fitted too. Parts that MuJoCo cannot represent are left out of the
@@ -236,14 +232,9 @@ def fit_inertia_and_damping(
 
 
 def evaluate(
-    board: Board,
-    written: Board,
-    build: Callable[[Board], mujoco.MjModel],
-    amplitudes: Sequence[float],
-    how: str,
-    *,
-    after_step: AfterStep | None = None,
-) -> Compensation:
+    board: Board, written: Board, build: Callable[[Board], mujoco.MjModel], amplitudes: Sequence[float],
+    how: str, *, after_step: AfterStep | None = None,
+) -> Compensation:  # fmt: skip
     """Measure both errors of a written board in MuJoCo: unloaded decay and static stiffness."""
     model = build(written)
     error = step_error = decay_error(board, model, amplitudes, after_step=after_step)

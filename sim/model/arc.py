@@ -110,7 +110,12 @@ def _passive(setup: Setup, spec: mujoco.MjSpec) -> mujoco.MjModel:
         model = spec.compile()
     except ValueError as error:  # e.g. a moving body without a mass
         said = " ".join(str(error).removeprefix("Error: ").split())
-        raise SysidError(f"{setup.file}: MuJoCo cannot compile it ({said}).") from error
+        packages = (
+            ' Name the folder of its meshes: <mujoco><compiler strippath="true" meshdir="FOLDER"/></mujoco>.'
+        )
+        raise SysidError(
+            f"{setup.file}: MuJoCo cannot compile it ({said}).{packages if 'package:' in said else ''}"
+        ) from error
     off = mujoco.mjtDisableBit
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     model.opt.disableflags |= int(

@@ -373,9 +373,12 @@ def _nested(file: Path, home: Path) -> Iterator[Path]:
 
 def _with_folders(text: str, spec: mujoco.MjSpec, home: Path) -> str:
     """Return the model's text with absolute folders of meshes and textures; the last compiler element of a file counts."""
-    folders = {name: (home / getattr(spec, name)).resolve() for name in ("meshdir", "texturedir")}
-    element = "<compiler " + " ".join(f'{name}="{folder}"' for name, folder in folders.items()) + "/>"
-    root = "</robot>" if "</robot>" in text else "</mujoco>"
+    folders = {name: str((home / getattr(spec, name)).resolve()) for name in ("meshdir", "texturedir")}
+    robot = "</robot>" in text
+    if robot and (found := re.search(r"<compiler\b[^>]*>", text)):  # a URDF may have one only
+        return text[: found.start()] + _tagged(found[0], folders) + text[found.end() :]
+    element = _tagged("<compiler/>", folders)
+    root = "</mujoco>" if "</mujoco>" in text else "</robot>"
     element = f"<mujoco>{element}</mujoco>" if root == "</robot>" else element
     at = text.rindex(root)
     return f"{text[:at]}  {element}\n{text[at:]}"

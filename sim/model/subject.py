@@ -22,7 +22,7 @@ from sysid.roll import Array
 TINY = 1e-9
 """Rounding: a rest nearer to zero is zero [rad or m]; a torque smaller by this factor than the inertia's unit is no torque."""
 MAX_ERROR = 0.01
-"""Error of a table's harmonics, and change of an inertia along the arc, above which a note is printed [1]: an error of the masses of a per cent is usual."""
+"""Error of a table's harmonics, and change of an inertia along the arc, above which a note is printed [1]. Masses are usually known to a per cent."""
 
 
 NEAR = 1.6

@@ -20,13 +20,13 @@ EXIT_CODES = """Exit codes: 0 good; 1 input or computation failed; 2 usage; 3 th
 
 
 class Command(NamedTuple):
-    """What the help says of a command before the command is imported."""
+    """Help of a command, known before its module is imported."""
 
     help: str
     examples: tuple[str, ...]
     """Command lines, without the program's name."""
     page: str
-    """Where to read on, in docs/."""
+    """Its page in docs/."""
     first: tuple[str, ...] = ()
     """Options of its help's first screen; all of them if left out. `--help-all` shows the others too."""
     module: str = ""
@@ -70,7 +70,7 @@ COMMANDS = {
         "Name the physical effect that the model is missing.",
         ("diagnose tip.csv --board pink", "diagnose monday.csv tuesday.csv --board pink --json found.json"),
         "diagnosis.md",
-        first=(*JOINT, *LOG, "--fix", "--workers", *OUTPUT),
+        first=(*JOINT, *LOG, "--fix", *OUTPUT),
     ),
     "check": Command(
         "Check that the MuJoCo scene moves as measured; exit 0 or 3.",
@@ -124,7 +124,7 @@ COMMANDS = {
     ),
     "history": Command("Show how a board's record came about.", ("history --board pink",), "boards.md"),
     "undo": Command(
-        "Put a board's record back to what it was before the last change.",
+        "Undo the last change of a record.",
         ("undo --board pink",),
         "boards.md",
     ),
@@ -342,7 +342,7 @@ def build_app(*, everything: bool = False) -> "cyclopts.App":
 
 
 def _require_finite(_app: object, _commands: object, arguments: "cyclopts.ArgumentCollection") -> None:
-    """Accept the numbers of a command line: none of them is nan or infinite.
+    """Accept finite numbers only.
 
     Raises:
         cyclopts.ValidationError: One is; it names the option.
@@ -353,7 +353,7 @@ def _require_finite(_app: object, _commands: object, arguments: "cyclopts.Argume
         if "float" not in str(argument.hint):  # alone, in a tuple, or where it may be left out
             continue
         for token in argument.tokens:
-            with contextlib.suppress(ValueError):  # what is no number is told later, as of any kind
+            with contextlib.suppress(ValueError):  # other values are refused later
                 if not isfinite(float(token.value)):
                     raise ValidationError(
                         exception_message="Must be a finite number.", argument=argument, value=token.value

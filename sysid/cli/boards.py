@@ -143,7 +143,7 @@ def derivation(board: Board) -> "DecayNumbers | None":
 
 
 def derivation_line(board: Board) -> str:
-    """Return the derivation of k and d to the digits that the source prints, beside what it prints."""
+    """Return derived k and d to the digits of the source, beside its own numbers."""
     numbers = derivation(board)
     if numbers is None:
         return ""

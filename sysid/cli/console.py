@@ -1,4 +1,4 @@
-"""What every command shares: `--json`, `--workspace`, results on stdout, the rest on stderr."""
+"""Shared by every command: `--json`, `--workspace`, results on stdout, the rest on stderr."""
 
 import json
 import os
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 LOG, FILM, FIT, OUTPUT = (
     Group(name, sort_key=place) for place, name in enumerate(("Log", "Film", "Fit", "Output"), 1)
 )
-"""What options belong to, in the order of a command's help."""
+"""Groups of options, in the order of a command's help."""
 Output = Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)]
 LEAST_WIDTH = 40
 """Below, a table's cells would be letters under one another [characters]."""
@@ -125,7 +125,7 @@ class Printer:
         self._stderr.print(f"warning: {one_line(text)}", markup=False, style="yellow")
 
     def note(self, text: str) -> None:
-        """Print what was inferred or done, on stderr."""
+        """Print a note on stderr."""
         self._stderr.print(text, markup=False, style="dim")
 
     @property

@@ -1,4 +1,4 @@
-"""`husky-sysid diagnose`: what the model is missing, or that nothing is, or that nothing known explains it."""
+"""`husky-sysid diagnose`: the missing effect, if there is one and the catalogue has it."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ def diagnose(
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:
-    """Rank the physical effects that the model is missing, or say that nothing is.
+    """Name the missing physical effects, or report that the model is complete.
 
     Writes diagnose.json, where the report finds it, and diagnose.png into reports/BOARD of the workspace.
 

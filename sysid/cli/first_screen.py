@@ -19,7 +19,7 @@ class FirstScreen(DefaultFormatter):
         self._shown = frozenset(shown)
 
     def __call__(self, console: "Console", options: "ConsoleOptions", panel: "HelpPanel") -> None:
-        """Print one panel; nothing where none of its options is shown."""
+        """Print one panel, unless all of its options are hidden."""
         kept = [
             one for one in panel.entries
             if one.required or one.positional_label or not self._shown.isdisjoint((*one.positive_names, *one.negative_names))

@@ -61,11 +61,10 @@ def fit(
         prior: Use the record's value and deviation of a parameter as a prior; repeat it for several.
         plain: Drop the effects that the record has.
         robust: Let outliers of the sensor count less.
-        in_scene: Also find what must be written into the training scene (implicitfast at 5 ms, wheels on the
-            ground, equality coupling) so that the scene as a whole decays like the board.
-        profile: Also compute profile-likelihood intervals, which need not be symmetric.
-        bootstrap: Also fit so many logs resampled from the residuals (block bootstrap), as a check of the
-            intervals; 400 is a good number.
+        in_scene: Also compensate the training scene (implicitfast at 5 ms, wheels on the ground, equality coupling),
+            so that it decays like the board.
+        profile: Compute profile-likelihood intervals too; they may be lopsided.
+        bootstrap: Number of logs to resample from the residuals (block bootstrap) and to fit; 400 is a good number.
         output: The patched copy of a model; MODEL_JOINT.xml beside it if left out. A board has none.
         any_period: Save a natural period above 100 s or below 1 ms too, which else is taken for a wrong unit of time.
     """
@@ -162,7 +161,7 @@ def fit(
 
 
 def _offer(common: Common, result: "Fit", printer: Printer) -> Path:
-    """Write the formula of what was learned as an effect of its own."""
+    """Write the learned formula as an effect of its own."""
     from sysid.fitting.formula import own_effect
 
     assert result.formula is not None
@@ -234,6 +233,6 @@ def _draw(common: Common, result: "Fit") -> Path:
     name = result.before.name
     noise = (result.noise.lowest / result.noise.std, result.noise.highest / result.noise.std)
     figure = ladder_figure(
-        fit_steps(result), noise, f"{name}: what each effect takes away", len(result.joint.records)
+        fit_steps(result), noise, f"{name}: errors of the models", len(result.joint.records)
     )
     return write_figure(common.space.outputs(name) / "ladder.png", figure)

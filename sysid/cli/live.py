@@ -110,7 +110,7 @@ def _say(session: Session, new: Mapping[int, Release], printer: Printer) -> None
         printer.warn(f"{where}: {session.trouble}")
     else:
         numbers = session.history[-1]
-        printer.say(f"{where}   k = {numbers.stiffness}   d = {numbers.damping}")
+        printer.say(f"{where}   k = {numbers.stiffness}   d = {numbers.damping}   {numbers.verdict}")
     printer.say(f"  {session.next_step}")
 
 
@@ -130,7 +130,7 @@ def _phoning(
         except SysidError as error:
             owed += 1
             if owed >= LOSSES:
-                raise SysidError(f"{error} What came until then is kept in {folder}.") from error
+                raise SysidError(f"{error} The log until then is kept in {folder}.") from error
             printer.warn("the phone did not answer; trying again")
             return None
         owed = 0

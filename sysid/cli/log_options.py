@@ -39,7 +39,7 @@ class VideoArguments:
     readout: float | None = None
     """Time from the sensor's first to its last row in s; 0 for a global shutter."""
     camera_angle: _Pair = None
-    """Where the deck's axis points, to the right and down from the line of sight, in degrees."""
+    """Direction of the deck's axis from the line of sight, to the right and down, in degrees."""
     pivot: _Pair = None
     """Point that a single dot, or x and y of a table, turn about: in px, or in the table's unit."""
     no_shake: Flag = False
@@ -47,7 +47,7 @@ class VideoArguments:
     front: Flag = False
     """Taken from the front of the board, not from behind."""
     overlay: Path | None = None
-    """Write a film in which what was followed is drawn."""
+    """Write a film with the tracked points drawn in."""
 
     @property
     def options(self) -> VideoOptions:
@@ -87,7 +87,7 @@ class LogArguments:
     time_column: str | None = None
     """Column with the time: its name, or its number counted from 1."""
     source: _Source = "auto"
-    """What to make roll from, where a log holds several."""
+    """Sensor to use, if the log holds several."""
     lever_arm: Annotated[
         tuple[float, float, float] | None, Parameter(negative="", allow_leading_hyphen=True)
     ] = None
@@ -121,7 +121,7 @@ def as_fitted(record: Board, logs: Sequence[Path], arguments: LogArguments, prin
     """Return how the logs that a record was fitted to were read, where neither they nor options were given again.
 
     Raises:
-        SysidError: The record's options are none.
+        SysidError: The record's options are unknown.
     """
     words = record.fit.get("reading", "")
     if logs or arguments != LogArguments() or not words:
@@ -170,7 +170,7 @@ def refuse_overwriting_logs(
     Args:
         logs: The measurements; the camera's calibration is kept as well.
         arguments: Names the overlay that reading a film writes.
-        outputs: What else the command writes, by option.
+        outputs: Other outputs of the command, by option.
 
     Raises:
         SysidError: An output is a log.
@@ -190,7 +190,7 @@ def unused_options(log: Path, arguments: LogArguments) -> list[str]:
 
 
 def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
-    """Read one log and say on stderr what was inferred and what is wrong with it.
+    """Read one log and print notes and warnings on stderr.
 
     Raises:
         SysidError: The log cannot be read as roll, or would be overwritten.
@@ -219,7 +219,7 @@ def reading(arguments: LogArguments, printer: Printer, *, shown: bool) -> Genera
 
 
 def say_notes(log: Path, roll: Roll, printer: Printer) -> None:
-    """Say on stderr what was inferred while reading a log, and what is wrong with it."""
+    """Print notes and warnings of reading a log on stderr."""
     pairs = [about_and_text(note) for note in roll.notes]
     widest = max((len(about) for about, _ in pairs), default=0)
     printer.note("\n".join((str(log), *(f"  {about:{widest}}  {text}" for about, text in pairs))))
@@ -233,7 +233,7 @@ def load_recordings(
     """Read logs and find the free decays in them.
 
     Args:
-        rest: Where the joint rests, as its record or model states [rad or m].
+        rest: Rest angle by the record or model [rad or m].
 
     Raises:
         SysidError: A log cannot be read, holds no free decay, was given twice, or would be overwritten.
@@ -248,7 +248,7 @@ def load_recordings(
 def recording_of(
     roll: Roll, arguments: LogArguments, printer: Printer | None = None, *, rest: float = 0.0
 ) -> Recording:
-    """Find the releases in the part of a roll that the user named, and say on stderr what is wrong with that.
+    """Find the releases in the part of a roll that the user named, and print their problems on stderr.
 
     Raises:
         SysidError: There is none.

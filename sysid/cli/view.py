@@ -73,7 +73,7 @@ def logs_of(
     """Return the logs given, else those that a board was fitted to; say which of these are not there any more.
 
     Raises:
-        SysidError: There is none, or the output would overwrite one.
+        SysidError: No log is known, or the output would overwrite one.
     """
     from reports.evidence import find_logs
 
@@ -114,7 +114,7 @@ def no_logs(board: Board, space: Workspace) -> str:
             f"({space.command('fit', *board.options, logs=())}), or name logs here."
         )
     names = ", ".join(str(entry.get("path")) for entry in board.fit["logs"])
-    return f"none of the logs that board '{board.name}' was fitted to is there any more ({names}). Name logs here."
+    return f"the logs of the fit of '{board.name}' are gone ({names}). Name logs here."
 
 
 @dataclass(frozen=True, slots=True)

@@ -133,7 +133,7 @@ def compare(
     Raises:
         SysidError: The law's motion grows without bound.
     """
-    recordings, releases, weak = unpack(data)
+    recordings, releases, weak = unpack(data, whole=True)
     require_record(board)
     chosen = signal_of(releases, signal)
     use_rate = chosen["use_rate"]
@@ -159,7 +159,7 @@ def compare(
     least, excess, most = (part / size for part in noise.excess(rmse))
     where = locate_error(compared, law, noise, board)
     with stage(0.4, 1.0):
-        missing = None if use_rate else missing_torque(compared, law)
+        missing = missing_torque(compared, law)
     return Comparison(
         board=board.name,
         law=law,

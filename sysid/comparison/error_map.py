@@ -72,7 +72,7 @@ def locate_error(
 
 def _motion(release: ComparedRelease, law: JointLaw) -> tuple[Array, Array]:
     """Return tilt about rest [rad] and rate [rad/s] as measured, or as simulated where that cannot be differentiated."""
-    window = None if release.measures_rate else filter_length(release.time, release.measured, law)
+    window = None if release.measures_rate else filter_length(release, law)
     if window is None:
         return release.roll - law.rest_angle, release.rate
     roll, rate, _ = derivatives(release.time, release.measured, window)

@@ -18,11 +18,12 @@ from sysid.diagnosis.exact import reaches_noise, sizes_of, weigh
 from sysid.diagnosis.experiment import deciding, in_words
 from sysid.diagnosis.laws import candidates
 from sysid.diagnosis.motion import NODES, motion_of
-from sysid.diagnosis.posterior import Found, Posterior, posterior
+from sysid.diagnosis.posterior import Found, Posterior, Subject, posterior
 from sysid.diagnosis.record import record_deviation
 from sysid.diagnosis.slow_flow import slow_posterior
-from sysid.diagnosis.verdict import Hint, Status, Verdict, decide
+from sysid.diagnosis.verdict import LITTLE, Hint, Status, Verdict, decide
 from sysid.effects import effect
+from sysid.effects._base import TorqueEffect
 from sysid.errors import SysidError
 from sysid.fitting.joint import FitOptions, check_parameters, fit_joint
 from sysid.fitting.records import Signal, signal_of
@@ -38,10 +39,17 @@ from sysid.workspace import Workspace
 if TYPE_CHECKING:
     import pandas as pd
 
-FITTED = 6
+FITTED = 5
 """Sets of families that are fitted by output error."""
+BENDS = 0.25
+"""Rise of the error beyond the noise up to which a law only bends another one: where none is exact, each may be off by a tenth of
+its torque, and two of them by more."""
 EVEN = 0.5
 """Probability from which a family is taken to act."""
+PAIRED = 5
+"""Single laws from which pairs are made with the best one."""
+SURE = 0.9
+"""Probability of a set from which the equations decide."""
 STOP_LIKELY = 0.2
 """Probability of a stop from which the motion is put on a grid twice as fine: a stiff stop is met and left within a few nodes."""
 
@@ -59,6 +67,11 @@ class Candidate:
     def rmse(self) -> float:
         """Root mean square residual [rad or rad/s]."""
         return self.fit.rmse
+
+    @property
+    def beyond(self) -> float:
+        """Error beyond the noise [rad or rad/s]."""
+        return float(np.sqrt(max(self.rmse**2 - self.fit.noise.std**2, 0.0)))
 
     @property
     def heldout_rmse(self) -> float:
@@ -197,7 +210,7 @@ def diagnose(
 
 
 def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, float]) -> Diagnosis:
-    recordings, releases, weak = unpack(data)
+    recordings, releases, weak = unpack(data, whole=True)
     chosen = signal_of(releases, signal)
     options = FitOptions(fixed=fixed, **chosen)
     own = tuple(part.name for part in board.effects)
@@ -210,12 +223,15 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
     with stage(0.6, 1.0, "fits"):
         fits = _fits(found, releases, board, options, own, base)
     found, fits = _weighed(found, fits)
-    verdict = decide(found, left=left)
+    explained = 1 - (min(c.beyond for _, c in fits) / base.beyond) ** 2 if base.beyond else 1.0
+    verdict = decide(found, left=left, explained=explained)
     want = frozenset(verdict.families) - {"rest"}
     best = next((c for s, c in fits if frozenset(s.families) - {"rest"} == want), base)
-    deviation = record_deviation(best.fit, board) if not want else None
-    if deviation is not None and deviation.effects and verdict.status == "none-missing":
-        verdict = replace(verdict, status="missing", effects=(*verdict.effects, *deviation.effects), indistinguishable_from=deviation.alike)
+    deviation = record_deviation(best.fit, board, linear=not want)
+    if deviation.effects and verdict.status != "unexplained":
+        alike = (*verdict.indistinguishable_from, *((*verdict.effects, *other) for other in deviation.alike))
+        effects = (*verdict.effects, *deviation.effects)
+        verdict = replace(verdict, status="missing", effects=effects, indistinguishable_from=alike)
     ordered = sorted({c.effects: c for _, c in reversed(fits)}.values(), key=lambda c: c.score)
     rival = next((c for c in ordered if c.effects != best.effects), None)
     step = ""
@@ -224,7 +240,7 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
         step = in_words(deciding(best.fit, rival.fit, board), *names, board)
     return Diagnosis(
         verdict=verdict, candidates=tuple(ordered), baseline=base, best=best, posterior=found, noise=noise, board=board.name,
-        slides=board.slides, record_text="" if deviation is None else deviation.text, next_experiment=step,
+        slides=board.slides, record_text=deviation.text, next_experiment=step,
         doubts=(*weak, *amplitude_warnings(releases, board)), options=tuple(board.options), releases=tuple(releases),
         recordings=recordings,
     )  # fmt: skip
@@ -242,16 +258,29 @@ def judge(releases: Sequence[Release], board: Board, noise: float, *, rate: bool
         noise: Noise of a sample [rad or rad/s].
         rate: Whether the rate is judged.
     """
-    parts = candidates([part.name for part in board.effects])
-    inertia = board.inertia.value
+    subject = subject_of(board)
     motion = motion_of(releases, board.rest_angle, noise, rate=rate)
-    found = posterior(motion, parts, inertia)
+    found = posterior(motion, subject)
     if found.inclusion.get("stop", 0.0) > STOP_LIKELY:
         motion = motion_of(releases, board.rest_angle, noise, rate=rate, nodes=2 * NODES)
-        found = posterior(motion, parts, inertia, found.grids)
+        found = posterior(motion, subject, found.grids)
     if found.share <= found.damping:
         return found
-    return slow_posterior(found, parts, inertia) or found
+    return slow_posterior(found, subject) or found
+
+
+def subject_of(board: Board) -> Subject:
+    """Return the joint of a record: its effects are known, all others are candidates."""
+    known: list[tuple[TorqueEffect, Mapping[str, float]]] = []
+    for own in board.effects:
+        part = effect(own.name)
+        if isinstance(part, TorqueEffect) and part.modifies is None and part.changing is None:
+            known.append((part, {name: q.value for name, q in own.parameters.items()}))
+    hangs = any(part.slope is not None or part.adds_stiffness for part, _ in known)
+    return Subject(
+        inertia=board.inertia.value, parts=candidates([p.name for p in board.effects]), known=known,
+        has_zero=not hangs and not board.is_unmeasured,
+    )  # fmt: skip
 
 
 def _weighed(found: Posterior, fits: list[tuple[Found, Candidate]]) -> tuple[Posterior, list[tuple[Found, Candidate]]]:
@@ -262,7 +291,7 @@ def _weighed(found: Posterior, fits: list[tuple[Found, Candidate]]) -> tuple[Pos
     once = {c.effects: (one, c) for one, c in reversed(fits)}
     chances = weigh([(one, c.fit) for one, c in once.values()], len(found.inclusion))
     if chances is None:
-        return found, fits
+        return _carrying(_by_fits(found, fits), fits), fits
     both = sorted(zip(chances, once.values(), strict=True), key=lambda item: -item[0])
     top, moved = both[0][0], found.inclusion.get("rest", 0.0)
     again: list[tuple[Found, Candidate]] = []
@@ -287,24 +316,89 @@ def _weighed(found: Posterior, fits: list[tuple[Found, Candidate]]) -> tuple[Pos
 def _fits(
     found: Posterior, releases: Sequence[Release], board: Board, options: FitOptions, own: tuple[str, ...], base: Candidate
 ) -> list[tuple[Found, Candidate]]:
-    """Return the likeliest sets with their fits; a set that cannot be fitted is left out."""
-    fits: list[tuple[Found, Candidate]] = []
+    """Return the likeliest sets with their fits; a set that cannot be fitted is left out.
+
+    Where none of them reaches the noise, single laws are fitted too, and the best one with each of the next two. A short motion
+    says more as a whole than its equations do.
+    """
+    fits: dict[tuple[str, ...], tuple[Found, Candidate]] = {}
     top = found.sets[0].probability
-    sets = [*found.sets[:FITTED], *(s for s in found.sets[FITTED:] if not s.families)]
-    if all(s.families for s in sets):
-        sets.append(Found(families=(), effects=(), probability=0.0, parameters={}))
-    for one in sets:
+
+    def add(one: Found) -> None:
         names = fittable(one.effects)
+        if names in fits:
+            return
         score = 2 * float(np.log(top / max(one.probability, 1e-300)))
         if not names:
-            fits.append((one, replace(base, score=score)))
-            continue
+            fits[names] = one, replace(base, score=score)
+            return
+        near = {"rest_angle": 0.0, **one.parameters} if one.parameters else None
         try:
-            fit = fit_joint(releases, board, (*own, *names), options)
+            fit = fit_joint(releases, board, (*own, *names), options, base.fit.problem.scales, near)
         except SysidError:
-            continue
-        fits.append((one, Candidate(effects=names, score=score, fit=fit)))
-    return fits
+            return
+        fits[names] = one, Candidate(effects=names, score=score, fit=fit)
+
+    for one in found.sets[:FITTED]:
+        add(one)
+    add(next((s for s in found.sets if not s.families), Found(families=(), effects=(), probability=0.0, parameters={})))
+    if not any(reaches_noise(c.fit) for _, c in fits.values()):
+        simple = [
+            Found(families=(part.family,), effects=(name,), probability=0.0, parameters={})
+            for name, part in candidates(own).items() if len(part.parameters) == 1
+        ]  # fmt: skip
+        for one in (*found.singles, *simple):
+            add(one)
+        alone = sorted((f for f in fits.values() if len(f[1].effects) == 1), key=lambda f: f[1].rmse)
+        for one, _ in alone[1:PAIRED]:
+            first = alone[0][0]
+            if first.families == one.families:
+                continue
+            add(
+                Found(
+                    families=(*first.families, *one.families), effects=(*first.effects, *one.effects), probability=0.0, parameters={}
+                )
+            )
+    return list(fits.values())
+
+
+def _by_fits(found: Posterior, fits: list[tuple[Found, Candidate]]) -> Posterior:
+    """Return the posterior with the simplest law first whose fit is about the best, where the equations are not sure.
+
+    About the best is an error beyond the noise within `BENDS` of the least one.
+    """
+    least = min(c.beyond for _, c in fits)
+    if found.share <= LITTLE and found.sets[0].probability > SURE:
+        return found
+    near = [(one, c) for one, c in fits if c.beyond <= (1 + BENDS) * least]
+    one, candidate = min(near, key=lambda item: (len(item[1].fit.problem.names), item[1].beyond))
+    rest = tuple(s for s in found.sets if s.families != one.families)
+    chance = max(one.probability, found.sets[0].probability)
+    sizes = {**found.sizes, **sizes_of(candidate.fit, candidate.effects)}
+    return replace(found, sets=(replace(one, probability=chance), *rest), sizes=sizes)
+
+
+def _carrying(found: Posterior, fits: list[tuple[Found, Candidate]]) -> Posterior:
+    """Return the posterior with the best set reduced to the families that carry the torque.
+
+    No law of the catalogue is exact here, so that a second one may only bend the first. One whose removal raises the error beyond
+    the noise by less than `BENDS` is dropped.
+    """
+    known = {frozenset(one.families) - {"rest"}: (one, c) for one, c in fits}
+    best = found.sets[0]
+    while True:
+        families = frozenset(best.families) - {"rest"}
+        if len(families) < 2 or families not in known:
+            return found
+        left = known[families][1].beyond
+        less = [known[families - {f}] for f in families if families - {f} in known]
+        smaller = min(less, key=lambda item: item[1].beyond, default=None)
+        if smaller is None or smaller[1].beyond > (1 + BENDS) * left:
+            return found
+        best = replace(smaller[0], probability=max(best.probability, smaller[0].probability))
+        rest = tuple(s for s in found.sets if s.families != smaller[0].families)
+        sizes = {**found.sizes, **sizes_of(smaller[1].fit, smaller[1].effects)}
+        found = replace(found, sets=(best, *rest), sizes=sizes)
 
 
 __all__ = ["Candidate", "Diagnosis", "Hint", "Verdict", "diagnose", "fittable", "judge"]

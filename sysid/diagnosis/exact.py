@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid.diagnosis.posterior import Found, Size
+from sysid.diagnosis.posterior import lost as loss_of
 from sysid.effects import effect
 from sysid.fitting.result import JointFit
 from sysid.joint.torques import effect_torque
@@ -59,7 +60,7 @@ def sizes_of(fit: JointFit, names: Sequence[str]) -> dict[str, Size]:
         for name in names:
             torque = effect_torque(plain, name, time, path.roll, path.rate)
             peaks[name] = max(peaks[name], float(np.quantile(np.abs(torque), 0.999)))
-            works[name] -= float(np.trapezoid(torque * path.rate, time))
+            works[name] -= float(np.trapezoid(loss_of(torque[:, None], path.roll - law.rest_angle)[:, 0] * path.rate, time))
     lost += sum(works.values())
     found: dict[str, Size] = {}
     for name in names:

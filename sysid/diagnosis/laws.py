@@ -153,6 +153,25 @@ class Laws:
             duration=float(motion.length.max()) * motion.step / w,
         )  # fmt: skip
 
+    def recorded(self, smoothed: Smoothed, known: Sequence[tuple[TorqueEffect, Mapping[str, float]]]) -> list[Array]:
+        """Return the opposing torque over I ω₀² A of effects with given parameters, shape (r, n) each."""
+        state, spread = self._state(smoothed)
+        wide = JointState(state.tilt[..., None], state.rate[..., None], state.roll[..., None], state.stiffness)
+        found: list[Array] = []
+        for part, values in known:
+            z = self._driven(part, wide, {n: np.array([v]) for n, v in values.items()})[0] if part.states else ()
+            found.append(np.where(self.motion.inside, -_torque(part, state, values, z, spread) / self.unit, 0.0))
+        return found
+
+    def _state(self, smoothed: Smoothed) -> tuple[JointState, Array]:
+        """Return the smoothed motion in SI units, and the deviation of its rate [rad/s]."""
+        a = self.motion.amplitude
+        rate_unit = a * self.motion.frequency
+        state = JointState(
+            smoothed.angle * a, smoothed.rate * rate_unit, smoothed.angle * a + self.motion.rest, self.scales.stiffness
+        )
+        return state, np.sqrt(smoothed.rate_variance) * rate_unit + 1e-12 * rate_unit
+
     def terms(
         self, smoothed: Smoothed, parts: Mapping[str, Effect], grids: Mapping[str, Sequence[Shape]]
     ) -> Iterator[Term]:
@@ -163,13 +182,8 @@ class Laws:
             parts: Effects by name.
             grids: Shapes to use, in units of their sizes; where an effect is left out, its own grid.
         """
-        motion, inside = self.motion, self.motion.inside
-        rate_unit = motion.amplitude * motion.frequency
-        state = JointState(
-            smoothed.angle * motion.amplitude, smoothed.rate * rate_unit, smoothed.angle * motion.amplitude + motion.rest,
-            self.scales.stiffness,
-        )  # fmt: skip
-        spread = np.sqrt(smoothed.rate_variance) * rate_unit + 1e-12 * rate_unit
+        inside = self.motion.inside
+        state, spread = self._state(smoothed)
         for name, part in parts.items():
             kinds = split(part, self.scales)
             shapes = list(grids.get(name) or self.grid(part))
@@ -237,15 +251,15 @@ class Laws:
         rates: list[Callable[..., Any] | None] = [s.rate for s in part.states]
         parts = 1 if part.states[0].return_map else SUBSTEPS
         h /= parts
+        between = [] if part.states[0].return_map else _between(state, parts)
         for j in range(nodes):
             if part.states[0].return_map:
                 moved = tilt[:, j + 1] - tilt[:, j]
                 z = [s.return_map(NUMPY, zi, moved, p) for s, zi in zip(part.states, z, strict=True) if s.return_map]
             elif j:
-                for i in range(parts):
-                    at = [_between(state, j, (i + f) / parts) for f in (0.0, 0.5)]
-                    middle = [zi + h / 2 * r(NUMPY, at[0], z, p) for zi, r in zip(z, rates, strict=True) if r]
-                    z = [zi + h * r(NUMPY, at[1], middle, p) for zi, r in zip(z, rates, strict=True) if r]
+                for i in range(2 * (j - 1) * parts, 2 * j * parts, 2):
+                    middle = [zi + h / 2 * r(NUMPY, between[i], z, p) for zi, r in zip(z, rates, strict=True) if r]
+                    z = [zi + h * r(NUMPY, between[i + 1], middle, p) for zi, r in zip(z, rates, strict=True) if r]
             out[:, j] = z
         bounded = np.where(np.abs(out) < 1e6, out, np.inf)
         return [tuple(bounded[k, :, :, i].T for k in range(len(z))) for i in range(out.shape[3])]
@@ -289,8 +303,12 @@ SEEN_TORQUE = 1e-3
 """Peak torque of a law, in units of its size, below which the motion does not show it."""
 
 
-def _between(state: JointState, node: int, share: float) -> JointState:
-    """Return the state at a share of the step before a node."""
-    early, late = 1 - share, share
-    tilt, rate, roll = (early * a[:, node - 1] + late * a[:, node] for a in (state.tilt, state.rate, state.roll))
-    return JointState(tilt, rate, roll, state.stiffness)
+def _between(state: JointState, parts: int) -> list[JointState]:
+    """Return the states between the nodes, `parts` times two a step."""
+    shares = np.arange(2 * parts) / (2 * parts)
+    each = []
+    for a in (state.tilt, state.rate, state.roll):
+        early, late = a[:, :-1, None], a[:, 1:, None]
+        fine = early + (late - early) * shares[None, None, :, None]
+        each.append(fine.reshape(len(a), -1, a.shape[2]).transpose(1, 0, 2))
+    return [JointState(x, v, roll, state.stiffness) for x, v, roll in zip(*each, strict=True)]

@@ -29,7 +29,7 @@ from sysid.diagnosis.laws import Laws, Shape, Term
 from sysid.diagnosis.motion import Motion
 from sysid.diagnosis.nuisances import BENDS, bends, nameless, sensor
 from sysid.diagnosis.smoother import Contact, Smoothed, Smoother
-from sysid.effects._base import Effect
+from sysid.effects._base import Effect, TorqueEffect
 from sysid.roll import Array
 
 SHARES = (0.0015, 0.005, 0.015, 0.05, 0.15)
@@ -44,6 +44,8 @@ SHOWS = 0.02
 """Share of a law's torque beside spring, damper and a constant below which it is only another spring and damper."""
 LOUD = 1.25
 """χ² over the number of samples from which the sensor is noisier than stated."""
+CONSERVATIVE = 8
+"""Degree of a polynomial of the angle that holds the energy which a law only stores."""
 STILL = 0.012
 """Rate over the widest one below which a joint stands still, if the noise does not hide more."""
 
@@ -69,7 +71,7 @@ class Found:
     probability: float
     """Of the families."""
     parameters: Mapping[str, float]
-    """By 'effect.parameter', in their units: where a fit may start."""
+    """'stiffness', 'damping' and 'effect.parameter', in their units: where a fit may start."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,6 +85,8 @@ class Posterior:
     damping: float
     sets: tuple[Found, ...]
     """Sets of families, the likeliest first."""
+    singles: tuple[Found, ...]
+    """The likeliest law of each family alone."""
     inclusion: Mapping[str, float]
     """Probability that a family acts."""
     sizes: Mapping[str, Size]
@@ -122,15 +126,26 @@ class State:
     """Whether the sensor's noise was raised."""
 
 
-def posterior(
-    motion: Motion, parts: Mapping[str, Effect], inertia: float, grids: Mapping[str, list[Shape]] | None = None
-) -> Posterior:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Subject:
+    """What is known of a joint before its log is read."""
+
+    inertia: float
+    """[kg*m^2]."""
+    parts: Mapping[str, Effect]
+    """Candidate effects by name."""
+    known: Sequence[tuple[TorqueEffect, Mapping[str, float]]] = ()
+    """Effects of the record with their parameters: in every set, each with a strength of its own."""
+    has_zero: bool = True
+    """Whether a rest angle beside the record's is an effect; else it is a nuisance."""
+
+
+def posterior(motion: Motion, subject: Subject, grids: Mapping[str, list[Shape]] | None = None) -> Posterior:
     """Return the posterior of sets of laws.
 
     Args:
         motion: The log.
-        parts: Candidate effects by name.
-        inertia: Of the joint [kg*m^2].
+        subject: The joint.
         grids: Shapes of the laws to begin with, from an earlier posterior.
     """
     stiffness, damping = linear_joint(motion)
@@ -140,7 +155,7 @@ def posterior(
     while True:
         bend = plan.pop(0)
         smoother = Smoother(motion, state.stiffness, state.damping, envelope, state.contact)
-        step = Pass(motion, smoother.smooth(state.share, state.torque), parts, inertia, state, envelope)
+        step = Pass(motion, smoother.smooth(state.share, state.torque), subject, state, envelope)
         found = step.run(bend=bend)
         louder = bend and found.misfit > LOUD and not state.louder
         if not plan and not louder:
@@ -151,6 +166,12 @@ def posterior(
         if louder:
             motion, plan = _with_noise(motion, state, envelope), [False, True]
         motion = _without_hands(motion, state, envelope)
+
+
+def lost(torque: Array, angle: Array) -> Array:
+    """Return torques, shape (n, c), without their part that is a function of the angle, which loses no energy."""
+    span = np.polynomial.chebyshev.chebvander(angle / np.abs(angle).max(), CONSERVATIVE)
+    return torque - span @ np.linalg.lstsq(span, torque, rcond=None)[0]
 
 
 def linear_joint(motion: Motion) -> tuple[float, float]:
@@ -248,30 +269,46 @@ class Cell:
 
 
 def found_sets(
-    cells: Sequence[tuple[Problem, Sets]], terms: Sequence[Term | None], families: Sequence[str], sizes: Sequence[Array], base: int
-) -> tuple[tuple[Found, ...], dict[str, float], int, list[int]]:
-    """Return sets of families and inclusion summed over all hypotheses, the best hypothesis, and the items of its best set."""
+    cells: Sequence[tuple[Problem, Sets]], terms: Sequence[Term | None], families: Sequence[str], sizes: Sequence[Array],
+    linear: Mapping[str, tuple[float, float]],
+) -> tuple[tuple[Found, ...], tuple[Found, ...], dict[str, float], int, list[int]]:
+    """Return sets of families and single families over all hypotheses, inclusion, the best hypothesis, and its best items.
+
+    Args:
+        cells: Hypotheses of the noise with the evidence of their sets.
+        terms: All terms; None stands for another rest angle.
+        families: Names of the families.
+        sizes: Strength of each term's columns at which a coefficient is 1.
+        linear: Value of 'stiffness' and 'damping' where their coefficients are 0, and the unit of these.
+    """
     logs = np.concatenate([s.log_evidence for _, s in cells])
     masks = np.concatenate([s.families for _, s in cells])
     rows = np.concatenate([s.items for _, s in cells])
     which = np.concatenate([np.full(len(s.log_evidence), i) for i, (_, s) in enumerate(cells)])
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
-    ranked = sorted(((float(weights[masks == m].sum()), int(m)) for m in np.unique(masks)), reverse=True)[:SETS]
+    ranked = sorted(((float(weights[masks == m].sum()), int(m)) for m in np.unique(masks)), reverse=True)
     inclusion = {f: float(weights[masks >> i & 1 == 1].sum()) for i, f in enumerate(families)}
-    sets: list[Found] = []
-    firsts: list[tuple[int, list[int]]] = []
-    for probability, mask in ranked:
+
+    def best(mask: int) -> tuple[int, list[int]]:
         top = np.flatnonzero(masks == mask)[int(np.argmax(logs[masks == mask]))]
-        items = [int(i) for i in rows[top] if i >= 0]
-        firsts.append((int(which[top]), items))
-        sets.append(_found(solve(cells[which[top]][0], items), terms, sizes, base, probability))
-    return tuple(sets), inclusion, *firsts[0]
+        return int(which[top]), [int(i) for i in rows[top] if i >= 0]
+
+    def found(probability: float, mask: int) -> Found:
+        cell, items = best(mask)
+        return _found(solve(cells[cell][0], items), terms, sizes, cells[cell][0].base, linear, probability)
+
+    sets = tuple(found(probability, mask) for probability, mask in ranked[:SETS])
+    singles = tuple(found(probability, mask) for probability, mask in ranked if mask and mask & (mask - 1) == 0)
+    return sets, singles, inclusion, *best(ranked[0][1])
 
 
-def _found(scored: Scored, terms: Sequence[Term | None], sizes: Sequence[Array], at: int, probability: float) -> Found:
+def _found(
+    scored: Scored, terms: Sequence[Term | None], sizes: Sequence[Array], at: int, linear: Mapping[str, tuple[float, float]],
+    probability: float,
+) -> Found:  # fmt: skip
     """Return a set of terms with their parameters."""
-    parameters: dict[str, float] = {}
+    parameters = {name: zero + unit * float(m) for (name, (zero, unit)), m in zip(linear.items(), scored.means, strict=False)}
     for i in scored.items:
         term, size = terms[i], sizes[i]
         means = scored.means[at : at + len(size)] * size
@@ -290,22 +327,23 @@ class Pass:
     """One pass: columns, Gram matrices, evidence."""
 
     def __init__(
-        self, motion: Motion, smoothed: Smoothed, parts: Mapping[str, Effect], inertia: float, state: State, envelope: Array
+        self, motion: Motion, smoothed: Smoothed, subject: Subject, state: State, envelope: Array
     ) -> None:
         """Evaluate all laws on a smoothed motion."""
-        self.motion, self.smoothed, self.state, self.parts = motion, smoothed, state, parts
+        self.motion, self.smoothed, self.state, self.parts = motion, smoothed, state, subject.parts
         inside = self.inside = motion.inside
-        self.rest = motion.zero == "known" and not motion.is_rate
-        base = [smoothed.angle, smoothed.rate, *([] if self.rest else _levels(motion))]
+        self.rest = motion.zero == "known" and not motion.is_rate and subject.has_zero
+        self.laws = Laws(motion, subject.inertia, state.stiffness, state.damping)
+        known = self.laws.recorded(smoothed, subject.known)
+        base = [smoothed.angle, smoothed.rate, *([] if self.rest else _levels(motion)), *known]
         self.base = np.column_stack([c[inside] for c in base])
         self.wide = np.array([state.stiffness, 2 * state.damping, *[1.0] * (len(base) - 2)])
         self.linear = float(np.sqrt(np.mean((state.stiffness * smoothed.angle[inside]) ** 2)))
-        self.laws = Laws(motion, inertia, state.stiffness, state.damping)
         plain = np.column_stack([self.base[:, :2], np.ones(len(self.base))])
         frame = self.frame = np.linalg.qr(plain)[0]
         self.terms: list[Term | None] = []
         columns: list[Array] = []
-        for term in self.laws.terms(smoothed, parts, state.grids):
+        for term in self.laws.terms(smoothed, subject.parts, state.grids):
             seen = term.columns[inside]
             if np.linalg.norm(seen - frame @ (frame.T @ seen)) > SHOWS * np.linalg.norm(seen):
                 self.terms.append(term)
@@ -381,13 +419,21 @@ class Pass:
 
     def _summary(self, cells: Sequence["Cell"]) -> Posterior:
         """Return sets, inclusion, sizes and torques from all evidence."""
-        sets, inclusion, which, self.chosen = found_sets(
-            [(c.problem, c.sets) for c in cells], self.terms, self.families, self.sizes, self.base.shape[1]
+        sets, singles, inclusion, which, self.chosen = found_sets(
+            [(c.problem, c.sets) for c in cells], self.terms, self.families, self.sizes, self._linear()
         )
         self.cell, self.cells = cells[which], cells
-        return self._torques(sets, inclusion)
+        return self._torques(sets, singles, inclusion)
 
-    def _torques(self, sets: tuple[Found, ...], inclusion: Mapping[str, float]) -> Posterior:
+    def _linear(self) -> dict[str, tuple[float, float]]:
+        """Return stiffness and damping of the smoother, and their units."""
+        w, inertia = self.motion.frequency, self.laws.scales.inertia
+        units = {"stiffness": inertia * w * w, "damping": inertia * w}
+        return {name: (getattr(self.state, name) * unit, unit) for name, unit in units.items()}
+
+    def _torques(
+        self, sets: tuple[Found, ...], singles: tuple[Found, ...], inclusion: Mapping[str, float]
+    ) -> Posterior:
         """Return the posterior, with the torques of the best hypothesis: strengths with their signs, g and the sensor together."""
         base, gram, tau = self.base.shape[1], self.cell.gram, self.cell.tau
         at = [c for i in self.chosen for c in self.items[i].columns]
@@ -419,12 +465,13 @@ class Pass:
         laws_beside = laws - self.frame @ (self.frame.T @ laws)
         g_std = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", table[:, nameless], covariance[nameless, nameless], table[:, nameless]), 0))
         x, v = self.base[:, 0], self.base[:, 1]
-        loss, peak = float(np.sum((d * v + laws) * v)), float(k * np.abs(x).max())
+        loss = float(np.sum((d * v + lost(laws[:, None], x)[:, 0]) * v))
+        peak = float(k * np.abs(x).max())
         sizes: dict[str, Size] = {}
         for i in self.chosen:
             begin = base + at.index(self.items[i].columns[0])
             part = slice(begin, begin + len(self.items[i].columns))
-            torque, work = table[:, part] @ c[part], table[:, part].T @ v
+            torque, work = table[:, part] @ c[part], lost(table[:, part], x).T @ v
             where, own = int(np.abs(torque).argmax()), covariance[part, part]
             sizes[self._family(self.terms[i])] = Size(
                 torque_share=float(np.abs(torque[where]) / peak),
@@ -436,7 +483,7 @@ class Pass:
         samples = int(np.isfinite(self.motion.variance[self.inside]).sum())
         grid = self.smoother.grid
         return Posterior(
-            motion=self.motion, smoothed=self.smoothed, stiffness=float(k), damping=float(d), sets=sets, inclusion=inclusion, sizes=sizes,
+            motion=self.motion, smoothed=self.smoothed, stiffness=float(k), damping=float(d), sets=sets, singles=singles, inclusion=inclusion, sizes=sizes,
             share=self.cell.share, nameless=float(np.sqrt(np.mean(g_beside**2)) / self.linear),
             named=float(np.sqrt(np.mean(laws_beside**2)) / self.linear), torque=grid(laws + g + rest + (k - self.state.stiffness) * x + (d - self.state.damping) * v),
             g=grid(g), g_std=grid(g_std), misfit=float(chi / max(samples, 1)), grids=self.state.grids,

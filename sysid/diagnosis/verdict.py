@@ -14,6 +14,8 @@ NAMELESS = 0.03
 """g matters from this share of the spring's torque, both RMS."""
 BESIDE = 0.25
 """g matters from this share of the named torque."""
+MOSTLY = 0.5
+"""Share of the squared error beyond the noise from which a fit explains most of it."""
 LITTLE = 0.1
 """ε from which the equations say little: the law is not understood."""
 
@@ -51,20 +53,25 @@ def matters(family: str, size: Size | None) -> bool:
     return size.torque_share > TORQUE or abs(size.energy_share) > ENERGY
 
 
-def decide(found: Posterior, *, left: float) -> Verdict:
+def decide(found: Posterior, *, left: float, explained: float) -> Verdict:
     """Return the verdict.
 
     Args:
         found: The posterior.
-        left: Share of the linear joint's error that is beyond the sensor's noise; none of it, nothing can be unexplained.
+        left: Square of the linear joint's error beyond the noise, over the motion; none of it, nothing can be unexplained.
+        explained: Share of it that the best fit takes away.
     """
     best = found.sets[0]
+    nothing = next((s for s in found.sets if not set(s.families) - {"rest"}), None)
+    doubted = nothing is not None and nothing.probability * ODDS > sum(s.probability for s in found.sets)
+    if nothing is not None and doubted and explained < MOSTLY:
+        best = nothing  # an effect is named where its absence is unlikely, at 95 %, or where it explains most
     named = tuple(f for f in best.families if matters(f, found.sizes.get(f)))
     effects = tuple(e for e, f in zip(best.effects, best.families, strict=True) if f in named)
     strange = found.nameless > NAMELESS and found.nameless > BESIDE * found.named
-    strange |= not found.by_cycles and found.share > LITTLE
+    strange |= not found.by_cycles and found.share > LITTLE and explained < MOSTLY
     status: Status = "missing" if named else "none-missing"
-    if strange and left > NAMELESS**2:
+    if strange and left * (1 - explained) > NAMELESS**2:
         status = "unexplained"
     same = [s for s in found.sets if _named(s, found.sizes) == set(named)]
     confidence = min(sum(s.probability for s in same), 1.0)

@@ -92,7 +92,7 @@ def checked(part: object, where: str) -> Effect:
     """Accept an effect whose law runs.
 
     Raises:
-        SysidError: It is none, its name cannot be typed, or its torque is no number or not smooth code; in one line.
+        SysidError: It is no effect, its name cannot be typed, or its torque is not a number or not smooth; in one line.
     """
     if not isinstance(part, Effect):
         raise SysidError(

@@ -1,4 +1,4 @@
-"""What a motor's rotor adds to the inertia that a joint sees, beyond what its model states."""
+"""Inertia of a motor's rotor and gear, beyond the model's."""
 
 from dataclasses import replace
 

@@ -1,7 +1,7 @@
 """Dry friction whose bearing is pressed by the spring: it grows with the tilt.
 
-Bushings, leaf springs, belts and gears rub in proportion to what they carry. What grows in proportion to the tilt takes the
-same share of each swing, as a damper does, whatever the amplitude; only its jumps at the turning points tell the two apart.
+Bushings, leaf springs, belts and gears rub in proportion to their load. Friction in proportion to the tilt takes the same share of
+each swing, as a damper does. It differs by its jumps at the turning points.
 """
 
 import math

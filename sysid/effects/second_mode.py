@@ -1,4 +1,4 @@
-"""What the joint stands on gives way: wheels, hanger, carpet."""
+"""A compliant support of the joint: wheels, hanger, carpet."""
 
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, State, SupportEffect

@@ -6,12 +6,12 @@ from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, Torq
 from sysid.effects._mjcf import add_passive_motor
 
 BRISTLE_STIFFNESS = 5000.0
-"""Of the LuGre model that stands in for a hard stick in MuJoCo, at most [N*m/rad]; its own damping is none."""
+"""Largest stiffness of the LuGre model that replaces hard sticking in MuJoCo [N*m/rad]; it has no damping."""
 _PER_STEP = 0.4
 _PER_STAGE = 0.03
 """Bristle stiffness over inertia / step² [1], for semi-implicit integrators and for the explicit RK4."""
 _VANISHING = 0.02
-"""Friction of the element at speed, as a share of its own at standstill: it may not be nothing."""
+"""Friction of the element at speed, as a share of its friction at standstill [1]; zero is not allowed."""
 
 
 def friction(m: Algebra, tilt: Value, speed: Value, parameters: Values) -> Value:
@@ -30,7 +30,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
         return coulomb.to_mjcf(spec, joint, {"torque": sliding})
     explicit = spec.option.integrator == mujoco.mjtIntegrator.mjINT_RK4
     if not explicit:
-        # What the element need not hold, the constraint holds exactly; an explicit step bears only one of them.
+        # The constraint holds the sliding friction exactly; an explicit step allows only one of the two.
         coulomb.to_mjcf(spec, joint, {"torque": sliding})
         sliding, static = _VANISHING * (static - sliding), static - sliding
     bristles = [bristle_stiffness(spec, joint), 0.0, sliding, static, velocity]

@@ -70,6 +70,21 @@ def _symbols(structure: Structure, *, free_states: bool) -> tuple[Any, Any, Any]
     return parameters, unknowns, fitted
 
 
+def _by_column(by_state: Any, by_fitted: Any, state: Any, own: int) -> Any:
+    """Return the derivatives of a value by parameters and `own` unknowns, from its slopes with a state and with the parameters."""
+    import casadi
+
+    ca: Any = casadi
+    return by_state @ state + ca.horzcat(by_fitted, ca.SX(by_fitted.shape[0], own))
+
+
+def _together(state: Any, columns: Any) -> Any:
+    import casadi
+
+    ca: Any = casadi
+    return ca.vertcat(state, ca.vec(columns))
+
+
 @cache
 def build_stepper(structure: Structure, *, free_states: bool, sensitivities: bool) -> Stepper:
     """Build the functions of one structure; kept for the life of the process.
@@ -93,13 +108,9 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     given = ca.vertcat(parameters, h)
 
     def by_column(by_state: Any, by_fitted: Any, state: Any = carried) -> Any:
-        """Return the derivatives of a value by parameters and unknowns, from its slopes with a state and with the parameters."""
-        return by_state @ state + ca.horzcat(by_fitted, ca.SX(by_fitted.shape[0], own))
+        return _by_column(by_state, by_fitted, state, own)
 
-    def together(state: Any, columns: Any) -> Any:
-        return ca.vertcat(state, ca.vec(columns))
-
-    accumulated, read = together(y, carried), ca.vertcat(*filtered(equations, y))
+    accumulated, read = _together(y, carried), ca.vertcat(*filtered(equations, y))
     columns = by_column(ca.jacobian(read, y), ca.jacobian(read, fitted))
     output = ca.densify(ca.vec(ca.horzcat(read, columns).T))
     slide = ca.SX.sym("slide") if structure.has_dry_friction else None
@@ -107,7 +118,7 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
 
     if slide is None:
         whole, by_state, by_fitted, _ = stepped
-        moved = together(whole, by_column(by_state, by_fitted))
+        moved = _together(whole, by_column(by_state, by_fitted))
         step = ca.Function("step", [accumulated, given], ca.cse([moved, output]))
         return Stepper(structure, free_states, sensitivities, initial, step)
 
@@ -116,23 +127,19 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     whole, by_state, by_fitted, _ = sliding(y, given, direction)
     # A cut costs two steps more and is rare: it is computed only where the joint turns.
     turns = equations.turned(y, whole, direction)
-    moved, output, turns = ca.cse([together(whole, by_column(by_state, by_fitted)), output, turns])
+    moved, output, turns = ca.cse([_together(whole, by_column(by_state, by_fitted)), output, turns])
     uncut, follows = ca.SX.sym("uncut", *y.shape), ca.SX.sym("follows", *carried.shape)
     share = equations.turning_share(y, uncut, h)
-    top, by_state, by_fitted, by_step = sliding(
-        y, ca.vertcat(parameters, share * h), ca.sign(equations.motion(y).rate)
-    )
-    earlier = h * (
-        by_column(ca.jacobian(share, y), ca.jacobian(share, fitted)) + ca.jacobian(share, uncut) @ follows
-    )
+    first = ca.vertcat(parameters, share * h), ca.sign(equations.motion(y).rate)
+    top, by_state, by_fitted, by_step = sliding(y, *first)
+    moves = by_column(ca.jacobian(share, y), ca.jacobian(share, fitted))
+    earlier = h * (moves + ca.jacobian(share, uncut) @ follows)
     halts = ca.jacobian(equations.halted(y), y)
     at_top = halts @ (by_column(by_state, by_fitted) + by_step @ earlier)
-    top = equations.halted(top)
-    rest, by_state, by_fitted, by_step = sliding(
-        top, ca.vertcat(parameters, (1 - share) * h), equations.direction(top)
-    )
-    after = together(rest, by_column(by_state, by_fitted, at_top) - by_step @ earlier)
-    cut = ca.Function("cut", [accumulated, given, together(uncut, follows)], [after])
+    top, left = equations.halted(top), ca.vertcat(parameters, (1 - share) * h)
+    rest, by_state, by_fitted, by_step = sliding(top, left, equations.direction(top))
+    after = _together(rest, by_column(by_state, by_fitted, at_top) - by_step @ earlier)
+    cut = ca.Function("cut", [accumulated, given, _together(uncut, follows)], [after])
     state, numbers, slid = (ca.MX.sym("given", *value.shape) for value in (accumulated, given, moved))
     turned = ca.MX.sym("turned")
     met = ca.if_else(turned, cut(state, numbers, slid), slid, True)

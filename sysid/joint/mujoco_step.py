@@ -69,13 +69,9 @@ class Hinge:
 
 
 def step(
-    hinge: Hinge,
-    q: Expression,
-    v: Expression,
-    *,
-    timestep: Expression,
+    hinge: Hinge, q: Expression, v: Expression, *, timestep: Expression,
     integrator: Integrator = "implicitfast",
-) -> tuple[Expression, Expression]:
+) -> tuple[Expression, Expression]:  # fmt: skip
     """Advance position [rad] and velocity [rad/s] by one MuJoCo step.
 
     Args:

@@ -48,14 +48,9 @@ class Trajectory(Shown):
 
 
 def simulate(
-    law: JointLaw | Board,
-    time: Array,
-    angle: float,
-    rate: float = 0.0,
-    *,
-    hold: float = 1e3,
+    law: JointLaw | Board, time: Array, angle: float, rate: float = 0.0, *, hold: float = 1e3,
     begin: float = 0.0,
-) -> Trajectory:
+) -> Trajectory:  # fmt: skip
     """Simulate a release.
 
     Args:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.errors import SysidError
+from sysid.logs.sources.registry import LENGTHS
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import parse_unit, unit_kind
 from sysid.roll import Array
@@ -47,8 +48,8 @@ def table_of_arrays(
         )
     kind, given = ("angle", angle) if angle is not None else ("rate", rate)
     unit = SI_UNITS[kind] if unit is None else unit
-    standard = parse_unit(unit)
-    if standard is None or unit_kind(standard) != kind:
+    standard = parse_unit(unit) or unit
+    if unit_kind(standard) != kind and standard not in LENGTHS[kind]:
         wanted = "rad, deg, m or mm" if kind == "angle" else "rad/s, deg/s or m/s"
         raise SysidError(f"unit {unit!r} of {kind}=…: expected {wanted}.")
     columns = {"time": _column(time, "time"), kind: _column(given, kind)}

@@ -41,15 +41,9 @@ class HandMotion:
 
 
 def hand_motion(
-    begin: float,
-    start: tuple[float, float],
-    angle: float,
-    *,
-    push: float,
-    hold: float,
-    tremor: float,
+    begin: float, start: tuple[float, float], angle: float, *, push: float, hold: float, tremor: float,
     rng: np.random.Generator,
-) -> HandMotion:
+) -> HandMotion:  # fmt: skip
     """Make the hand's motion from the deck's present state to the release.
 
     Args:

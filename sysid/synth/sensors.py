@@ -17,8 +17,8 @@ from sysid.files import write_atomically
 Array = npt.NDArray[np.float64]
 
 Dialect = Literal["angle", "angle-deg", "position", "gyro", "imu", "phyphox", "sensor-logger"]
-"""Channels and format of a log: an angle in rad or in degrees, a slide's position, a roll rate, or six IMU channels in a CSV, a
-phyphox or a Sensor Logger export."""
+"""Channels and format of a log: an angle in rad or in degrees, a slide's position, a roll rate, or six IMU channels. These are in
+a CSV, a phyphox or a Sensor Logger export."""
 ANGLES: tuple[Dialect, ...] = ("angle", "angle-deg", "position")
 """Dialects with the position of the joint."""
 DIALECTS: tuple[Dialect, ...] = get_args(Dialect)

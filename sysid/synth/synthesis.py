@@ -1,7 +1,7 @@
 """Synthetic logs with a known truth, independent of the model that is fitted.
 
-`synthesise` moves a board as in a recording (rest, push, hold, release, again), with any effects of the catalogue in its true
-law, and passes the motion through a sensor.
+`synthesise` moves a board as in a recording: rest, push, hold, release, and again. Its true law may hold any effects of the
+catalogue. A sensor then reads the motion.
 """
 
 import math

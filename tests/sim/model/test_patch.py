@@ -151,6 +151,24 @@ def test_a_copy_in_another_folder_finds_meshes_and_includes(tmp_path):
     assert stood == {path for path in (tmp_path / "model").rglob("*") if path.is_file()}
 
 
+@pytest.mark.parametrize("own", ["", '<mujoco><compiler meshdir="meshes" strippath="true"/></mujoco>'])
+def test_a_urdf_in_another_folder_finds_its_meshes(tmp_path, own):
+    with_mesh(tmp_path / "model")
+    file = "package://arm/meshes/t.obj" if own else "meshes/t.obj"
+    mesh = f'<collision><geometry><mesh filename="{file}"/></geometry></collision>'
+    inertial = '<inertial><origin xyz="0 0 -.1"/><mass value=".5"/><inertia ixx=".01" iyy=".01" izz=".01" ixy="0" ixz="0" iyz="0"/></inertial>'
+    joint = '<joint name="h" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint>'
+    urdf = tmp_path / "model" / "arm.urdf"
+    urdf.write_text(
+        f'<robot name="r">{own}<link name="a"/><link name="b">{inertial}{mesh}</link>{joint}</robot>'
+    )
+    setup = Setup(file=urdf, joint="h")
+    board = board_of(setup)[0].with_tilt(damping=Quantity(0.034, 0.001, "N*m*s/rad"))
+    (copy,) = patch(setup, board).save(tmp_path / "elsewhere" / "mended.urdf")
+    model = mujoco.MjModel.from_xml_path(str(copy))
+    assert (model.nmesh, model.dof_damping[0]) == (1, 0.034)
+
+
 def test_a_copy_that_cannot_load_is_not_left_there(tmp_path):
     setup, board = with_mesh(tmp_path / "model")
     made = patch(setup, board)
