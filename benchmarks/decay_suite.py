@@ -1,3 +1,4 @@
+# ruff: noqa: B023
 """Random logs with hands, motors and sensors of known truth, and what `decay` says of them.
 
     python benchmarks/decay_suite.py --seed 0 --count 3000 --jobs 8
@@ -83,7 +84,12 @@ def make(kind: str, seed: int) -> Made:
     span = min(4.5 / min(zeta, 1 / (4 * zeta)) / omega, 60 * period) + period
     if kind == "caught":
         span = float(rng.uniform(3, 8)) * period
-    count = 1 if kind in ("one release", "kick", "driven then free", "geared", "pendulum", "coast-down", "frozen clock") else int(rng.integers(2, 5))
+    count = (
+        1
+        if kind
+        in ("one release", "kick", "driven then free", "geared", "pendulum", "coast-down", "frozen clock")
+        else int(rng.integers(2, 5))
+    )
     truth = {"omega": omega, "zeta": zeta}
     torque = None
     if kind == "friction":
@@ -98,7 +104,7 @@ def make(kind: str, seed: int) -> Made:
     elif kind == "pendulum":
         amplitude = float(rng.uniform(0.5, 2.2))
         torque = lambda x, v: omega**2 * (np.sin(x) - x)  # noqa: E731
-    pieces, now, rest, rest_rate, step = [], 0.0, 0.0, 0.0, 1 / sampling
+    pieces, now, step = [], 0.0, 1 / sampling
 
     def add(duration, move):
         nonlocal now
@@ -119,7 +125,9 @@ def make(kind: str, seed: int) -> Made:
 
     at = 0.0
     if kind == "coast-down":
-        beta, friction, speed = (float(rng.uniform(*low_high)) for low_high in ((0.1, 1.5), (0.0, 2.0), (8, 40)))
+        beta, friction, speed = (
+            float(rng.uniform(*low_high)) for low_high in ((0.1, 1.5), (0.0, 2.0), (8, 40))
+        )
         truth = {"beta": beta, "friction": friction}
         step = float(rng.uniform(0.005, 0.02))
         stop = np.log1p(beta * speed / max(friction, 1e-9)) / beta
@@ -133,12 +141,24 @@ def make(kind: str, seed: int) -> Made:
     elif kind == "shaken":
         total = float(rng.uniform(20, 60)) * period
         t = np.arange(0, total, step)
-        x = sum(amplitude * rng.normal() * np.sin(omega * rng.uniform(0.3, 2) * t + rng.uniform(0, 6)) * (1 + 0.7 * np.sin(rng.uniform(0.05, 0.3) * omega * t)) for _ in range(4))
+        x = sum(
+            amplitude
+            * rng.normal()
+            * np.sin(omega * rng.uniform(0.3, 2) * t + rng.uniform(0, 6))
+            * (1 + 0.7 * np.sin(rng.uniform(0.05, 0.3) * omega * t))
+            for _ in range(4)
+        )
         pieces.append((t, x, np.gradient(x, t)))
     elif kind in ("driven", "growing", "driven then free"):
         growth = float(rng.uniform(0.01, 0.06)) if kind == "growing" else 0.0
         pace = omega * float(rng.uniform(0.75, 0.98)) if kind != "growing" else omega
-        add(float(rng.uniform(8, 20)) * period, lambda t: (amplitude * np.exp(growth * pace * t) * np.cos(pace * t) / (20 if growth else 1), -amplitude * pace * np.sin(pace * t)))
+        add(
+            float(rng.uniform(8, 20)) * period,
+            lambda t: (
+                amplitude * np.exp(growth * pace * t) * np.cos(pace * t) / (20 if growth else 1),
+                -amplitude * pace * np.sin(pace * t),
+            ),
+        )
         if kind == "driven then free":
             x, v = pieces[-1][1][-1], pieces[-1][2][-1]
             add(span, lambda t: free(t, omega, zeta, x, v))
@@ -201,12 +221,20 @@ def measured(made: Made):
             at = int(0.5 * n)
             time = np.where(np.arange(n) > at, time[at], time)
         if made.kind != "frozen clock":
-            roll = Roll(log=f"{made.kind} {made.seed}", time=time, roll=angle, std=np.full(n if made.kind != "jitter and loss" else len(time), made.noise), origin="angle")
+            roll = Roll(
+                log=f"{made.kind} {made.seed}",
+                time=time,
+                roll=angle,
+                std=np.full(n if made.kind != "jitter and loss" else len(time), made.noise),
+                origin="angle",
+            )
             return Recording.of(roll)
         names, table = "time_s,angle_rad", np.column_stack([time, angle])
     else:
         noise = 0.3 * made.noise / np.ptp(made.angle) * np.ptp(made.rate)
-        gyro = made.rate + rng.normal(0, noise, n) + (0.01 * rng.normal() if made.kind != "coast-down" else 0.0)
+        gyro = (
+            made.rate + rng.normal(0, noise, n) + (0.01 * rng.normal() if made.kind != "coast-down" else 0.0)
+        )
         names, table = "time_s,gyro_rad_s", np.column_stack([time, gyro])
         if made.sensor == "imu":
             arm = rng.uniform(-0.05, 0.05, 2)
@@ -242,7 +270,11 @@ def judged(job: tuple[str, int]) -> dict:
         return {**row, "status": "bug", "wrong": True, "text": f"{type(error).__name__}: {error}"[:150]}
     found = dict(decay.numbers.items()) | dict(decay.others)
     omega, zeta = made.truth.get("omega"), made.truth.get("zeta")
-    wanted = {"damping_over_inertia": made.truth["beta"]} if "beta" in made.truth else {"omega_n": omega, "damping_ratio": zeta}
+    wanted = (
+        {"damping_over_inertia": made.truth["beta"]}
+        if "beta" in made.truth
+        else {"omega_n": omega, "damping_ratio": zeta}
+    )
     if zeta is not None and zeta > 1:
         wanted["stiffness_over_damping"] = omega / (2 * zeta)
     row["status"] = decay.status
@@ -285,18 +317,31 @@ def main() -> None:
     for kind in kinds:
         group = groups[kind]
         held = [held for row in group if row["status"] == "linear" for held in row["held"]]
-        say = [sum(row["status"] == status for row in group) for status in ("linear", "not linear", "cannot tell", "refused")]
+        say = [
+            sum(row["status"] == status for row in group)
+            for status in ("linear", "not linear", "cannot tell", "refused")
+        ]
         wrong = sum(row["wrong"] for row in group)
-        covered = f"{100 * np.mean(held):.1f} %" if held and kind not in ("friction", "drag", "hardening") else "-"
+        covered = (
+            f"{100 * np.mean(held):.1f} %" if held and kind not in ("friction", "drag", "hardening") else "-"
+        )
         print(f"{kind:18}{len(group):>6}{say[0]:>6}{say[1]:>6}{say[2]:>6}{say[3]:>9}{wrong:>9}{covered:>10}")
     valid = [row for row in rows if row["kind"] not in NO_LINEAR]
     called = sum(row["status"] == "not linear" for row in valid)
-    print(f"wrong with a ✓: {sum(row['wrong'] for row in rows)} of {len(rows)}; valid logs called non-linear: {called} of {len(valid)}")
+    print(
+        f"wrong with a ✓: {sum(row['wrong'] for row in rows)} of {len(rows)}; valid logs called non-linear: {called} of {len(valid)}"
+    )
     if given.verbose:
         for row in rows:
-            good = row["status"] == "linear" and all(row["held"]) if row["kind"] not in NO_LINEAR else row["status"] != "linear"
+            good = (
+                row["status"] == "linear" and all(row["held"])
+                if row["kind"] not in NO_LINEAR
+                else row["status"] != "linear"
+            )
             if row["wrong"] or not good:
-                print(f"{row['kind']:16} {row['seed']:>8} {row['status']:12} {'WRONG ' if row['wrong'] else ''}{row['held']} {row['text']}")
+                print(
+                    f"{row['kind']:16} {row['seed']:>8} {row['status']:12} {'WRONG ' if row['wrong'] else ''}{row['held']} {row['text']}"
+                )
 
 
 if __name__ == "__main__":

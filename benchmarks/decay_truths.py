@@ -42,7 +42,11 @@ def known(rng: np.random.Generator, name: str) -> tuple[str, Law, int]:
         f = u(0.02, 0.09)
         if rng.random() < 0.3:
             extra, width = f * u(0.5, 1.0), u(0.05, 0.15)
-            return "stribeck", lambda x, v, z, t: ((f + extra * np.exp(-((v / width) ** 2))) * _unit(v), []), 0
+            return (
+                "stribeck",
+                lambda x, v, z, t: ((f + extra * np.exp(-((v / width) ** 2))) * _unit(v), []),
+                0,
+            )
         return "coulomb", lambda x, v, z, t: (f * _unit(v), []), 0
     if name == "drag":
         c, cubic = u(0.08, 0.4), rng.random() < 0.3
@@ -57,27 +61,33 @@ def known(rng: np.random.Generator, name: str) -> tuple[str, Law, int]:
     if name == "stop":
         a, k, d = u(0.5, 0.85), 10 ** u(0.5, 1.5), u(0.0, 0.4)
         side = rng.random() < 0.4
+
         def stop(x: float, v: float, z: list[float], t: float) -> tuple[float, list[float]]:
             beyond = max(x - a, 0.0) if side else max(abs(x) - a, 0.0) * np.sign(x)
             return k * beyond + (d * v if beyond else 0.0), []
+
         return "stop", stop, 0
     if name == "freeplay":
         w = u(0.05, 0.15)
         return "freeplay", lambda x, v, z, t: (-float(np.clip(x, -w, w)), []), 0
     if name == "hysteresis":
         c, a, n = u(0.08, 0.3), u(0.08, 0.3), rng.choice([1, 2])
+
         def hysteresis(x: float, v: float, z: list[float], t: float) -> tuple[float, list[float]]:
             s = z[0]
             return c * s, [(v - 0.5 * abs(v) * abs(s) ** (n - 1) * s - 0.5 * v * abs(s) ** n) / a]
+
         return "bouc-wen", hysteresis, 1
     if name == "relaxation":
         if rng.random() < 0.6:
             c, tau = u(0.1, 0.5), 10 ** u(-0.1, 0.9)
             return "maxwell", lambda x, v, z, t: (c * z[0], [v - z[0] / tau]), 1
         share, w, damp = u(0.05, 0.2), u(1.4, 3.5), u(0.02, 0.1)
+
         def support(x: float, v: float, z: list[float], t: float) -> tuple[float, list[float]]:
             s, r = z
             return -share * w * s, [r, w * w * (x - s) - 2 * damp * w * r]
+
         return "second", support, 2
     raise KeyError(name)
 
@@ -114,12 +124,24 @@ def draw(seed: int) -> tuple[Truth, Recording]:
     zeta = 10 ** u(-2.4, -0.3) if rng.random() < 0.9 else 10 ** u(-0.3, 0.3)
     kind = str(rng.choice(["known", "known", "known", "clean", "outside"]))
     bent = bool(kind == "known" and rng.random() < 0.4)
-    names = tuple(sorted(rng.choice(FAMILIES, 2 if rng.random() < 0.25 else 1, replace=False))) if kind == "known" else ()
-    laws = [known(rng, str(n)) for n in names] if kind == "known" else [outside(rng)] if kind == "outside" else []
+    names = (
+        tuple(sorted(rng.choice(FAMILIES, 2 if rng.random() < 0.25 else 1, replace=False)))
+        if kind == "known"
+        else ()
+    )
+    laws = (
+        [known(rng, str(n)) for n in names]
+        if kind == "known"
+        else [outside(rng)]
+        if kind == "outside"
+        else []
+    )
     if bent:
         laws = [(n, _bend(law, rng), s) for n, law, s in laws]
     hand = str(rng.choice(["clean", "clean", "slow", "push", "caught", "touch"]))
-    sensor = str(rng.choice(["plain", "plain", "plain", "coarse", "drift", "filter", "clip", "gyro", "fused"]))
+    sensor = str(
+        rng.choice(["plain", "plain", "plain", "coarse", "drift", "filter", "clip", "gyro", "fused"])
+    )
     truth = Truth(
         kind=kind, families=tuple(map(str, names)), omega=omega, zeta=zeta, amplitude=amplitude, bent=bent, hand=hand, sensor=sensor, laws=laws
     )  # fmt: skip
@@ -128,9 +150,11 @@ def draw(seed: int) -> tuple[Truth, Recording]:
 
 def _bend(law: Law, rng: np.random.Generator) -> Law:
     a, b, c = rng.normal(size=3) * 0.06
+
     def bent(x: float, v: float, z: list[float], t: float) -> tuple[float, list[float]]:
         torque, rates = law(x, v, z, t)
         return torque * (1 + a * np.sin(2 * x) + b * np.cos(3 * x) + c * np.sin(2 * v)), rates
+
     return bent
 
 
@@ -219,9 +243,27 @@ def _record(truth: Truth, rng: np.random.Generator, seed: int) -> Recording:
         offset = truth.amplitude * truth.omega * 0.002 * rng.normal()
         rated = rated + offset
         total = np.cumsum(rated) * np.median(np.diff(time))
-        roll = Roll(**shared, roll=total[keep], std=std[keep] * 3, rate=rated[keep], rate_std=std[keep] * truth.omega, origin="gyro", zero="drifting", measured="rate")
+        roll = Roll(
+            **shared,
+            roll=total[keep],
+            std=std[keep] * 3,
+            rate=rated[keep],
+            rate_std=std[keep] * truth.omega,
+            origin="gyro",
+            zero="drifting",
+            measured="rate",
+        )
     elif truth.sensor == "fused":
-        roll = Roll(**shared, roll=x[keep], std=std[keep], rate=rated[keep], rate_std=std[keep] * truth.omega, origin="fused", zero="known", measured="roll")
+        roll = Roll(
+            **shared,
+            roll=x[keep],
+            std=std[keep],
+            rate=rated[keep],
+            rate_std=std[keep] * truth.omega,
+            origin="fused",
+            zero="known",
+            measured="roll",
+        )
     else:
         roll = Roll(**shared, roll=x[keep], std=std[keep], origin="angle")
     return Recording.of(roll, keep_zero=True)

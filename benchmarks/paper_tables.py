@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from policy_runtime.evaluation.result import Evaluation
     from sysid.board import Board
 
-Part = Literal["main", "trajectories", "curves", "map", "terrain", "sensitivity"]
+Part = Literal["main", "trajectories", "headings", "curves", "map", "terrain", "sensitivity"]
 
 
 def paper(
@@ -37,7 +37,7 @@ def paper(
     """Make the paper's tables and figures, the paper's own figures beside ours; what has not been trained is said.
 
     Args:
-        part: What to make: main, trajectories, curves, map, terrain, sensitivity; all if none is named. The map
+        part: What to make: main, trajectories, headings, curves, map, terrain, sensitivity; all if none is named. The map
             takes 36 times as many episodes as a row of a table.
         runs: Manifest of runs (TOML): which command made which weights; the shipped one if not given.
         episodes: Episodes of each seed for every policy and condition; the paper has 1000.
@@ -81,6 +81,10 @@ def paper(
         "",
         f"{episodes} episodes × {seeds} seed{'s' * (seeds > 1)} for every policy and condition, in plain MuJoCo, 20 s each; "
         "in brackets 95 % intervals. The paper's figures are mean ± standard deviation over its seeds, in its own simulator.",
+        "",
+        "A figure agrees if its interval lies within two standard deviations of the paper's mean, and disagrees if the two "
+        "intervals do not meet. E_smth here is the mean of abs(Δq) over joints and policy steps; the paper gives no formula, so "
+        "it is not compared. A run that begins at weights which had learned with the guidance does not test the paper's ablation.",
     ]
     for section in sections:
         text += ["", f"## {section.title}", "", *section.lines]

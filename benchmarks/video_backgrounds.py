@@ -1,23 +1,23 @@
 """Angle from ten drawn films that differ in the background: none, soft, changing light, moving people.
 
-    python benchmarks/video_backgrounds.py [--only soft] [--keep DIR]
+    python benchmarks/video_backgrounds.py [--only soft] [--keep DIR] [--rows FILE] [--before FILE]
 
 Each film is a plate that turns about a point by a known angle (`tests/support/drawn_films.py`). The tool gets the file alone.
 Writes benchmarks/results/video_backgrounds.md and the table of docs/video.md.
 """
 
 import argparse
+import json
 import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import numpy as np
 from pages import table, write_between, write_result
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
-from drawn_films import SIZE, Picture, blotches, decay, dotted, draw_film, marked, plate, wall
+from backgrounds import curtain, held, light, people, soft
+from drawn_films import SIZE, decay, dotted, draw_film, marked, plate, wall
 
 from sysid.errors import SysidError
 from sysid.video_roll import roll_from_video
@@ -29,50 +29,6 @@ PLAIN = np.full((SIZE[1], SIZE[0], 3), 150, np.uint8)
 PINK, GREEN = (110, 20, 240), (60, 200, 40)
 STICKERS = dotted(plate(300, 60), [(-110, -5, 11, PINK), (110, -5, 11, GREEN)])
 PRINTS, MARKER, BARE = plate(300, 60, contrast=35.0), marked(plate(260, 90), 70), plate(320, 40)
-
-
-def soft(seed: int = 2) -> Picture:
-    """Return a wall out of focus: colours that change over 8 px or more."""
-    rng = np.random.default_rng(seed)
-    noise = np.dstack([cv2.GaussianBlur(rng.normal(size=(SIZE[1], SIZE[0])), (0, 0), 8.0) for _ in range(3)])
-    return np.clip(140 + 14 * noise / noise.std(), 0, 255).astype(np.uint8)
-
-
-def curtain(number: int) -> Picture:
-    """Return soft folds that sway sideways by up to 6 px."""
-    x = np.arange(SIZE[0]) + 6 * np.sin(2 * np.pi * 0.7 * TIME[number])
-    folds = 140 + 25 * np.sin(x / 14) + 15 * np.sin(x / 33 + 1)
-    return np.repeat(np.repeat(folds[None, :, None], SIZE[1], 0), 3, 2).astype(np.uint8)
-
-
-def light(behind: Picture) -> Callable[[int], Picture]:
-    """Return a background under light that falls to 60 % and flickers by 5 %."""
-
-    def at(number: int) -> Picture:
-        gain = 1 - 0.4 * min(number / 90, 1.0) + 0.05 * np.sin(2.1 * number)
-        return np.clip(behind * gain, 0, 255).astype(np.uint8)
-
-    return at
-
-
-def people(behind: Picture) -> Callable[[int], Picture]:
-    """Return a background in which two people in patterned clothes walk past, one to either side."""
-    clothes = [blotches((240, 70), level, 30.0, seed) for level, seed in ((80.0, 7), (190.0, 8))]
-
-    def at(number: int) -> Picture:
-        picture = behind.copy()
-        for pattern, left in zip(clothes, (-70 + 6 * number, 640 - 5 * number), strict=True):
-            low, high = max(left, 0), min(left + 70, SIZE[0])
-            if low < high:
-                picture[100:340, low:high] = pattern[:, low - left : high - left]
-        return picture
-
-    return at
-
-
-def held(number: int) -> tuple[float, float]:
-    """Return the shift of a camera held by hand [px]."""
-    return 3 * float(np.sin(6 * TIME[number])), 2 * float(np.sin(4 * TIME[number] + 1))
 
 
 FILMS = {
@@ -104,26 +60,37 @@ def row(name: str, folder: Path) -> list[str]:
     error -= error.mean()
     follows = next(note for note in roll.notes if note.startswith("follows: "))
     inside = np.mean(np.abs(error) < 1.96 * roll.std)
-    shake = next((note for note in roll.notes if note.startswith(("shake", "camera"))), "")
-    return [name, follows[9:].split(":")[0].split(";")[0], f"{np.degrees(error.std()):.3f}", f"{100 * inside:.0f} %", shake]
+    shake = next((note.split(",")[0] for note in roll.notes if note.startswith(("shake", "camera"))), "")
+    return [
+        name,
+        follows[9:].split(":")[0].split(";")[0],
+        f"{np.degrees(error.std()):.3f}",
+        f"{100 * inside:.0f} %",
+        shake,
+    ]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="")
     parser.add_argument("--keep", type=Path, default=Path(tempfile.gettempdir()) / "husky-backgrounds")
+    parser.add_argument("--rows", type=Path, help="write the rows to this file alone, to compare with later")
+    parser.add_argument("--before", type=Path, help="rows of an earlier version")
     arguments = parser.parse_args()
     arguments.keep.mkdir(parents=True, exist_ok=True)
-    rows: list[list[str]] = []
-    for name in FILMS:
-        if arguments.only in name:
-            rows.append(row(name, arguments.keep))
-            print(*rows[-1], sep=" | ", flush=True)
-    if arguments.only:
-        return
+    rows = [row(name, arguments.keep) for name in FILMS if arguments.only in name]
     titles = ["film", "what is followed", "RMSE [°]", "95 % covers", "camera"]
-    write_result("video_backgrounds.md", f"# Films with other backgrounds\n\n`benchmarks/video_backgrounds.py`: drawn films, 640x360 at 60 frames/s, of a plate that is let go at 14°.\n\n{table(titles, rows)}")
-    write_between(PAGE, "backgrounds", table(titles[:3], [cells[:3] for cells in rows]))
+    if arguments.rows is not None:
+        arguments.rows.write_text(json.dumps(rows))
+    if arguments.only or arguments.rows is not None:
+        print(table(titles, rows))
+        return
+    before = json.loads(arguments.before.read_text()) if arguments.before is not None else []
+    earlier = {cells[0]: cells[2] or "refused" for cells in before}
+    head = "`benchmarks/video_backgrounds.py`: drawn films, 640x360 at 60 frames/s, of a plate that is let go at 14°."
+    write_result("video_backgrounds.md", f"# Films with other backgrounds\n\n{head}\n\n{table(titles, rows)}")
+    cells = [[name, earlier.get(name, ""), error] for name, _, error, *_ in rows]
+    write_between(PAGE, "backgrounds", table(["film", "one version before [°]", "RMSE [°]"], cells))
 
 
 if __name__ == "__main__":

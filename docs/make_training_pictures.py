@@ -1,4 +1,4 @@
-"""Draw the learning curves of the shipped policies from the numbers beside them.
+"""Draw the learning curves of the policies with strides from the numbers beside them.
 
 python docs/make_training_pictures.py
 """
@@ -13,7 +13,7 @@ REPOSITORY = Path(__file__).parents[1]
 
 def main() -> None:
     """Draw one picture a policy."""
-    for name in ("pink", "black"):
+    for name in ("pink-strides", "black-strides"):
         with (REPOSITORY / "data" / "policies" / f"{name}_curves.csv").open(encoding="utf-8") as file:
             rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
         picture = REPOSITORY / "docs" / "pictures" / f"training-{name}.png"

@@ -72,7 +72,7 @@ def export_folder(
     """Write the folder and return its files.
 
     Args:
-        folder: Where to write; made if need be, and replaced only where it is an exported folder.
+        folder: Folder to write; an existing one is replaced only if it is an exported folder.
         policy: ONNX policy to put in; checked against robot and board.
         force: See `policy_file.open_policy`.
 

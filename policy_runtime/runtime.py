@@ -1,8 +1,7 @@
 """The loop that runs a policy: 50 decisions a second over servos that step 500 times a second.
 
-Every tick reads the robot, checks it, asks the policy, checks the answer and sends it. Whatever a check
-finds ends the run in a damped stop: the servos hold nothing and only brake, until the robot has come
-down.
+Every tick reads the robot, checks it, asks the policy, checks the answer and sends it. A failed check ends the
+run in a damped stop: the servos only brake, until the robot has come down.
 """
 
 import gc
@@ -19,7 +18,7 @@ from policy_runtime.loop.course import Course
 from policy_runtime.loop.policy import Policy
 from policy_runtime.loop.preparation import Delay, Preparation, StoppedError, prepare
 from policy_runtime.loop.safety import Guard, Limits
-from policy_runtime.robots import PD_PERIOD, JointCommand, Robot, RobotState
+from policy_runtime.robots import BEGIN, PD_PERIOD, STAND, JointCommand, Robot, RobotState
 from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED, Clock
 from sysid.roll import Array
 
@@ -154,7 +153,7 @@ class _Run:
         self._times = array("d")
         self._ticks = self._step = 0
         self._course = Course(runtime.clock, hold=runtime.hold_heading)
-        self._turn = 0.0
+        self._turn, self._stands = 0.0, False
         self._slept = 0.0
         self._delay: Delay | None = None
         preparation = runtime.preparation
@@ -223,7 +222,7 @@ class _Run:
             StoppedError: A check failed.
         """
         runtime = self._runtime
-        gc.freeze()  # what is here by now stays: the collector shall not look through it in a tick's time
+        gc.freeze()  # objects of the start stay: the collector need not scan them during a tick
         start = self._due = time.perf_counter()
         while self._ticks * CONTROL_PERIOD < duration - 1e-9:
             begin = time.perf_counter()
@@ -250,7 +249,9 @@ class _Run:
         wanted = runtime.commands.at(now)
         if wanted is None:
             return None
-        command = self._latch(state, wanted)
+        if {STAND, BEGIN} & state.buttons:
+            self._stands = STAND in state.buttons
+        command = self._latch(state, wanted._replace(speed=0.0) if self._stands else wanted)
         target = runtime.policy.act(state, command, self._step)
         stopped = self._guard.check_target(target)
         if stopped is not None:

@@ -226,11 +226,12 @@ def build_curriculum(
 def restore(
     folder: RunFolder, config: RunConfig, env: "RslRlVecEnvWrapper", algorithm: "AmpPPO", process: Process
 ) -> "tuple[Done, Level | None]":
-    """Load the newest checkpoint, if there is one, and return what has been done and how hard the task was.
+    """Load the newest checkpoint, if there is one, and return its counts and its level of difficulty.
 
     A run that goes on has the learner, the counters and the random numbers of its checkpoint, bit for bit;
-    its worlds begin new episodes. A run that begins with another one's checkpoint has its own seed; one of
-    finished weights, which tell of no curriculum, begins at the task's own patience in worlds that do not differ.
+    its worlds begin new episodes. A run that begins with another's checkpoint has its own seed and a new mean
+    of the weights. Without a curriculum in the checkpoint it begins at the task's own patience, in nominal
+    worlds.
 
     Raises:
         SysidError: The checkpoint is broken, of another program, or of a learner of another size.
@@ -322,7 +323,7 @@ def _learn(
     deadline: float,
     report: Report | None,
 ) -> "Done":
-    """Iterate until so many iterations are done in all, or until the deadline; return what has been done."""
+    """Iterate up to a total or the deadline; return the counts."""
     import torch
 
     from policy_runtime.learning.checkpoint import Done, random_states
@@ -463,7 +464,7 @@ def check_finite(algorithm: "AmpPPO", numbers: dict[str, float], iteration: int)
 
 
 def _agreed(flag: bool, process: Process) -> bool:
-    """Return whether any process says so, in all of them the same."""
+    """Return whether the flag is set in any process; all get the same answer."""
     if process.count == 1:
         return flag
     import torch
@@ -494,7 +495,7 @@ def main() -> None:
     except SysidError as error:
         print(f"error: {error}", file=sys.stderr)  # noqa: T201
         raise SystemExit(error.exit_code) from None
-    except KeyboardInterrupt:  # the command line that started this says so
+    except KeyboardInterrupt:  # the command line that started this reports it
         raise SystemExit(130) from None
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sysid.board import Board, require_record
+from sysid.board import Board
 from sysid.decay import report as decay_report
 from sysid.decay.coast_down import fit_coast_down, spins_down
 from sysid.decay.doubt import SURE, Judgement, judged, sensor_noise
@@ -145,7 +145,9 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
     recordings, releases, weak = unpack(data)
     if inertia is None:
         slides = all(release.slides for release in releases)
-        inertia = board.inertia if board is not None else replace(NO_INERTIA, unit="kg" if slides else "kg*m^2")
+        inertia = (
+            board.inertia if board is not None else replace(NO_INERTIA, unit="kg" if slides else "kg*m^2")
+        )
     turns = spins_down(releases)
     odd = [] if turns else amplitude_warnings(releases, board)
     decay = _spun_down(releases, inertia) if turns else _fitted(releases, inertia)
@@ -235,7 +237,9 @@ def _numbers(trace: TraceFit, inertia: Quantity, method: str) -> tuple[DecayNumb
         return numbers, {}
     std = math.sqrt(trace.covariance[1, 1]) / tau**2
     half = t95(freedom) * std
-    others = {"stiffness_over_damping": Quantity(1 / tau, std, "1/s", method, (1 / tau - half, 1 / tau + half))}
+    others = {
+        "stiffness_over_damping": Quantity(1 / tau, std, "1/s", method, (1 / tau - half, 1 / tau + half))
+    }
     if math.sqrt(trace.covariance[0, 0]) / 2 < FIXED:
         return numbers, others
     open_ones = ("omega_n", "damping_ratio", "stiffness", "damping")
@@ -325,7 +329,9 @@ def _warnings(decay: FreeDecay) -> list[str]:
             "releases to both sides"
         )
     if decay.linear and decay.numbers.damping_ratio.ci95[0] <= 0:
-        warnings.append(f"the damping may be zero (ζ = {decay.numbers.damping_ratio}): record longer, or more releases")
+        warnings.append(
+            f"the damping may be zero (ζ = {decay.numbers.damping_ratio}): record longer, or more releases"
+        )
     for release in decay.releases:
         cycles = (release.time[-1] - release.start) * decay.trace.omega_n / (2 * math.pi)
         if release.end != "rest" and cycles < 1 and decay.trace.law != "none":

@@ -200,7 +200,9 @@ class Recording(Shown):
             if one.hold and one.start - given > EARLY_RELEASE_SHARE * one.hold
         )
         driven = tuple(
-            f"something drives it until {shown(one.driven_until)}: free from then on" for one in found if one.driven_until
+            f"something drives it until {shown(one.driven_until)}: free from then on"
+            for one in found
+            if one.driven_until
         )
         recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held, *driven)), releases=found)
         turn = 0.0 if roll.slides else math.tau * round((rest - recording._rest) / math.tau)

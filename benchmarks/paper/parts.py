@@ -3,8 +3,11 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from paper.figures import curves_figure, map_figure, trajectories_figure
 from paper.published import MAIN, METRICS, SENSITIVITY, TERRAIN, Row
@@ -23,6 +26,8 @@ MAP_SPEED = (0.4, 0.8, 1.2)
 """[m/s]"""
 MAP_DELAY = (0.0, 0.02, 0.04)
 """[s]"""
+HEADINGS = (-45.0, -30.0, -15.0, 0.0, 15.0, 30.0, 45.0)
+"""Edges of the classes of turns asked for [°]."""
 CURVES = (
     ("survival", "episodes that last", "1"),
     ("speed_error", "E_vel in training", "m/s"),
@@ -57,7 +62,7 @@ def sensitivity(runs: Sequence[Run], measure: Measure, folder: Path) -> Section:
 
 
 def trajectories(runs: Sequence[Run], measure: Measure, folder: Path) -> Section:
-    """Draw the paths of a policy on steered trucks and on straight ones (the paper's figure 5)."""
+    """Draw the paths of a policy on steered trucks and on straight ones (the paper's figure 4a)."""
     results = [
         (run.name, name, measure(run, protocol))
         for run in _of_rows(runs, ("husky", "no-coupling"))
@@ -75,11 +80,28 @@ def trajectories(runs: Sequence[Run], measure: Measure, folder: Path) -> Section
     numbers = [{"run": run, "board": name, **one.to_json()} for run, name, one in results]
     lacks = not _of_rows(runs, ("no-coupling",))
     missing = ["a policy trained on straight trucks (no-coupling)"] if lacks else []
-    return Section("Trajectories (figure 5)", lines, numbers, picture.name, missing)
+    return Section("Trajectories (figure 4a)", lines, numbers, picture.name, missing)
+
+
+def headings(runs: Sequence[Run], measure: Measure, folder: Path) -> Section:
+    """Measure which headings a policy reaches in one steering phase (the paper's figure 4b)."""
+    rows: list[tuple[str, ...]] = []
+    numbers: list[dict[str, Any]] = []
+    for run in _of_rows(runs, ("husky", "no-coupling")):
+        asked, done, _ = np.degrees(measure(run, Protocol()).headings).T
+        for low, high in pairwise(HEADINGS):
+            reached = done[(asked >= low) & (asked < high)]
+            if not len(reached):
+                continue
+            mean, spread = float(reached.mean()), float(reached.std())
+            rows.append((run.name, f"{low:+.0f} to {high:+.0f}", f"{mean:+.1f}", f"{spread:.1f}", str(len(reached))))
+            numbers.append({"run": run.name, "asked_deg": [low, high], "mean_deg": mean, "std_deg": spread})
+    head = ("policy", "asked [°]", "reached, mean [°]", "standard deviation [°]", "turns")
+    return Section("Reachable headings (figure 4b)", _markdown(head, rows), numbers)
 
 
 def learning_curves(runs: Sequence[Run], measure: Measure, folder: Path) -> Section:
-    """Draw the learning curves (the paper's figure 6)."""
+    """Draw the learning curves. The paper's figure 5 shows where one seed explores, which nothing here draws."""
     curves = {run.name: run.read_curves() for run in runs if run.curves is not None}
     picture = folder / "curves.png"
     curves_figure(curves, CURVES, picture)
@@ -92,12 +114,12 @@ def learning_curves(runs: Sequence[Run], measure: Measure, folder: Path) -> Sect
     numbers = {
         name: {key: value for key, value in row.items() if math.isfinite(value)} for name, row in ends.items()
     }
-    title = "Learning curves (figure 6), and where they end"
+    title = "Learning curves, and where they end"
     return Section(title, _markdown(head, body), numbers, picture.name)
 
 
 def success_map(runs: Sequence[Run], measure: Measure, folder: Path) -> Section:
-    """Measure E_succ over stiffness, speed and delay (more of what the paper's figure 9 asks)."""
+    """Measure E_succ over stiffness, speed and delay (more of what the paper's figure 8 asks)."""
     cells: list[dict[str, Any]] = []
     grids: dict[tuple[str, float], list[list[float]]] = {}
     for run in _of_rows(runs, ("husky",)):
@@ -120,7 +142,7 @@ def success_map(runs: Sequence[Run], measure: Measure, folder: Path) -> Section:
         success, (low, high) = cell["E_succ"]["value"], cell["E_succ"]["ci95"]
         rows.append((cell["run"], *place, f"{success:.3g} [{low:.2g}, {high:.2g}]"))
     lines = _markdown(("policy", "delay [ms]", "v [m/s]", "k, of the record's", "E_succ"), rows)
-    return Section("E_succ over stiffness, speed and delay (figure 9)", lines, cells, picture.name)
+    return Section("E_succ over stiffness, speed and delay (figure 8)", lines, cells, picture.name)
 
 
 def terrain(runs: Sequence[Run], measure: Measure, folder: Path) -> Section:
@@ -142,6 +164,7 @@ def terrain(runs: Sequence[Run], measure: Measure, folder: Path) -> Section:
 PARTS = {
     "main": main_table,
     "trajectories": trajectories,
+    "headings": headings,
     "curves": learning_curves,
     "map": success_map,
     "terrain": terrain,
@@ -177,21 +200,28 @@ def _table(title: str, rows: Sequence[Row], runs: Sequence[Run], measure: Measur
 
 
 def compared(ours: dict[str, Quantity], paper: dict[str, Quantity]) -> str:
-    """Return in words which of our figures cannot be told from the paper's by the 95 % intervals of both."""
-    same: list[str] = []
-    other: list[str] = []
+    """Return in words which figures agree with the paper's, which disagree, and which the rides do not decide.
+
+    A figure agrees if its 95 % interval lies within two standard deviations of the paper's mean. It disagrees if the
+    two intervals do not meet. E_smth is left out: the paper gives no formula for it.
+    """
+    verdicts: dict[str, list[str]] = {"agree": [], "disagree": [], "not decided": []}
     for name, published in paper.items():
         own = ours[name]
-        if not math.isfinite(own.value):
+        if not math.isfinite(own.value) or name == "E_smth":
             continue
         low, high = own.ci95
-        reach = 2 * published.std + max(high - own.value, own.value - low)
-        if abs(own.value - published.value) <= reach:
-            same.append(name)
+        least, most = max(0.0, published.value - 2 * published.std), published.value + 2 * published.std
+        if name == "E_succ":
+            most = min(1.0, most)
+        if least <= low and high <= most:
+            verdict = "agree"
+        elif high < least or low > most:
+            verdict = "disagree"
         else:
-            other.append(f"{name} is {'above' if own.value > published.value else 'below'} the paper's")
-    parts = ([f"{', '.join(same)} cannot be told from the paper's"] if same else []) + other
-    return "; ".join(parts) + "." if parts else ""
+            verdict = "not decided"
+        verdicts[verdict].append(f"{name} [{low:.3f}, {high:.3f}] of {least:.3f} to {most:.3f}")
+    return "; ".join(f"{verdict}: {', '.join(names)}" for verdict, names in verdicts.items() if names)
 
 
 def _turned(result: Evaluation) -> str:

@@ -5,6 +5,8 @@ from them by the tool's own code. Dimensions are those of the model that was pub
 The mass of the deck is what a uniform cuboid of these dimensions must weigh to have the stated inertia.
 
     python data/boards/make_boards.py
+    husky-sysid check data/decays/pink.csv --board pink
+    husky-sysid check data/decays/black.csv --board black
 """
 
 import math

@@ -18,7 +18,7 @@ from policy_runtime.learning.run_folder import RunFolder
 
 COLUMNS = (
     "iteration", "samples", "survival", "falls_per_minute", "speed_error", "heading_error", "both_feet", "foot_down",
-    "reward", "style", "steps_per_s", "collect_s", "learn_s", "action_std", "patience", "strength",
+    "stride_period", "stance_time", "foot_travel", "slip", "stops", "reward", "style", "steps_per_s", "collect_s", "learn_s", "action_std", "patience", "strength",
 )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Where a policy's errors come from: by pushing phase, command, time within a phase, and foot.
+"""A policy's errors by pushing phase, command, time within a phase, and foot.
 
 Each `Table` asks one question of recorded rides. Its cells are sums and numbers of steps, so that the
 tables of many rides add up to the table of all.
@@ -29,7 +29,7 @@ ARRIVED_HEADING = 0.1
 Cell = tuple[float, int]
 """Sum over steps, and how many steps."""
 Labelled = tuple[str, Flags]
-"""What some steps are called, and which they are, (t, n)."""
+"""Label of some steps, and their flags, (t, n)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class Table:
         return total / count if count else float("nan")
 
     def to_json(self) -> dict[str, Any]:
-        """Return the table for machines: means, null where there are none, and numbers of steps."""
+        """Return the table for machines: means, null for empty cells, and numbers of steps."""
         means = {
             label: {
                 column: total / count if count else None

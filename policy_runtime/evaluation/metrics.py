@@ -34,8 +34,8 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from sim.skate.arrays import wrap_angle
 from policy_runtime.evaluation.strides import STRIDE_METRICS, intervals, stride_metrics
+from sim.skate.arrays import wrap_angle
 from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED
 from sysid.errors import SysidError
 from sysid.roll import Array
@@ -203,7 +203,7 @@ def _last(flags: Flags) -> Flags:
 
 
 def _over_phases(where: Flags, value: Callable[[int, int, int], float]) -> Array:
-    """Return the mean over an episode's phases of what an episode's number and two ends give, shape (n,)."""
+    """Return the mean of `value(episode, begin, end)` over an episode's phases, shape (n,)."""
     means = [[value(n, a, b) for a, b in intervals(where[:, n])] for n in range(where.shape[1])]
     return np.array([np.mean(one) if one else np.nan for one in means])
 

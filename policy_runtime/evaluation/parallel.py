@@ -1,8 +1,8 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false, reportAttributeAccessIssue=false
 """Evaluation in the training's own simulator (mjlab, MuJoCo Warp), all episodes of a seed in parallel.
 
-The exported ONNX file is what is measured, not the network in memory; beside `evaluate`, which rides in
-plain MuJoCo, it tells what the change of simulator costs.
+The exported ONNX file is measured, not the network in memory. The difference to plain MuJoCo is the cost of
+changing the simulator.
 """
 
 import math
@@ -179,7 +179,7 @@ def _ride(
             for _ in range(math.ceil(protocol.duration / CONTROL_PERIOD) + 1):
                 actions = policy.act(observations["actor"].cpu().numpy())
                 reading = skate_command(env).reading
-                # Where the board is before the step: after it, who fell is already back at the start.
+                # Place of the board before the step; after it, fallen riders are back at the start.
                 place = np.column_stack(
                     [reading.board_position()[:, :2].cpu().numpy(), reading.board_heading().cpu()]
                 )

@@ -1,8 +1,8 @@
 """Evaluation in plain MuJoCo: many episodes, several seeds, the paper's protocol.
 
-An episode begins at rest with one foot on the ground, lasts 20 s, commands one speed drawn from 0 to
-1.5 m/s and a new turn of up to ±45° in every cycle, and ends early when the pelvis leans beyond 70°,
-when anything but a foot touches ground or board, or when both feet have left the deck.
+An episode begins at rest with one foot on the ground and lasts 20 s. Its speed is drawn from 0 to 1.5 m/s, and
+a turn of up to ±45° for every cycle. It ends early when the pelvis leans beyond 70°, anything but a foot
+touches ground or board, or both feet have left the deck.
 """
 
 import math
@@ -23,7 +23,7 @@ from policy_runtime.evaluation.result import PATHS, TIME_LIMIT, Evaluation, Part
 from policy_runtime.evaluation.stress import CALM, Stress, StressedRobot
 from policy_runtime.loop.commands import Command
 from policy_runtime.loop.policy import OnnxPolicy, Policy
-from policy_runtime.loop.policy_file import open_policy
+from policy_runtime.loop.policy_file import find_policy, open_policy
 from policy_runtime.loop.scripted import SCRIPTS, scripted
 from policy_runtime.loop.world import World, direct_rake, joint_limits, make_world
 from policy_runtime.runtime import INTERRUPTED, Runtime
@@ -186,14 +186,15 @@ def protocol_world(board: Board, protocol: Protocol) -> World:
 
 
 def policy_named(name: str, board: Board | None, *, force: bool = False) -> Policy:
-    """Return the scripted policy of that name, or open the ONNX file of that path.
+    """Return the scripted policy of that name, or open an ONNX file: of that path, or shipped under that name.
 
     Raises:
-        SysidError: Neither exists, or the file does not fit robot and board.
+        SysidError: The policy is missing, or does not fit robot and board.
     """
-    if name in SCRIPTS or (not name.endswith(".onnx") and not Path(name).exists()):
+    found = None if name in SCRIPTS else find_policy(name)
+    if found is None and not name.endswith(".onnx"):
         return scripted(name)
-    return OnnxPolicy(open_policy(Path(name), board, force=force))
+    return OnnxPolicy(open_policy(found or Path(name), board, force=force))
 
 
 def _work(name: str, board: Board, protocol: Protocol, force: bool, seed: int, episodes: range) -> Part:

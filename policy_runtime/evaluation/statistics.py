@@ -24,8 +24,8 @@ def proportion(successes: int, trials: int) -> Quantity:
 def mean_over(values: list[Array], unit: str) -> Quantity:
     """Return the mean of a metric with its 95 % interval.
 
-    With three seeds or more the interval is Student's over the seeds' means, so that what a seed has in
-    common (its draw of boards, its commands) counts; with fewer it is over episodes.
+    From three seeds on the interval is Student's over the seeds' means, because episodes of a seed share boards
+    and commands. With fewer it is over episodes.
 
     Args:
         values: One array of episode values for each seed; NaN are left out.

@@ -110,6 +110,28 @@ def _flat(motion: Motion) -> Array:
     return found.reshape(len(found), -1)
 
 
+@lru_cache(maxsize=1)
+def clip_ranges() -> dict[str, tuple[float, float]]:
+    """Return the range of those metrics that the reference clips have too.
+
+    Raises:
+        SysidError: mjlab, whose G1 model is used, is not installed.
+    """
+    from policy_runtime.motion.motion_check import motion_facts
+    from sim.skate.robot.g1 import g1_spec
+
+    model = g1_spec(visuals=False).compile()
+    facts = [motion_facts(clip, model) for clip in load_motions()]
+    values = {
+        "stride_period": [fact.period for fact in facts],
+        "stance_time": [fact.period * fact.stance for fact in facts],
+        "foot_travel": [fact.travel for fact in facts],
+        "slip": [fact.slide for fact in facts],
+        "style_distance": [distance for _, distance in clip_distances()],
+    }
+    return {name: (min(found), max(found)) for name, found in values.items()}
+
+
 def clip_distances() -> Iterator[tuple[str, float]]:
     """Yield each reference clip's name and its distance to the others [rad]: how far apart good strides are."""
     clips = load_motions()

@@ -1,15 +1,14 @@
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
 """Adversarial motion priors (AMP) as one extension of rsl_rl's PPO, which stays as it is.
 
-A discriminator tells windows of five joint frames of the reference motions from the policy's; what it
-takes for reference is rewarded (Peng et al. 2021, "AMP"; least-squares loss and gradient penalty). Only
+A discriminator separates windows of five joint frames of the reference motions from the policy's. Windows that
+it takes for reference are rewarded (Peng et al. 2021, "AMP"; least-squares loss, gradient penalty). Only
 windows that lie within one episode and within a phase taught by style (`style_mask`) are shown to it and
-rewarded. Where that is more than pushing, the last numbers of a window say which phase it is of, and the
-reference windows of a batch are of the same phases as the policy's: how often a phase occurs shall
-not tell them apart.
+rewarded. If style teaches more than pushing, the last numbers of a window name its phase. The reference windows
+of a batch then have the same phases as the policy's: the frequency of a phase must not separate them.
 
-With several processes the gradients and running statistics of the discriminator are averaged, and so are
-the statistics of the observation normalisers, which rsl_rl 5.4 leaves different in every process.
+Several processes average the gradients and statistics of the discriminator. They also average the observation
+normalisers, which rsl_rl 5.4 leaves different.
 """
 
 from dataclasses import dataclass
@@ -218,16 +217,15 @@ class AmpPPO(PPO):
         }
 
     def judges_alike(self, loaded_dict: dict[str, Any]) -> bool:
-        """Return whether the discriminator of what `save` returned takes windows of the same size."""
+        """Return whether a saved discriminator takes windows of the same size."""
         name = "normaliser.mean"
         return loaded_dict["discriminator"][name].shape == self.discriminator.state_dict()[name].shape
 
     def load(self, loaded_dict: dict[str, Any], load_cfg: dict[str, Any] | None, strict: bool) -> bool:
-        """Restore what `save` returned; what is not in it starts afresh.
+        """Restore the content of `save`; missing parts start afresh.
 
-        PPO's optimiser starts afresh at the least rate and is led from there: the first steps of Adam are as long as the
-        rate, on every weight and whatever the gradient. At 1e-3, which a learner that knows nothing bears, one iteration
-        left `black` with 42 falls a minute instead of 1, and 500 iterations made up for it.
+        A fresh optimiser of PPO starts at the least rate: the first steps of Adam are as long as the rate, on
+        every weight. At 1e-3 one iteration left `black` with 42 falls a minute instead of 1.
         """
         if "discriminator" in loaded_dict:
             self.discriminator.load_state_dict(loaded_dict["discriminator"], strict=strict)
@@ -279,7 +277,7 @@ def average_gradients(module: nn.Module) -> None:
         gradient.copy_(part.view_as(gradient))
 
 
-@torch.inference_mode()  # rsl_rl updates them in inference mode, after which no other may write them
+@torch.inference_mode()  # rsl_rl updates them in inference mode
 def average_normaliser(normaliser: Any) -> None:
     """Give rsl_rl's observation normaliser the statistics of all processes pooled.
 

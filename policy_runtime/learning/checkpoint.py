@@ -25,7 +25,7 @@ import torch.distributed
 from sysid.errors import SysidError
 
 NEEDED = ("actor_state_dict", "critic_state_dict", "discriminator", "iteration", "step_counter")
-"""What even a checkpoint without optimisers holds."""
+"""Keys that every checkpoint holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ def read_checkpoint(path: Path, device: str = "cpu") -> dict[str, Any]:
 
 
 def grow_inputs(kept: dict[str, Any], model: str, size: int) -> bool:
-    """Let a network take further inputs, appended to those it knows, without changing what it answers to these.
+    """Append inputs to a network without changing its answers.
 
     Args:
         kept: A checkpoint's content; changed in place.

@@ -2,7 +2,7 @@
 
 It is driven by one number: early ends, the episodes that end before their time limit, a minute of riding. Few, and the task gets
 harder; many, and it gets easier. A step is in proportion to the logarithm of the early ends over their set point, so
-that there is no band in which nothing moves.
+the task always moves.
 
 First comes the patience with a wrong stance (policy steps). A beginner that is ended after 0.4 s of wrong stance never
 learns to ride, and one that never is learns to ride on one leg. So the patience starts at its longest and shrinks to the task's own:
@@ -16,13 +16,11 @@ learns to ride, and one that never is learns to ride on one leg. So the patience
 Then comes the strength by which worlds differ (`sim.skate.mdp.worlds`), from 0 to 1, and with it, up to its half, the weights
 of rewards that a rider needs and a beginner does not (`Reward.beginner`).
 
-The weight of the actions' entropy depends on the early ends: the learner's first at the set point of the patience and above, its
-last at that of the strength and below, geometric between. So who falls explores, and who rides is exact. It depended on the
-patience before: three beginners came to its end on one leg, with an entropy by which they never found the other.
+The weight of the actions' entropy falls geometrically with the early ends, from the set point of the patience
+to that of the strength. So who falls explores, and who rides is exact.
 
-The longest patience is shorter than any phase in which the stance counts, else one leg never ends an episode: runs
-stood just below that for 400 iterations. Who rides on one leg is ended 15 to 19 times a minute of riding, whatever else he
-can: the set point must be well above that (docs/training_history.md has the runs that waited below it).
+The longest patience is shorter than any phase in which the stance counts, else one leg never ends an episode.
+Riding on one leg ends 15 to 19 episodes a minute of riding; the set point is above that.
 """
 
 import math
@@ -52,7 +50,7 @@ def step(ends: float, set_point: float) -> float:
 
     Args:
         ends: Episodes that ended early, a minute of riding.
-        set_point: Early ends a minute of riding at which nothing changes.
+        set_point: Early ends a minute of riding that leave the difficulty as it is.
     """
     return min(max(GAIN * math.log(set_point / max(ends, 1e-6)), -EASIER), HARDER)
 
@@ -107,7 +105,7 @@ class Curriculum:
             env: The unwrapped worlds; an episode must end for a wrong stance in them.
             algorithm: The learner, with its first entropy.
             last_entropy: Its last.
-            level: Where to begin; a beginner's if None.
+            level: First level; a beginner's if None.
         """
         import torch
 

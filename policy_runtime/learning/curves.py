@@ -18,6 +18,8 @@ _PANELS = (
         (("both_feet", "both feet on deck, steering"), ("foot_down", "left foot down, pushing")),
         (0, 1.02),
     ),
+    ("stride and stance [s]", (("stride_period", "stride"), ("stance_time", "stance")), None),
+    ("foot travel [m], slip by load [m/s]", (("foot_travel", "travel"), ("slip", "slip")), None),
     ("reward per second", (("reward", "task"), ("style", "style [0–1], pushing")), None),
 )
 _COLOURS = ("#0072B2", "#E69F00")
@@ -27,16 +29,16 @@ def draw_curves(rows: Sequence[dict[str, float]], path: Path, title: str) -> Pat
     """Draw the run's curves against samples and return the picture's path.
 
     Args:
-        rows: What `RunFolder.read_curves` returns, at least one.
-        path: Where to write; the suffix chooses the format.
+        rows: Rows of `RunFolder.read_curves`, at least one.
+        path: File to write; the suffix chooses the format.
 
     Raises:
         SysidError: The folder cannot be written to.
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11, 6.5), layout="constrained")
-    axes = figure.subplots(2, 3, sharex=True)
+    figure = Figure(figsize=(14, 6.5), layout="constrained")
+    axes = figure.subplots(2, 4, sharex=True)
     samples = [row["samples"] / 1e6 for row in rows]
     for axis, (label, curves, limits) in zip(axes.flat, _PANELS, strict=True):
         _panel(axis, samples, rows, curves)
@@ -45,7 +47,7 @@ def draw_curves(rows: Sequence[dict[str, float]], path: Path, title: str) -> Pat
     for axis in axes[-1]:
         axis.set_xlabel("steps of the world [million]")
     iterations = rows[-1]["iteration"]
-    # The shipped curves hold one iteration in five, and nan for those of which nothing is kept: the mean of the others stands for all.
+    # The shipped curves hold one iteration in five, and nan for lost ones: the mean stands for all.
     seconds = [row["collect_s"] + row["learn_s"] for row in rows]
     minutes = iterations * fmean(s for s in seconds if not math.isnan(s)) / 60
     figure.suptitle(
@@ -62,7 +64,9 @@ def _panel(
     axis: Any, samples: Sequence[float], rows: Sequence[dict[str, float]], curves: Sequence[tuple[str, str]]
 ) -> None:
     for (name, label), colour in zip(curves, _COLOURS, strict=False):
-        axis.plot(samples, [row[name] for row in rows], color=colour, linewidth=1.3, label=label)
+        axis.plot(
+            samples, [row.get(name, math.nan) for row in rows], color=colour, linewidth=1.3, label=label
+        )
     axis.grid(alpha=0.25)
     axis.legend(frameon=False, fontsize=8)
     for side in ("top", "right"):

@@ -10,9 +10,10 @@ nothing is logged but what `policy_runtime.learning.progress` sums up.
 
 A step is: act and simulate; judge (terminations, rewards), one graph; start episodes that are over; see (commands,
 observations), one graph. mjlab computes everything anew between the last two, constraint forces included, and again at
-the beginning of the next step. Here the first half of that step (`mujoco_warp.step1`: places, contacts, velocities) is
-taken for what is seen, and only its second half is left for after the action: four solves a policy step, not five. What
-is felt (contact forces) is that of the last substep, and nothing in an episode's first step.
+the beginning of the next step. Here the first half of that step (`mujoco_warp.step1`: places, contacts,
+velocities) serves the observations. Only its second half follows the action: four solves a policy step, not
+five. Contact
+forces are those of the last substep, and zero in an episode's first step.
 """
 
 from typing import Any
@@ -50,7 +51,7 @@ class FusedRewards(RewardManager):
         """Return the sum of all weighted terms of this step, (n,)."""
         scale = dt if self._scale_by_dt else 1.0
         raw = torch.stack([term.func(self._env, **term.params) for term in self._term_cfgs])
-        # What is not finite counts nothing, as in mjlab.
+        # Values that are not finite count as zero, as in mjlab.
         values = torch.nan_to_num(raw * self._weights * scale, nan=0.0, posinf=0.0, neginf=0.0)
         self._reward_buf.zero_()
         for value in values:
@@ -66,7 +67,7 @@ class FusedRewards(RewardManager):
 
 
 class QuietTerminations(TerminationManager):
-    """Terminations that do not ask the device how many episodes ended by what, nor copy anything to it."""
+    """Terminations without mjlab's counts, which wait for the device."""
 
     def compute(self) -> torch.Tensor:
         """Return whose episode is over, (n,)."""
@@ -175,7 +176,7 @@ class SkateEnv(ManagerBasedRlEnv):
             for column in range(start, start + size)
         ]
         self._felt_columns = torch.tensor(columns, device=device)
-        # mjlab's own array writes on Warp's stream, which no graph of PyTorch records: the critic saw no contact on a GPU.
+        # mjlab's own array writes on Warp's stream, outside the graphs of PyTorch.
         self._sensordata = self.sim.data.sensordata[:]
         self._felt = self._sensordata[:, self._felt_columns]
         begin: Any = self.event_manager.get_term_cfg("begin").func
@@ -219,12 +220,12 @@ class SkateEnv(ManagerBasedRlEnv):
             self._reset_idx(over)
             self.scene.write_data_to_sim()
         self._first_half()
-        # What is seen next is not what a graph will write next: the learner looks back at it.
+        # Copied, because the graph overwrites it and the learner keeps it.
         self.obs_buf = {name: seen.clone() for name, seen in self._see().items()}
         return self.obs_buf, self.reward_buf, self.reset_terminated, self.reset_time_outs, self.extras
 
     def _judge_state(self) -> Any:
-        """Find what is over and what is earned; return the state that was looked at."""
+        """Compute ends and rewards; return the state that they were computed from."""
         measuring.keep(self, None)
         self._felt.copy_(self._sensordata[:, self._felt_columns])
         self.episode_length_buf += 1

@@ -1,8 +1,8 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
 """CUDA graphs: many small operations recorded once and launched as one, so that the GPU need not wait for Python.
 
-What is recorded must write what lasts in place and ask nothing of the host (no `.item()`, no index lists of a
-length that depends on data); Python in it runs only while it is recorded.
+A recorded function must write lasting results in place and ask nothing of the host (no `.item()`, no lists
+whose length depends on data); Python in it runs only while it is recorded.
 """
 
 import sys
@@ -12,14 +12,14 @@ from typing import Any
 import torch
 
 EAGER_CALLS = 3
-"""Calls that run as they are before one is recorded: libraries allocate what they need at their first use."""
+"""Calls before one is recorded: libraries allocate memory at their first use."""
 
 
 class Graphed:
-    """A function of no arguments that is recorded at its fourth call, and replayed from then on.
+    """A function without arguments: recorded at its fourth call, then replayed.
 
-    Its result is what the recorded call returned: tensors whose content every replay renews. Where recording
-    fails it goes on as it was, and says so once.
+    Its result is what the recorded call returned: tensors whose content every replay renews. If recording
+    fails, it warns once and goes on without a graph.
     """
 
     def __init__(
@@ -28,7 +28,7 @@ class Graphed:
         """Keep the function.
 
         Args:
-            device: Where; on 'cpu' it is never recorded.
+            device: Device; a function on 'cpu' is never recorded.
             enabled: Whether to record at all.
             side_stream: Whether the calls before are made beside the main stream, as automatic differentiation
                 wants it before it is recorded.

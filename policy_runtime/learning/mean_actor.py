@@ -1,10 +1,9 @@
 # pyright: reportMissingImports=false
-"""Moving average of an actor's weights: what is exported and evaluated.
+"""Moving average of an actor's weights, which is exported and evaluated.
 
-Every update throws the actor that learns about, and what it meets seldom, such as being told to stand, it does well
-after one update and badly after the next. The mean over updates keeps what they have in common. Iteration t weighs in
-proportion to t^η, approximately (Shamir and Zhang 2013, "Stochastic gradient descent for non-smooth optimization",
-polynomial-decay averaging): the mean is over the same share of a run however long that is.
+Rare situations, such as a command to stand, go well after one update and badly after the next. The mean over
+updates is steadier. Iteration t weighs about t^η (Shamir and Zhang 2013, polynomial-decay averaging). So the
+mean covers the same share of every run.
 """
 
 import torch

@@ -70,7 +70,7 @@ class LearnOptions:
     graphs: bool = True
     """Whether to launch many small operations as one CUDA graph where there is a GPU."""
     learning_rate: float = 1e-3
-    """Where the adaptive rate of a run from nothing starts."""
+    """First learning rate of a run from nothing; it adapts."""
     desired_kl: float = 0.015
     gamma: float = 0.99
     lam: float = 0.95
@@ -108,7 +108,7 @@ class RunFolder:
 
     @property
     def origin(self) -> Path:
-        """What the run was made from."""
+        """Hashes and versions of the run's inputs."""
         return self.path / "origin.json"
 
     @property
@@ -135,7 +135,7 @@ class RunFolder:
         return sorted((self.path / "checkpoints").glob("model_*.pt"), key=_iteration)
 
     def done(self) -> int:
-        """Return after how many iterations the newest checkpoint was written; 0 if there is none."""
+        """Return the iterations of the newest checkpoint; 0 without one."""
         return max((_iteration(path) for path in self.checkpoints()), default=0)
 
     def write_config(self, config: RunConfig) -> None:
@@ -160,7 +160,7 @@ class RunFolder:
         Args:
             record: The board's record file; it is copied.
             start_from: A checkpoint of another run to begin with; it is copied.
-            gpus: What the run begins on, 0 for the CPU; it goes on there.
+            gpus: GPUs of the run, 0 for the CPU.
             motions: Files and folders of reference motions of pushing; they are copied. The shipped ones if none.
 
         Raises:
@@ -267,7 +267,7 @@ def next_run(outputs: Path) -> Path:
 
 
 def _versions() -> dict[str, str]:
-    """Return the versions of what decides a run's outcome; absent packages are left out."""
+    """Return the versions of the packages that decide a run's outcome; absent ones are left out."""
     found: dict[str, str] = {}
     for name in (
         "husky-sysid",

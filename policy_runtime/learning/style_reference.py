@@ -1,8 +1,8 @@
 """Reference windows of the style discriminator: windows of the motions, with the phase of the cycle that they are of.
 
-In the default a window is five joint frames of pushing. Where mounting and dismounting are taught by
-style as well, three numbers more say one-hot which phase it is of, as `sim.skate.mdp.observations.phase_one_hot`
-does for the policy's windows.
+In the default a window is five joint frames of pushing. If style also teaches mounting and dismounting, three
+more numbers name the phase one-hot, as `sim.skate.mdp.observations.phase_one_hot` does for the policy's
+windows.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ def style_reference(options: SkateOptions, pushing: Sequence[Motion] = ()) -> Ar
     Args:
         options: The variant. Nothing taught by style still gets the pushing windows: the discriminator is
             built, and left alone.
-        pushing: What pushing shall look like; the shipped clips if none is given.
+        pushing: Reference motions of pushing; by default the shipped clips.
 
     Returns:
         Windows [rad], shape (m, 5 · 23), or (m, 5 · 23 + 3) with phases, grouped by phase.

@@ -1,4 +1,4 @@
-"""Where the rider's commands come from: constants, a file, or the keyboard."""
+"""Sources of the rider's commands: constants, a file, or the keyboard."""
 
 import csv
 import itertools
@@ -190,7 +190,7 @@ def pressed(command: Command, key: bytes) -> Command | None:
 
 
 def _split(keys: bytes) -> list[bytes]:
-    """Split what was read into keys; an arrow is three bytes."""
+    """Split bytes into keys; an arrow is three bytes."""
     found: list[bytes] = []
     i = 0
     while i < len(keys):

@@ -1,8 +1,8 @@
 """The course: where a ride shall be heading after all turns asked for, and how to hold it with the IMU alone.
 
-A policy turns by what it is told from where it points, and what it misses stays missed: straight on, the heading
-walks off over the cycles. The pelvis' yaw, averaged over the second half of each pushing phase, where the robot
-faces ahead in the same way every time, tells how far; the next turn makes up for it.
+A policy turns from where it points, so errors add up: straight on, the heading drifts over the
+cycles. In the second half of each pushing phase the robot always faces ahead in the same way. The mean yaw of
+the pelvis there tells the drift, and the next turn corrects it.
 """
 
 import math
@@ -27,7 +27,7 @@ class Course:
         self._last_step = -1
 
     def follow(self, state: RobotState, step: int, turn: float) -> float | None:
-        """Take one policy step; return the turn asked for, to be told the policy where steering begins, else None [rad]."""
+        """Take one policy step; return the turn for the policy where steering begins, else None [rad]."""
         clock, position = self._clock, step % self._clock.period
         if step == self._last_step:
             return None  # the cycle stands still

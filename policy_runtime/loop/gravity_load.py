@@ -2,10 +2,9 @@
 # (MuJoCo ships no type stubs.)
 """Gravity compensation: joint targets with which soft servos reach a pose instead of sagging below it.
 
-The servos are soft (a quarter of the torque limit bends a knee by 20°), so a script that asks for a pose
-gets a lower one. Statics tell by how much: the weight goes into the feet that stand, in the shares that
-put the centre of pressure under the centre of mass, and the torques that hold the joints against it,
-divided by the servos' stiffness, are what to ask for in addition.
+The servos are soft: a quarter of the torque limit bends a knee by 20°. So a script asks for more than the pose.
+Statics give the surplus: holding torques over the servos' stiffness. The standing feet share the weight so that
+the centre of pressure lies under the centre of mass.
 """
 
 import mujoco

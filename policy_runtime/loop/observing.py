@@ -38,7 +38,7 @@ class PaperObservation:
 
     size = OBSERVATION_SIZE
     newest: npt.NDArray[np.intp] = np.arange(OBSERVATION_SIZE - FRAME_SIZE, OBSERVATION_SIZE)
-    """Where the numbers of the newest frame stand in the observation."""
+    """Indices of the newest frame in the observation."""
     names = FRAME_NAMES
     """Of the numbers of a frame."""
 

@@ -13,6 +13,7 @@ from sim.skate.robot.g1 import JOINTS, default_pose, servos
 from sim.skate.world.posterior import Spread
 from sysid.board import Board
 from sysid.errors import QualityGateError, SysidError
+from sysid.files import shipped_data
 from sysid.roll import Array
 
 
@@ -29,7 +30,7 @@ class PolicyFile:
     """Numbers of one observation."""
     metadata: dict[str, str]
     notes: tuple[str, ...]
-    """What could not be checked, for people."""
+    """Properties that could not be checked, for people."""
 
     @property
     def turn_feedback(self) -> bool:
@@ -65,6 +66,15 @@ def open_policy(path: Path, board: Board | None = None, *, force: bool = False) 
     return PolicyFile(path, session, inputs[0].name, outputs[0].name, size, metadata, notes)
 
 
+def find_policy(name: str) -> Path | None:
+    """Return the file of a policy: the path itself, or one that ships with the tool, by its name; None if neither is there."""
+    shipped = shipped_data() / "policies" / f"{Path(name).name.removesuffix('.onnx')}.onnx"
+    for path in (Path(name), *([shipped] if Path(name).name == name else [])):
+        if path.is_file():
+            return path
+    return None
+
+
 def _session(path: Path) -> Any:
     options = session_options()
     if not path.is_file():
@@ -78,7 +88,7 @@ def _last_dimension(shape: list[Any]) -> int | None:
 
 
 def check_robot(path: Path, metadata: dict[str, str]) -> tuple[str, ...]:
-    """Compare joint names, gains, default pose and action scales with the robot's; return what is unsaid.
+    """Compare joint names, gains, default pose and action scales with the robot's; return notes.
 
     Raises:
         SysidError: One of them differs.

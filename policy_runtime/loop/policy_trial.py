@@ -1,6 +1,7 @@
-"""A first inference of an ONNX file in a process of its own, which an endless loop or a huge tensor cannot hurt.
+"""A first inference of an ONNX file in a process of its own.
 
-onnxruntime asks nobody how long a loop may turn, and takes what memory a tensor's shape says.
+onnxruntime limits neither loops nor memory: a
+broken file could block the caller.
 """
 
 import hashlib

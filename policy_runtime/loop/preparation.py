@@ -29,7 +29,7 @@ class StoppedError(Exception):
 
 
 class Ticks(Protocol):
-    """What the preparation needs of the loop."""
+    """The part of the loop that the preparation needs."""
 
     robot: Robot
 
@@ -59,7 +59,7 @@ class Preparation:
     handset: bool = True
     """Wait for the handset before the ramp and before the policy."""
     dry: bool = False
-    """Go on holding the pose: the policy decides, but what it answers is not sent."""
+    """Go on holding the pose: the policy decides, but its answers are not sent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ def prepare(options: Preparation, loop: Ticks, log: Callable[[str, str], None]) 
     """Bring the robot to the start pose and return its delay.
 
     Args:
-        log: Takes kind and text of what happens.
+        log: Takes kind and text of an event.
 
     Raises:
         StoppedError: The robot is not well, does not reach the pose, or does not answer.

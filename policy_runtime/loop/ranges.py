@@ -3,8 +3,8 @@
 """Check for observations outside the training distribution: live observations against the file's own normaliser.
 
 A policy file begins with the mean and standard deviation of everything it saw in training. A sensor whose axis is
-turned, a joint in another order or unit, a robot in another pose stand out in units of that deviation. Command, phase
-and last action are no measurements and are left out: what is not obeyed wanders off.
+turned, a joint in another order or unit, a robot in another pose stand out in units of that deviation. Command,
+phase and last action are left out, because they are no measurements.
 """
 
 from dataclasses import asdict, dataclass

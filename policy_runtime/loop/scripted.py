@@ -115,11 +115,11 @@ def scripted(name: str) -> Policy:
     """Return a scripted policy by its name.
 
     Raises:
-        SysidError: There is none of that name.
+        SysidError: The name is unknown.
     """
     if name not in SCRIPTS:
         raise SysidError(
-            f"unknown script '{name}'.{did_you_mean(name, SCRIPTS)} Scripted policies: {', '.join(SCRIPTS)}; "
-            "anything else must be an ONNX file or an exported folder, and there is none of this name."
+            f"unknown script '{name}'.{did_you_mean(name, SCRIPTS)} Scripted policies: {', '.join(SCRIPTS)}. "
+            "Shipped ones: pink, black. Anything else must be an ONNX file or an exported folder."
         )
     return SCRIPTS[name]()

@@ -22,7 +22,7 @@ from sysid.roll import Array
 DEVIATION = 0.01
 """Half-width of the joints' deviations from the start [rad], as `sim.skate.cycle.start.Start` has them in training."""
 STARTS = ("stand", "push", "steer")
-"""Where a ride may begin: one foot on the ground, or in a canonical pose on the rolling board."""
+"""Starts of a ride: one foot on the ground, or a canonical pose on the rolling board."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,7 @@
 """Contact detection: when a foot stands on the ground, from the motion of its sole; also in noisy recorded clips.
 
-A point of the sole stands where it is low and slow, and goes on standing until it is clearly neither: two
-thresholds, the outer one to leave by (a Schmitt trigger). Both follow the clip's own noise, seen where the foot is
-slowest, so that one that is made by a script is held to 1 mm and one with 5 mm of shaking is not in the air all the
-time.
+A point of the sole comes to stand where it is low and slow, and leaves by wider thresholds (a Schmitt trigger).
+Both follow the clip's own noise, measured where the foot is slowest.
 """
 
 from dataclasses import dataclass
@@ -81,7 +79,7 @@ def find_stance(sole: Array, rate: float) -> Stance:
 
 
 def _white_noise(values: Array) -> float:
-    """Return the scatter from frame to frame, from third differences, which no smooth motion reaches."""
+    """Return the scatter from frame to frame, from third differences; smooth motion has none."""
     if len(values) < 5:
         return 0.0
     return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20))

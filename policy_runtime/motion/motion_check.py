@@ -2,8 +2,8 @@
 # (MuJoCo ships no type stubs.)
 """Properties of a motion, measured on the robot's model: cadence, ranges, contacts, balance.
 
-It serves any clip of the stored layout; what needs a deck and a ground is measured relative to the
-height of the clip's own left sole while it stands, so that clips from elsewhere need not agree on where the ground is.
+It serves any clip of the stored layout. Heights are relative to the clip's own standing left sole, so clips
+need not agree on the ground.
 """
 
 from dataclasses import dataclass
@@ -35,6 +35,8 @@ class MotionFacts:
     """Time between two pushes, from the autocorrelation of the left leg [s]; NaN without a repetition."""
     planted: npt.NDArray[np.bool_]
     """Frames in which the left foot stands on the ground, shape (frames,), bool."""
+    travel: float
+    """Range of the left foot along the right one's axis of motion [m]."""
     slide: float
     """Greatest speed of the planted left foot over the ground [m/s]."""
     penetration: float
@@ -80,6 +82,7 @@ def motion_facts(motion: Motion, model: mujoco.MjModel) -> MotionFacts:
         speed=motion.speed,
         period=_period(motion.joints[:, LEFT_LEG], motion.rate),
         planted=stance.planted,
+        travel=float(np.ptp((left.mean(axis=1) - right.mean(axis=1)) @ _ahead(motion))),
         slide=stance.slide,
         penetration=float(max(0.0, stance.ground - left[..., 2].min())),
         bobbing=float(np.ptp(right[..., 2].mean(axis=1))),
@@ -122,6 +125,12 @@ def sole_points(model: mujoco.MjModel, data: mujoco.MjData, side: str) -> Array:
             down = np.array([0.0, 0.0, model.geom_size[geom, 0]])
             points += [data.geom_xpos[geom] + axis - down, data.geom_xpos[geom] - axis - down]
     return np.array(points)
+
+
+def _ahead(motion: Motion) -> Array:
+    """Return the unit vector along which the pelvis moves, shape (3,)."""
+    way = (motion.position[-1] - motion.position[0]) * [1.0, 1.0, 0.0]
+    return way / max(float(np.linalg.norm(way)), 1e-9)
 
 
 def _length(points: Array) -> Array:

@@ -71,8 +71,8 @@ def load_motion(path: Path) -> Motion:
     """Read a clip: a NumPy file holding (frames, 36) numbers, ours or the HUSKY release's.
 
     Raises:
-        SysidError: The file is missing, not a NumPy array, of another shape, too short for one
-            sample, not finite, or holds quaternions that are not of unit length.
+        SysidError: The file is missing, no NumPy array, of another shape, too short, not finite, or holds
+        quaternions that are not of unit length.
     """
     try:
         table = np.load(regular(path), allow_pickle=False)

@@ -13,6 +13,8 @@ PD_PERIOD = 0.002
 """Time between two steps of the joint servos [s]: 500 Hz."""
 ARM, BEGIN = "start", "A"
 """Buttons of the handset that let the robot move to the start pose, and the policy begin."""
+STAND = "X"
+"""Button of the handset that tells the robot to stand; `BEGIN` lets it go on."""
 STOPS = ({"select"}, {"L2", "B"})
 """Buttons of the handset that stop the robot; the second pair is the factory's own."""
 

@@ -66,9 +66,8 @@ class Truth:
 class Gantry:
     """A trolley on the board that holds the pelvis upright, as a robot is tried out in a hall.
 
-    It turns the pelvis towards upright and towards where it faced on the board when the ride began, and
-    keeps it above the same place of the board. It stands on the board: how it pushes and turns the robot
-    it pushes and turns the board back, so that whatever moves both is the robot's own push. Up and down
+    It holds the pelvis upright, above the same place of the board and turned as at the start. Its forces act
+    back on the board, so only the robot's own push moves both. Up and down
     the robot is free.
     """
 
@@ -250,7 +249,7 @@ class SimulatedRobot:
 
 
 class _Ids:
-    """Numbers of bodies, joints and geoms by what they are."""
+    """Indices of bodies, joints and geoms by their role."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self.board = model.body(f"{BOARD}board").id

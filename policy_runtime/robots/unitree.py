@@ -2,8 +2,8 @@
 # (cyclonedds is optional.)
 """The Unitree G1 over its network interface: low-level commands and states through CycloneDDS.
 
-The motors close the servo loop; this side sends them targets and gains 500 times a second, and what the
-robot last said counts as its state. Only the 23 joints of the policy are driven; the wrists are led slowly to
+The motors close the servo loop. This side sends targets and gains 500 times a second and takes the robot's last
+message as its state. Only the 23 joints of the policy are driven; the wrists are led slowly to
 where the policy's model has them fixed. Before the first command the robot must be in its damping mode with the
 factory's motion service off (as for every low-level program).
 """
@@ -25,7 +25,7 @@ WRIST_MOTORS = (19, 20, 21, 26, 27, 28)
 WRIST_STIFFNESS, WRIST_DAMPING = 20.0, 1.0
 """Gains that hold the wrists [N*m/rad], [N*m*s/rad]."""
 WRIST_ANGLE, WRIST_SPEED = 0.0, 0.5
-"""Where all wrist joints are held, as in the policy's model [rad], and how fast they are led there [rad/s]."""
+"""Angle at which all wrist joints are held [rad], and their speed on the way there [rad/s]."""
 PITCH_ROLL = 0
 """Mode in which ankles and waist take pitch and roll instead of the two motors of their linkage."""
 CONNECT_TIMEOUT = 3.0
@@ -128,7 +128,7 @@ class UnitreeG1:
         self._reader = self._writer = self._participant = None
 
     def _receive(self) -> None:
-        """Take what has come; the newest whole state counts."""
+        """Read all messages; the newest whole state counts."""
         for state in reversed(self._reader.take(N=50)):
             if not isinstance(state, self._messages.LowState):
                 continue  # the writer went away: not a state

@@ -4,8 +4,8 @@
 # (cyclonedds is optional, and its types are made when they are declared.)
 """The low-level messages of Unitree's humanoids (`unitree_hg`), for CycloneDDS.
 
-Field names, order and sizes are Unitree's published interface (unitree_sdk2, BSD-3-Clause); a publisher
-and a subscriber only understand each other if they agree on all of them.
+Field names, order and sizes are Unitree's published interface (unitree_sdk2, BSD-3-Clause); both sides must
+agree on all of them.
 """
 
 import struct
@@ -124,7 +124,7 @@ class LowState(IdlStruct, typename="unitree_hg.msg.dds_.LowState_"):
     def deserialize(
         cls, data: bytes, has_header: bool = True, use_version_2: bool | None = None
     ) -> "LowState":
-        """Return the message of what has travelled."""
+        """Decode a message."""
         if not has_header or data[:2] != _HEADER[:2] or len(data) < 4 + _STATE_WIRE.size:
             return super().deserialize(data, has_header, use_version_2)
         return _state_of(_STATE_WIRE.unpack_from(data, 4))
@@ -177,7 +177,7 @@ _STATE_LAYOUT = struct.Struct("<2I2B2xI" + "13fh2x" + "B3x4f2hf2II4I" * MOTORS +
 _COMMAND_WIRE = struct.Struct("<2B" + "Bx5fI" + "B3x5fI" * (MOTORS - 1) + "4II")
 _STATE_WIRE = struct.Struct("<2I2B2xI" + "13fh" + "Bx4f2hf2II4I" + "B3x4f2hf2II4I" * (MOTORS - 1) + "40B4II")
 _HEADER = b"\x00\x01\x00\x00"
-"""What precedes plain little-endian data in the first encoding of DDS, which the robot speaks."""
+"""Header of plain little-endian data in the first encoding of DDS."""
 
 
 def command_crc(command: LowCmd) -> int:

@@ -123,10 +123,10 @@ def _spans(time: Array, flags: Array) -> list[tuple[float, float]]:
 
 def _shade(axes: "Axes", recording: Recording) -> None:
     step, clock = recording.step.astype(int), recording.clock
-    moving = recording.command[:, 0] >= STILL_SPEED
+    moves = ~clock.waiting(step, recording.command[:, 0] < STILL_SPEED)
     flags = (clock.pushing, clock.mounting, clock.steering, clock.dismounting)
     for (name, colour), flag in zip(PHASES.items(), flags, strict=True):
-        for start, end in _spans(recording.time, flag(step) & moving):
+        for start, end in _spans(recording.time, flag(step) & moves):
             axes.axvspan(start, end, color=colour, zorder=0, lw=0)
             if axes.get_subplotspec().is_first_row():  # pyright: ignore[reportOptionalMemberAccess]
                 above = axes.get_xaxis_transform()

@@ -1,8 +1,8 @@
 # pyright: reportMissingImports=false
 """Array functions for NumPy (runtime, evaluation, tests) and torch (training) alike.
 
-PyTorch accepts NumPy's argument name `axis`, so a function that takes its namespace from its first
-argument serves both, and what the robot runs is the very code that was trained with.
+PyTorch accepts NumPy's argument name `axis`. So one function serves both, and the robot runs the code of the
+training.
 """
 
 from functools import lru_cache
@@ -28,8 +28,8 @@ def wrap_angle(angle: Any) -> Any:
 def constant(values: Any, like: Any) -> Any:
     """Return `values` as an array of the kind, precision and device of `like`.
 
-    Tuples are put on a device once: a copy in every step would make the processor wait for it. Do not write
-    to what is returned.
+    Tuples are put on a device once: a copy in every step would make the processor wait for it. Do not write to
+    the result.
     """
     if namespace(like) is np:
         return np.asarray(values, dtype=np.asarray(like).dtype)

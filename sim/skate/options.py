@@ -1,4 +1,4 @@
-"""Options of the task. docs/training_history.md has those that the shipped policies were trained with, stage by stage."""
+"""Options of the task."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -12,19 +12,19 @@ from sim.skate.world.posterior import Spread
 from sim.skate.world.terrain import Terrain
 
 Pushing = Literal["amp", "tracking", "gait", "none"]
-"""How pushing is taught: by the style of reference motions, by tracking the one nearest in speed joint by joint, by a
-clock of foot contacts, or not at all."""
+"""Teacher of pushing: the style of reference motions, joint angles of the clip nearest in speed, a clock of
+foot contacts, or nothing."""
 Guidance = Literal["path", "translation", "style", "none"]
-"""What guides mounting and dismounting: positions and orientations of the key bodies, positions only, the style of
-reference motions, nothing."""
+"""Guidance of mounting and dismounting: positions and orientations of the key bodies, positions only, the style
+of reference motions, or nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variation:
     """How far robots, boards, grounds and sensors differ from world to world, at full strength.
 
-    Each world draws its place within these ranges once; the strength, from 0 to 1, scales the way from the
-    nominal value to the drawn one, so that a curriculum can lead from one world to all of them.
+    Each world draws its place within these ranges once. The strength, from 0 to 1, scales the way from the
+    nominal value to the drawn one.
     """
 
     action_delay: float = 0.04
@@ -83,9 +83,9 @@ class SkateOptions:
     """Longest time that the guidance looks ahead [s]; inf for the paper's form."""
     turn_spread: float = 2.0
     """Time over which a turn is spread evenly [s]; 0 asks for all of it at once. Rewards ask for the heading of
-    the moment: what is asked at once is answered by a corner."""
+    the moment; a sudden turn would be answered by a corner."""
     foot_place: tuple[float, float] = (-0.12, 0.0)
-    """Where along the deck the right foot stands at the start, from the front marker [m]; there it shall stay."""
+    """Place of the right foot along the deck, from the front marker [m], drawn at the start and kept."""
     tilt_tolerance: float = 0.05
     """Tolerance of the reward for the asked tilt [rad]; the release's 0.02 pays nothing to a learner whose
     deck still swings by 0.1."""
@@ -106,8 +106,8 @@ class SkateOptions:
     """Whether tilting steers at all; without it the board goes straight."""
     terrain: Terrain = "flat"
     turn_feedback: bool = True
-    """Whether the actor sees how far it still has to turn, as its own yaw tells; else the turn as it was told,
-    as in the paper, and it steers blindly."""
+    """Whether the actor sees the turn that is left, by its own yaw; else the turn as it was told, as in the
+    paper."""
     idle_patience: float = 1.2
     """Time in pushing without the left foot on the ground after which an episode ends [s]; 0 for never."""
     change: float = 5.0

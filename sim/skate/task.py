@@ -49,7 +49,7 @@ def skate_env_cfg(
 
     Args:
         seed: Seed of everything random, the drawn boards included.
-        clips: What pushing by tracking follows.
+        clips: Clips that pushing by tracking follows.
 
     Raises:
         SysidError: The board cannot be built, or the canonical poses are missing.

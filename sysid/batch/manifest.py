@@ -1,4 +1,4 @@
-"""The manifest of a batch: which logs of which boards are read, and what is asked of them.
+"""The manifest of a batch: logs, boards and tasks.
 
 A TOML file with one `[[job]]` a job and `[defaults]` for all of them, or a CSV file with one row a job.
 """
@@ -15,7 +15,7 @@ from sysid.errors import SysidError, did_you_mean
 from sysid.files import read_small
 
 Task = Literal["decay", "fit", "compare", "diagnose"]
-"""What is asked of the logs of a job, by the command's name."""
+"""Task of a job, by the command's name."""
 
 
 def _numbers(value: Any) -> tuple[float, ...]:
@@ -45,7 +45,7 @@ READING: Mapping[str, tuple[str, Callable[[Any], Any]]] = {
     "release": ("release", _numbers),
     "keep-zero": ("keep_zero", _flag),
 }
-"""How logs are read: the option of the commands, what `Recording.read` calls it, and what it is."""
+"""Options of reading: name in the commands, name in `Recording.read`, and kind."""
 FIELDS: Mapping[str, Callable[[Any], Any]] = {
     "name": str,
     "task": str,
@@ -55,7 +55,7 @@ FIELDS: Mapping[str, Callable[[Any], Any]] = {
     "effects": _words,
     **{name: kind for name, (_, kind) in READING.items()},
 }
-"""What a job may say. In a table of text, lists are separated by ';'."""
+"""Fields of a job. In a table of text, lists are separated by ';'."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

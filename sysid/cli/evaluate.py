@@ -211,6 +211,7 @@ def _report_one(
 ) -> dict[str, Any]:
     """Print and draw everything of one evaluation; return it for machines."""
     from policy_runtime.evaluation.metrics import METRICS
+    from policy_runtime.evaluation.strides import clip_ranges
     from reports.figures.ride import paths_figure
     from sysid.text import in_brackets as text
 
@@ -218,8 +219,10 @@ def _report_one(
     rows += [(name, result.errors[name]) for name in METRICS]
     rows.append(("episode length", result.duration))
     title = f"{result.policy} on {title}"
-    head = ("quantity", "value and 95 %", "unit", "how")
-    printer.table(head, [(name, text(v), v.printed_unit, v.method) for name, v in rows], title)
+    clips = {name: f"{low:.3g} to {high:.3g}" for name, (low, high) in clip_ranges().items()}
+    head = ("quantity", "value and 95 %", "reference clips", "unit", "how")
+    body = [(name, text(v), clips.get(name, ""), v.printed_unit, v.method) for name, v in rows]
+    printer.table(head, body, title)
     endings = ", ".join(f"{ending} {count}" for ending, count in result.endings.items())
     printer.say(f"endings: {endings}")
     if breakdown:

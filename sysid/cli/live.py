@@ -110,7 +110,7 @@ def _say(session: Session, new: Mapping[int, Release], printer: Printer) -> None
         printer.warn(f"{where}: {session.trouble}")
     else:
         numbers = session.history[-1]
-        printer.say(f"{where}   k = {numbers.stiffness}   d = {numbers.damping}")
+        printer.say(f"{where}   k = {numbers.stiffness}   d = {numbers.damping}   {numbers.verdict}")
     printer.say(f"  {session.next_step}")
 
 

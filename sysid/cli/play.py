@@ -19,7 +19,7 @@ def play(
     """Ride in simulation as fast as the machine can, and write a recording and pictures.
 
     Args:
-        policy: zero, stand or push (scripted), an ONNX file, or an exported folder.
+        policy: zero, stand or push (scripted), pink or black (shipped), an ONNX file, or an exported folder.
         options: The ride.
         safety: What ends it early.
         output: Folder for picture, film strip, numbers and Rerun recording; reports/BOARD of the workspace

@@ -2,7 +2,7 @@
 
     v̇ = -β v - c sgn v,  v(t) = (v₀ + c/β) e^(-βt) - c/β  until it stops,  β = d/I,  c = friction/I
 
-A pure exponential is also the return of an overdamped spring. The turns decide: a spring does not let its joint go round.
+A pure exponential is also the return of an overdamped spring. The angle decides: a spring does not let its joint go round.
 """
 
 import math
@@ -79,7 +79,8 @@ def fit_coast_down(releases: Sequence[Release]) -> CoastDown:
 
     def residuals(p: Array) -> Array:
         parts = [
-            trace.weight * (trace.measured - model(trace.time, np.concatenate([p[:2], p[2 + 2 * i : 4 + 2 * i]])))
+            trace.weight
+            * (trace.measured - model(trace.time, np.concatenate([p[:2], p[2 + 2 * i : 4 + 2 * i]])))
             for i, trace in enumerate(traces)
         ]
         return np.concatenate(parts)
@@ -88,7 +89,10 @@ def fit_coast_down(releases: Sequence[Release]) -> CoastDown:
         here = residuals(p)
         steps = 1e-5 * np.maximum(np.abs(p), 1e-2 * np.abs(begin).max())
         jacobian = np.column_stack(
-            [(residuals(p + step * unit) - here) / step for step, unit in zip(steps, np.eye(len(p)), strict=True)]
+            [
+                (residuals(p + step * unit) - here) / step
+                for step, unit in zip(steps, np.eye(len(p)), strict=True)
+            ]
         )
         return Normal(0.5 * float(here @ here), jacobian.T @ here, jacobian.T @ jacobian)
 

@@ -31,8 +31,8 @@ from sysid.text import display
 
 SURE = 4.0
 """Deviations from which a departure is named: by chance in one of a thousand logs with a dozen tests each."""
-MATTERS = np.array([0.02, 0.1])
-"""Shift of ω_n and of ζ, as shares of them, from which a second law matters: half of what a policy is randomised by."""
+MATTERS = np.array([0.01, 0.05])
+"""Shift of ω_n and of ζ, as shares of them, from which a second law matters: a tenth of the usual randomisation of a policy."""
 OPEN = np.array([0.1, 0.3])
 """Shift of ω_n and of ζ that a log must be able to exclude: the usual randomisation of a policy."""
 USUAL = 0.1
@@ -79,7 +79,7 @@ class SecondLaw:
 
     @property
     def left_open(self) -> Array:
-        """Deviations of the numbers, were it as large as such torques usually are, shape (2,)."""
+        """Deviations of ln ω_n and ln ζ (dimensionless), were it as large as such torques usually are, shape (2,)."""
         return np.abs(self.shift) / math.hypot(1 / max(self.std, 1e-12), 1 / USUAL)
 
 
@@ -160,9 +160,11 @@ def judged(
 
 
 def to_logs(fit: TraceFit) -> Array:
-    """Return the derivatives of (ln ω_n, ln ζ) by (ln m, τ), shape (2, 2); beyond critical damping of (ln ω_n, ln d/k)."""
+    """Return the derivatives of (ln ω_n, ln ζ) by (ln m [1], τ [s]), shape (2, 2); beyond critical damping of (ln ω_n, ln d/k)."""
     tau = float(fit.poles[1]) or 1e-12
-    return np.array([[-0.5, 0.0], [-0.5, 1 / tau]] if fit.damping_ratio < 1 else [[-0.5, 0.0], [0.0, 1 / tau]])
+    return np.array(
+        [[-0.5, 0.0], [-0.5, 1 / tau]] if fit.damping_ratio < 1 else [[-0.5, 0.0], [0.0, 1 / tau]]
+    )
 
 
 def second_laws(fit: TraceFit) -> list[SecondLaw]:
@@ -214,35 +216,36 @@ def unseen(fit: TraceFit, noise: float = 0.0) -> tuple[float, Array]:
     """Compare the law of the early half of each release with that of the late half.
 
     Args:
-        noise: Of the sensor, where the residual is more than that: the residual then says nothing of how far halves differ by chance.
+        noise: Of the sensor, where the residual is more than noise and does not measure chance.
 
     Returns:
-        Their distance in deviations, and the shift of ln ω_n and ln ζ, shape (2,); 0 where a half is too short.
+        Their distance in deviations [1], and the shift of ln ω_n and ln ζ [1], shape (2,); 0 where a half is too short.
     """
     cuts = [_half(one, fit) for one in fit.releases]
     early = refitted(fit, [slice(0, cut) for cut in cuts])
     late = refitted(fit, [slice(cut, None) for cut in cuts])
     if early is None or late is None or min(early.decay_rate, late.decay_rate) <= 0:  # a half of noise may grow
         return 0.0, np.zeros(2)
-    if fit.damping_ratio > ONE_RATE:
+    if fit.damping_ratio > ONE_RATE and min(early.decay_rate, late.decay_rate) > 0:
         moved = math.log(late.decay_rate / early.decay_rate)
         return abs(moved) / math.hypot(*(_rate_std(half) for half in (early, late))), np.array([0.0, moved])
     apart = late.poles - early.poles
     spread = early.covariance + late.covariance
     if noise:
-        spread = sum(((noise / half.noise) ** 2 * half.white_covariance for half in (early, late)), np.zeros((2, 2)))
+        spread = sum(
+            ((noise / half.noise) ** 2 * half.white_covariance for half in (early, late)), np.zeros((2, 2))
+        )
     deviations = math.sqrt(max(float(apart @ np.linalg.pinv(spread) @ apart), 0.0))
     return deviations, to_logs(fit) @ apart
 
 
 def _rate_std(fit: TraceFit) -> float:
     """Return the standard deviation of the logarithm of the decay rate."""
-    here, steps = math.log(fit.decay_rate), np.sqrt(np.diag(fit.covariance)) * 1e-3
-    slope = np.array([
-        (math.log(replace(fit, poles=fit.poles + step).decay_rate) - here) / max(step.sum(), 1e-300)
-        for step in np.diag(steps)
-    ])  # fmt: skip
-    return math.sqrt(max(float(slope @ fit.covariance @ slope), 1e-30))
+    steps = np.diag([1e-4, 1e-4 * float(fit.poles[1])])
+    slope = [
+        (replace(fit, poles=fit.poles + step).decay_rate / fit.decay_rate - 1) / step.sum() for step in steps
+    ]
+    return math.sqrt(max(float(np.array(slope) @ fit.covariance @ np.array(slope)), 1e-30))
 
 
 def _half(one: FittedTrace, fit: TraceFit) -> int:
@@ -256,15 +259,15 @@ def _half(one: FittedTrace, fit: TraceFit) -> int:
 def scattered(releases: Sequence[Release], rests: Sequence[Quantity]) -> bool:
     """Whether the releases come to rest at different angles, and not further the later.
 
-    Dry friction F holds a joint anywhere within F/k of its rest. A linear decay with a level of its own for each release takes that
-    for a stiffer spring: hardly more residual, and a stiffness that is off by tens of percent.
+    Dry friction F holds a joint anywhere within F/k of its rest. A linear decay with a level for each release takes that for a
+    stiffer spring. The residual hardly grows, and the stiffness is off by tens of percent.
     """
     apart = [
         abs(a.value - b.value)
         > max(SURE * math.hypot(a.std, b.std), LEVELS_APART * min(one.amplitude, other.amplitude))
         for (one, a), (other, b) in combinations(zip(releases, rests, strict=False), 2)
     ]
-    if not any(apart) or len(rests) < 3:
+    if not any(apart) or len(rests) < 3 or len({release.start for release in releases}) < 3:
         return any(apart)
     value, std = (np.array([getattr(rest, name) for rest in rests]) for name in ("value", "std"))
     time = np.array([release.start for release in releases])
@@ -275,8 +278,7 @@ def scattered(releases: Sequence[Release], rests: Sequence[Quantity]) -> bool:
 def _widened(fit: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, float]:
     """Widen the covariance where the residual is significantly more than noise, and return by which factor.
 
-    Such a residual follows the motion, so that it has few independent values however many samples draw it, and the fit takes up
-    a part of it: five values of a release.
+    Such a residual follows the motion. It has few independent values, and the fit takes up five of each release.
     """
     power, noise, count, values = 0.0, 0.0, 0, 0.0
     for one in fit.releases:
@@ -289,7 +291,9 @@ def _widened(fit: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, float]:
     noise *= 1.0 + Z95 * math.sqrt(2.0 / max(count, 1))
     if power <= noise:
         return fit, 1.0
-    if all(one.trace.known_std for one in fit.releases):  # its covariance knows already how long its errors last
+    if all(
+        one.trace.known_std for one in fit.releases
+    ):  # its covariance knows already how long its errors last
         return replace(fit, covariance=fit.covariance * power / noise), math.sqrt(power / noise)
     left = max(values - 2 - 3 * len(fit.releases), 1.5)
     covariance = fit.white_covariance * (1.0 + (power - noise) / (left * fit.noise**2))

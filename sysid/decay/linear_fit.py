@@ -32,6 +32,8 @@ GRID = 40
 MOST = 16_384
 """Points of that grid at most."""
 
+GROWTH = 20.0
+"""Logarithm of the growth [1] that a trace may have at most: a swing that grows so far began below any noise."""
 OVERDAMPED = 0.95
 """Damping ratio from which the start of a release is looked at too."""
 ROUNDS = 6
@@ -100,7 +102,7 @@ class TraceFit:
 
     @property
     def decay_rate(self) -> float:
-        """a = ζ ω_n [1/s], or the slow pole of an overdamped joint."""
+        """A = ζ ω_n [1/s], or the slow pole of an overdamped joint."""
         a, q = rates(self.poles)
         return a if q > 0 else math.exp(-self.poles[0]) / (a + math.sqrt(-q))
 
@@ -147,7 +149,9 @@ def fit_traces(releases: Sequence[Release], law: Law = "spring", near: TraceFit 
         fit, traces = near, [one.trace for one in near.releases]
         angles = [_angle(release, trace) for release, trace in zip(releases, traces, strict=True)]
         for _ in range(ROUNDS):
-            rests = [f.level if signal == "roll" else r.rest for f, r in zip(fit.releases, releases, strict=True)]
+            rests = [
+                f.level if signal == "roll" else r.rest for f, r in zip(fit.releases, releases, strict=True)
+            ]
             beyond = [
                 _pendulum(trace, angle, rest, rate=signal == "rate")
                 for trace, angle, rest in zip(traces, angles, rests, strict=True)
@@ -165,7 +169,13 @@ def fit_traces(releases: Sequence[Release], law: Law = "spring", near: TraceFit 
     if 0.5 * poles[1] * math.exp(-poles[0] / 2) > OVERDAMPED:
         traces = traces_of(releases, whole=True)[0]
         # A pole that the decay does not excite may lie anywhere: of those that fit alike, take the fastest.
-        starts = [poles, *(np.array([2 * math.log(float(poles[1]) / (2 * zeta)), poles[1]]) for zeta in (1.2, 3.0, 10.0, 30.0))]
+        starts = [
+            poles,
+            *(
+                np.array([2 * math.log(float(poles[1]) / (2 * zeta)), poles[1]])
+                for zeta in (1.2, 3.0, 10.0, 30.0)
+            ),
+        ]
         found = [_search(traces, start) for start in starts]
         costs = [sum(project(one, p, _spring(one))[0] for one in traces) for p in found]
         least = min(costs) * (1 + 4 / sum(len(one.time) for one in traces))  # two deviations
@@ -277,13 +287,11 @@ def _spring(trace: Trace) -> Beyond:
     return lambda _: nothing
 
 
-def project(
-    trace: Trace, poles: Array, beyond: Beyond
-) -> tuple[float, Array, Array, Array, Array]:
+def project(trace: Trace, poles: Array, beyond: Beyond) -> tuple[float, Array, Array, Array, Array]:
     """Eliminate the linear parameters of one release.
 
     Returns:
-        The weighted sum of squares, the residual shape (n,), its Jacobian by (ln m, τ) shape (n, 2), the
+        The weighted sum of squares, the residual [rad or rad/s] of shape (n,), its Jacobian by (ln m, τ) of shape (n, 2), the
         coefficients (C, S, r), and the inverse normal matrix of the coefficients.
     """
     a, q = rates(poles)
@@ -322,6 +330,8 @@ def _search(traces: Sequence[Trace], poles: Array, beyond: Sequence[Beyond] = ()
     longest = max(float(trace.time[-1] - trace.time[0]) for trace in traces)
 
     def evaluate(poles: Array) -> Normal:
+        if rates(poles)[0] * longest < -GROWTH:
+            return Normal(math.inf, np.zeros(2), np.eye(2))
         parts = [project(trace, poles, one) for trace, one in zip(traces, known, strict=True)]
         gradient = sum((part[2].T @ part[1] for part in parts), np.zeros(2))
         hessian = sum((part[2].T @ part[2] for part in parts), np.zeros((2, 2)))

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from sysid.quantity import Quantity, slide_unit
@@ -44,10 +45,14 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
         name = f"{Path(one.log).name} {one.number}" if several else str(one.number)
         size = f"{decay.position(one.amplitude)} {one.side}"
         hold = f"{one.hold:.2f} s" if one.hold else "moving"
-        rows.append((name, f"{one.start:.3f}", size, hold, f"{one.time[-1]:.3f}", ENDS[one.end], str(len(peaks))))
+        rows.append(
+            (name, f"{one.start:.3f}", size, hold, f"{one.time[-1]:.3f}", ENDS[one.end], str(len(peaks)))
+        )
     head = ("release", "t [s]", "amplitude", "held", "until", "end", "peaks")
     shown = [(name, q) for name, q in decay.numbers.items() if math.isfinite(q.value)]
-    values = [(LABELS[name], q) for name, q in shown] + [(OTHERS[name], q) for name, q in decay.others.items()]
+    values = [(LABELS[name], q) for name, q in shown] + [
+        (OTHERS[name], q) for name, q in decay.others.items()
+    ]
     value = "value ± 95 %" if decay.linear else "value ± 95 %, if the law were linear"
     lines += [
         table(head, rows, width=width),
@@ -65,7 +70,12 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
             if decay.slides
             else "k and d need the roll inertia I: k = I ω_n², d = 2 ζ ω_n I (husky-sysid inertia)"
         )
-    return "\n".join(lines)
+    return "\n".join(part for line in lines for part in _wrapped(line, width))
+
+
+def _wrapped(line: str, width: int) -> list[str]:
+    """Return a line in parts of at most `width` characters; a table as it is."""
+    return [line] if "\n" in line else wrap(line, width, break_long_words=False, break_on_hyphens=False)
 
 
 def _row(name: str, quantity: Quantity) -> tuple[str, str, str]:

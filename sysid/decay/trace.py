@@ -6,7 +6,7 @@ and whitening leaves of each sample
     (x_i - ρ_i x_(i-1)) / √(1 - ρ_i²),  ρ_i = e^(-(t_i - t_(i-1)) / τ)
 
 A coarse sensor with less noise than one step repeats a value until the joint has passed the next step. Only the passage is a
-measurement: there the signal lies between two values, whatever lies between two passages.
+measurement: there the signal lies midway between two values.
 """
 
 from collections.abc import Sequence

@@ -18,11 +18,12 @@ from sysid.diagnosis.exact import reaches_noise, sizes_of, weigh
 from sysid.diagnosis.experiment import deciding, in_words
 from sysid.diagnosis.laws import candidates
 from sysid.diagnosis.motion import NODES, motion_of
-from sysid.diagnosis.posterior import Found, Posterior, posterior
+from sysid.diagnosis.posterior import Found, Posterior, Subject, posterior
 from sysid.diagnosis.record import record_deviation
 from sysid.diagnosis.slow_flow import slow_posterior
 from sysid.diagnosis.verdict import LITTLE, Hint, Status, Verdict, decide
 from sysid.effects import effect
+from sysid.effects._base import TorqueEffect
 from sysid.errors import SysidError
 from sysid.fitting.joint import FitOptions, check_parameters, fit_joint
 from sysid.fitting.records import Signal, signal_of
@@ -226,9 +227,11 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
     verdict = decide(found, left=left, explained=explained)
     want = frozenset(verdict.families) - {"rest"}
     best = next((c for s, c in fits if frozenset(s.families) - {"rest"} == want), base)
-    deviation = record_deviation(best.fit, board) if not want else None
-    if deviation is not None and deviation.effects and verdict.status == "none-missing":
-        verdict = replace(verdict, status="missing", effects=(*verdict.effects, *deviation.effects), indistinguishable_from=deviation.alike)
+    deviation = record_deviation(best.fit, board, linear=not want)
+    if deviation.effects and verdict.status != "unexplained":
+        alike = (*verdict.indistinguishable_from, *((*verdict.effects, *other) for other in deviation.alike))
+        effects = (*verdict.effects, *deviation.effects)
+        verdict = replace(verdict, status="missing", effects=effects, indistinguishable_from=alike)
     ordered = sorted({c.effects: c for _, c in reversed(fits)}.values(), key=lambda c: c.score)
     rival = next((c for c in ordered if c.effects != best.effects), None)
     step = ""
@@ -237,7 +240,7 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
         step = in_words(deciding(best.fit, rival.fit, board), *names, board)
     return Diagnosis(
         verdict=verdict, candidates=tuple(ordered), baseline=base, best=best, posterior=found, noise=noise, board=board.name,
-        slides=board.slides, record_text="" if deviation is None else deviation.text, next_experiment=step,
+        slides=board.slides, record_text=deviation.text, next_experiment=step,
         doubts=(*weak, *amplitude_warnings(releases, board)), options=tuple(board.options), releases=tuple(releases),
         recordings=recordings,
     )  # fmt: skip
@@ -255,16 +258,29 @@ def judge(releases: Sequence[Release], board: Board, noise: float, *, rate: bool
         noise: Noise of a sample [rad or rad/s].
         rate: Whether the rate is judged.
     """
-    parts = candidates([part.name for part in board.effects])
-    inertia = board.inertia.value
+    subject = subject_of(board)
     motion = motion_of(releases, board.rest_angle, noise, rate=rate)
-    found = posterior(motion, parts, inertia)
+    found = posterior(motion, subject)
     if found.inclusion.get("stop", 0.0) > STOP_LIKELY:
         motion = motion_of(releases, board.rest_angle, noise, rate=rate, nodes=2 * NODES)
-        found = posterior(motion, parts, inertia, found.grids)
+        found = posterior(motion, subject, found.grids)
     if found.share <= found.damping:
         return found
-    return slow_posterior(found, parts, inertia) or found
+    return slow_posterior(found, subject) or found
+
+
+def subject_of(board: Board) -> Subject:
+    """Return the joint of a record: its effects are known, all others are candidates."""
+    known: list[tuple[TorqueEffect, Mapping[str, float]]] = []
+    for own in board.effects:
+        part = effect(own.name)
+        if isinstance(part, TorqueEffect) and part.modifies is None and part.changing is None:
+            known.append((part, {name: q.value for name, q in own.parameters.items()}))
+    hangs = any(part.slope is not None or part.adds_stiffness for part, _ in known)
+    return Subject(
+        inertia=board.inertia.value, parts=candidates([p.name for p in board.effects]), known=known,
+        has_zero=not hangs and not board.is_unmeasured,
+    )  # fmt: skip
 
 
 def _weighed(found: Posterior, fits: list[tuple[Found, Candidate]]) -> tuple[Posterior, list[tuple[Found, Candidate]]]:

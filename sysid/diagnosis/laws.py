@@ -153,6 +153,25 @@ class Laws:
             duration=float(motion.length.max()) * motion.step / w,
         )  # fmt: skip
 
+    def recorded(self, smoothed: Smoothed, known: Sequence[tuple[TorqueEffect, Mapping[str, float]]]) -> list[Array]:
+        """Return the opposing torque over I ω₀² A of effects with given parameters, shape (r, n) each."""
+        state, spread = self._state(smoothed)
+        wide = JointState(state.tilt[..., None], state.rate[..., None], state.roll[..., None], state.stiffness)
+        found: list[Array] = []
+        for part, values in known:
+            z = self._driven(part, wide, {n: np.array([v]) for n, v in values.items()})[0] if part.states else ()
+            found.append(np.where(self.motion.inside, -_torque(part, state, values, z, spread) / self.unit, 0.0))
+        return found
+
+    def _state(self, smoothed: Smoothed) -> tuple[JointState, Array]:
+        """Return the smoothed motion in SI units, and the deviation of its rate [rad/s]."""
+        a = self.motion.amplitude
+        rate_unit = a * self.motion.frequency
+        state = JointState(
+            smoothed.angle * a, smoothed.rate * rate_unit, smoothed.angle * a + self.motion.rest, self.scales.stiffness
+        )
+        return state, np.sqrt(smoothed.rate_variance) * rate_unit + 1e-12 * rate_unit
+
     def terms(
         self, smoothed: Smoothed, parts: Mapping[str, Effect], grids: Mapping[str, Sequence[Shape]]
     ) -> Iterator[Term]:
@@ -163,13 +182,8 @@ class Laws:
             parts: Effects by name.
             grids: Shapes to use, in units of their sizes; where an effect is left out, its own grid.
         """
-        motion, inside = self.motion, self.motion.inside
-        rate_unit = motion.amplitude * motion.frequency
-        state = JointState(
-            smoothed.angle * motion.amplitude, smoothed.rate * rate_unit, smoothed.angle * motion.amplitude + motion.rest,
-            self.scales.stiffness,
-        )  # fmt: skip
-        spread = np.sqrt(smoothed.rate_variance) * rate_unit + 1e-12 * rate_unit
+        inside = self.motion.inside
+        state, spread = self._state(smoothed)
         for name, part in parts.items():
             kinds = split(part, self.scales)
             shapes = list(grids.get(name) or self.grid(part))

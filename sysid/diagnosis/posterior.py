@@ -29,7 +29,7 @@ from sysid.diagnosis.laws import Laws, Shape, Term
 from sysid.diagnosis.motion import Motion
 from sysid.diagnosis.nuisances import BENDS, bends, nameless, sensor
 from sysid.diagnosis.smoother import Contact, Smoothed, Smoother
-from sysid.effects._base import Effect
+from sysid.effects._base import Effect, TorqueEffect
 from sysid.roll import Array
 
 SHARES = (0.0015, 0.005, 0.015, 0.05, 0.15)
@@ -126,15 +126,26 @@ class State:
     """Whether the sensor's noise was raised."""
 
 
-def posterior(
-    motion: Motion, parts: Mapping[str, Effect], inertia: float, grids: Mapping[str, list[Shape]] | None = None
-) -> Posterior:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Subject:
+    """What is known of a joint before its log is read."""
+
+    inertia: float
+    """[kg*m^2]."""
+    parts: Mapping[str, Effect]
+    """Candidate effects by name."""
+    known: Sequence[tuple[TorqueEffect, Mapping[str, float]]] = ()
+    """Effects of the record with their parameters: in every set, each with a strength of its own."""
+    has_zero: bool = True
+    """Whether a rest angle beside the record's is an effect; else it is a nuisance."""
+
+
+def posterior(motion: Motion, subject: Subject, grids: Mapping[str, list[Shape]] | None = None) -> Posterior:
     """Return the posterior of sets of laws.
 
     Args:
         motion: The log.
-        parts: Candidate effects by name.
-        inertia: Of the joint [kg*m^2].
+        subject: The joint.
         grids: Shapes of the laws to begin with, from an earlier posterior.
     """
     stiffness, damping = linear_joint(motion)
@@ -144,7 +155,7 @@ def posterior(
     while True:
         bend = plan.pop(0)
         smoother = Smoother(motion, state.stiffness, state.damping, envelope, state.contact)
-        step = Pass(motion, smoother.smooth(state.share, state.torque), parts, inertia, state, envelope)
+        step = Pass(motion, smoother.smooth(state.share, state.torque), subject, state, envelope)
         found = step.run(bend=bend)
         louder = bend and found.misfit > LOUD and not state.louder
         if not plan and not louder:
@@ -316,22 +327,23 @@ class Pass:
     """One pass: columns, Gram matrices, evidence."""
 
     def __init__(
-        self, motion: Motion, smoothed: Smoothed, parts: Mapping[str, Effect], inertia: float, state: State, envelope: Array
+        self, motion: Motion, smoothed: Smoothed, subject: Subject, state: State, envelope: Array
     ) -> None:
         """Evaluate all laws on a smoothed motion."""
-        self.motion, self.smoothed, self.state, self.parts = motion, smoothed, state, parts
+        self.motion, self.smoothed, self.state, self.parts = motion, smoothed, state, subject.parts
         inside = self.inside = motion.inside
-        self.rest = motion.zero == "known" and not motion.is_rate
-        base = [smoothed.angle, smoothed.rate, *([] if self.rest else _levels(motion))]
+        self.rest = motion.zero == "known" and not motion.is_rate and subject.has_zero
+        self.laws = Laws(motion, subject.inertia, state.stiffness, state.damping)
+        known = self.laws.recorded(smoothed, subject.known)
+        base = [smoothed.angle, smoothed.rate, *([] if self.rest else _levels(motion)), *known]
         self.base = np.column_stack([c[inside] for c in base])
         self.wide = np.array([state.stiffness, 2 * state.damping, *[1.0] * (len(base) - 2)])
         self.linear = float(np.sqrt(np.mean((state.stiffness * smoothed.angle[inside]) ** 2)))
-        self.laws = Laws(motion, inertia, state.stiffness, state.damping)
         plain = np.column_stack([self.base[:, :2], np.ones(len(self.base))])
         frame = self.frame = np.linalg.qr(plain)[0]
         self.terms: list[Term | None] = []
         columns: list[Array] = []
-        for term in self.laws.terms(smoothed, parts, state.grids):
+        for term in self.laws.terms(smoothed, subject.parts, state.grids):
             seen = term.columns[inside]
             if np.linalg.norm(seen - frame @ (frame.T @ seen)) > SHOWS * np.linalg.norm(seen):
                 self.terms.append(term)

@@ -28,10 +28,16 @@ class Deviation:
     text: str = ""
 
 
-def record_deviation(fit: JointFit, board: Board) -> Deviation:
-    """Compare the linear joint that fits a decay with the record."""
+def record_deviation(fit: JointFit, board: Board, *, linear: bool) -> Deviation:
+    """Compare a fit with the record.
+
+    Args:
+        fit: Of the law that was chosen.
+        board: The record.
+        linear: Whether to compare stiffness and damping too; another effect changes them legitimately.
+    """
     weight = _weight(fit)
-    return weight if weight.text else _linear(fit, board)
+    return weight if weight.text or not linear else _linear(fit, board)
 
 
 def _weight(fit: JointFit) -> Deviation:

@@ -9,7 +9,7 @@ Both integrals come from the laws of the catalogue themselves, on a cycle of eac
 loss per cycle: cycles that lose much belong to the equations.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,9 +17,8 @@ import numpy as np
 from sysid.diagnosis.evidence import Problem, items_of, marginalised, search, solve
 from sysid.diagnosis.laws import Laws, Term
 from sysid.diagnosis.motion import Motion
-from sysid.diagnosis.posterior import SHOWS, Posterior, Size, found_sets
+from sysid.diagnosis.posterior import SHOWS, Posterior, Size, Subject, found_sets
 from sysid.diagnosis.smoother import Smoothed
-from sysid.effects._base import Effect
 from sysid.roll import Array
 
 AMPLITUDES = 12
@@ -84,8 +83,8 @@ def cycles_of(motion: Motion) -> list[Cycles]:
     return found
 
 
-def averaged(laws: Laws, parts: Mapping[str, Effect], lowest: float) -> tuple[Array, list[Term]]:
-    """Return amplitudes, shape (a,), and the terms of all laws with ȧ/a and ψ̇ - 1 there instead of torques, shape (a, 2, c)."""
+def averaged(laws: Laws, subject: Subject, lowest: float) -> tuple[Array, Array, list[Term]]:
+    """Return amplitudes, shape (a,), and ȧ/a and ψ̇ - 1 there, shape (a, 2, c), of the record's effects and of all terms."""
     amplitudes = np.geomspace(lowest, 1.0, AMPLITUDES)
     size = laws.motion.nodes_a_period
     psi = np.arange(TURNS * size) * 2 * np.pi / size
@@ -100,13 +99,20 @@ def averaged(laws: Laws, parts: Mapping[str, Effect], lowest: float) -> tuple[Ar
     smoothed = Smoothed(angle=x, rate=v, rate_variance=zeros, misfit=zeros, cost=0.0)
     last = slice(-size, None)
     wave = np.stack([np.sin(psi[last]), np.cos(psi[last])])
+    recorded = own.recorded(smoothed, subject.known)
+    known = np.stack([_mean(c[..., None], wave, last, amplitudes)[..., 0] for c in recorded], axis=2) if recorded else np.zeros((AMPLITUDES, 2, 0))
     found: list[Term] = []
-    for term in own.terms(smoothed, parts, {}):
-        mean = np.einsum("apc,wp->awc", term.columns[:, last], wave) / size / amplitudes[:, None, None]
+    for term in own.terms(smoothed, subject.parts, {}):
+        mean = _mean(term.columns, wave, last, amplitudes)
         like = np.sqrt(0.5 / np.mean(term.columns[-1, last] ** 2, axis=0))  # as large as the spring's torque in the widest swing
         unit = tuple(float(u * s) for u, s in zip(term.unit, like, strict=True))
         found.append(replace(term, columns=mean * like, unit=unit))
-    return amplitudes, found
+    return amplitudes, known, found
+
+
+def _mean(columns: Array, wave: Array, last: slice, amplitudes: Array) -> Array:
+    """Return the means of torques, shape (a, p, c), times sine and cosine over the last cycle, over the amplitude: shape (a, 2, c)."""
+    return np.einsum("apc,wp->awc", columns[:, last], wave) / wave.shape[1] / amplitudes[:, None, None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,13 +127,13 @@ class Regression:
     """Rows, deviations of the cycles, and time between them, of each release."""
 
 
-def regression(cycles: Sequence[Cycles], amplitudes: Array, terms: Sequence[Term]) -> Regression:
-    """Return the increments of a decay, and columns of spring, damper and laws."""
+def regression(cycles: Sequence[Cycles], amplitudes: Array, flows: Array) -> Regression:
+    """Return the increments of a decay, and columns of spring, damper and flows, shape (a, 2, m)."""
     steps: list[Array] = []
     tables: list[Array] = []
     blocks: list[tuple[slice, Array, Array]] = []
     at = 0
-    laws = np.concatenate([t.columns for t in terms], axis=2) if terms else np.zeros((len(amplitudes), 2, 0))
+    laws = flows
     for c in cycles:
         h = np.diff(c.time)
         middle = np.sqrt(c.amplitude[1:] * c.amplitude[:-1])
@@ -166,26 +172,26 @@ def whitened(problem: Regression, of_amplitude: float, of_phase: float) -> tuple
     return gram, spread
 
 
-def slow_posterior(fast: Posterior, parts: Mapping[str, Effect], inertia: float) -> Posterior | None:
+def slow_posterior(fast: Posterior, subject: Subject) -> Posterior | None:
     """Return the posterior of sets of laws by the slow flow; None where too few cycles stand clear of the noise.
 
     Args:
         fast: The posterior by the equations, whose frequency and damping the cycles are counted with.
-        parts: Candidate effects by name.
-        inertia: Of the joint [kg*m^2].
+        subject: The joint.
     """
-    motion = fast.motion
+    motion, inertia = fast.motion, subject.inertia
     cycles = cycles_of(motion)
     if sum(len(c.time) for c in cycles) < FEWEST_CYCLES:
         return None
     laws = Laws(motion, inertia, 1.0, fast.damping)
-    amplitudes, terms = averaged(laws, parts, min(float(c.amplitude.min()) for c in cycles))
-    flow = regression(cycles, amplitudes, terms)
+    amplitudes, known, terms = averaged(laws, subject, min(float(c.amplitude.min()) for c in cycles))
+    flow = regression(cycles, amplitudes, np.concatenate([known, *(t.columns for t in terms)], axis=2))
     table = flow.columns.reshape(-1, flow.columns.shape[2])
-    frame = np.linalg.qr(table[:, :2])[0]
+    base = 2 + known.shape[2]
+    frame = np.linalg.qr(table[:, :base])[0]
     kept: list[Term] = []
-    columns = [0, 1]
-    at = 2
+    columns = list(range(base))
+    at = base
     for term in terms:
         own = list(range(at, at + term.columns.shape[2]))
         at += len(own)
@@ -203,7 +209,7 @@ def slow_posterior(fast: Posterior, parts: Mapping[str, Effect], inertia: float)
     g -= np.einsum("wij,jk->wik", plain[..., :2], np.linalg.lstsq(plain[..., :2].reshape(-1, 2), g.reshape(-1, 2 * BUMPS), rcond=None)[0])
     whole = replace(flow, columns=np.concatenate([flow.columns[:, :, columns], g], axis=2))
     families = sorted({t.family for t in kept})
-    items = items_of(kept, families, 3)
+    items = items_of(kept, families, 1 + base)
     named = 1 + len(columns)
     cells = []
     for of_amplitude in WALKS:
@@ -211,7 +217,7 @@ def slow_posterior(fast: Posterior, parts: Mapping[str, Effect], inertia: float)
             gram, spread = whitened(whole, of_amplitude, of_phase)
             for tau in SLOW_NAMELESS:
                 reduced, more = (gram[:named, :named], 0.0) if not tau else marginalised(gram, named, np.full(2 * BUMPS, tau))
-                problem = Problem(reduced, np.array([1.0, 1.0]), items, 0.0)
+                problem = Problem(reduced, np.ones(base), items, 0.0)
                 sets = search(problem)
                 constant = -0.5 * spread - 0.5 * reduced[0, 0] + more
                 cells.append((problem, replace(sets, log_evidence=sets.log_evidence + constant), tau))
@@ -223,10 +229,10 @@ def slow_posterior(fast: Posterior, parts: Mapping[str, Effect], inertia: float)
     problem, _, tau = cells[which]
     scored = solve(problem, best)
     sizes: dict[str, Size] = {}
-    weight = middle**2 * 1.0
+    weight = middle**2
     lost = flow.columns[0][:, columns]
-    loss = -float(weight @ lost[:, :2] @ scored.means[:2]) - float(sum(weight @ lost[:, c - 1] * m for c, m in zip([c for i in best for c in items[i].columns], scored.means[2:], strict=True)))
-    at = 2
+    loss = -float(weight @ lost[:, :base] @ scored.means[:base]) - float(sum(weight @ lost[:, c - 1] * m for c, m in zip([c for i in best for c in items[i].columns], scored.means[base:], strict=True)))
+    at = base
     for i in best:
         n = len(items[i].columns)
         own = [c - 1 for c in items[i].columns]

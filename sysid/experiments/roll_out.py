@@ -122,7 +122,8 @@ def roll_out(runs: Sequence[RollOut], wheelbase: Quantity, slope: float = 0.0) -
         slope: Gradient of the ground along the way, uphill positive [rad].
 
     Raises:
-        SysidError: They are too short, the board did not roll, or it gained more speed than the slope gives.
+        SysidError: They are too short, the board did not roll, it gained speed that no slope accounts for, or it turned
+            the wrong way for its roll.
     """
     from scipy.integrate import cumulative_trapezoid
 
@@ -169,7 +170,16 @@ def roll_out(runs: Sequence[RollOut], wheelbase: Quantity, slope: float = 0.0) -
 
 
 def _rake(bend: Quantity | None, wheelbase: Quantity) -> Quantity | None:
-    """Return λ of 2 tan λ / L, None within three standard deviations of zero."""
+    """Return λ of 2 tan λ / L; None where it is within three standard deviations of zero.
+
+    Raises:
+        SysidError: The board turns the wrong way for its roll.
+    """
+    if bend is not None and bend.value < -3 * bend.std:
+        raise SysidError(
+            f"the board turns left where its right edge is down ({bend.value:.2g} rad/m per unit of tilt). The sign of "
+            "roll_rad, of y_m or of yaw_rate_rad_s is wrong: change it in the log and run again."
+        )
     if bend is None or bend.value <= 3 * bend.std:
         return None
     tangent = bend.value * wheelbase.value / 2

@@ -1,8 +1,8 @@
 """A phone's sensors over the network, by the remote access of the app phyphox.
 
 `GET /get?gyrX=T|gyr_time&...` answers with the values of a buffer from where another one passes T, as JSON, and
-`GET /control?cmd=start` begins the measurement (phyphox wiki, 'Remote-interface communication'). What comes is at once
-appended to tables as the app itself exports them, so that the log is there whatever happens.
+`GET /control?cmd=start` begins the measurement (phyphox wiki, 'Remote-interface communication'). New samples are
+appended at once to tables as the app exports them, so that the log survives any failure.
 """
 
 import json
@@ -48,7 +48,7 @@ class Phone:
     address: str
     """As the app shows it, such as 192.168.0.42:8080."""
     folder: Path
-    """Where its log is kept, one table a sensor."""
+    """Folder of its log, one table a sensor."""
     samples: int = 0
     _sensors: list[_Sensor] = field(default_factory=list["_Sensor"])
 
@@ -78,7 +78,7 @@ class Phone:
         self._get("/control?cmd=start")
 
     def poll(self) -> Array:
-        """Fetch what is new, keep it, and return the gyroscope's part, shape (n, 4): time [s] and rates of rotation [rad/s].
+        """Fetch and keep new samples, and return the gyroscope's part, shape (n, 4): time [s] and rates of rotation [rad/s].
 
         Raises:
             SysidError: The phone does not answer.

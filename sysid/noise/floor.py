@@ -154,8 +154,8 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
 def local_noise(curves: Sequence[tuple[Array, Array]], poles: Array) -> NoiseFloor:
     """Return the noise of sampled decays: their scatter about a linear law whose amplitude, phase and level change with time.
 
-    In windows of a period, of three times as many samples as the law has freedoms there at least. What a filter smooths is noise too,
-    as long as it lasts for less than that; and motion that is sampled coarsely is none.
+    A window lasts a period, and has three samples for each freedom of the law. Filtered noise counts in full if it lasts for less
+    than a window. Motion that is sampled coarsely does not count.
 
     Args:
         curves: When each decay was sampled [s], and its signal, each pair of shape (n,).
@@ -177,7 +177,18 @@ def local_noise(curves: Sequence[tuple[Array, Array]], poles: Array) -> NoiseFlo
             if square > 0:
                 fade, phase = np.exp(-decay * t), np.sqrt(square) * t
                 c, s = fade * np.cos(phase), fade * np.sin(phase)
-                table = np.column_stack([np.ones_like(t), ramp, c, s, ramp * c, ramp * s, fade**2 * np.cos(2 * phase), fade**2 * np.sin(2 * phase)])
+                table = np.column_stack(
+                    [
+                        np.ones_like(t),
+                        ramp,
+                        c,
+                        s,
+                        ramp * c,
+                        ramp * s,
+                        fade**2 * np.cos(2 * phase),
+                        fade**2 * np.sin(2 * phase),
+                    ]
+                )
             else:
                 table = np.polynomial.legendre.legvander(ramp, _FREEDOMS - 1)
             orthogonal, _ = np.linalg.qr(table / (np.linalg.norm(table, axis=0) + 1e-300))

@@ -20,7 +20,7 @@ def autocorrelation(residuals: Sequence[Array], lags: int) -> Array:
 
 
 def lag_one(residuals: Sequence[Array]) -> float:
-    """Return the correlation of successive residuals, each of shape (n,), where it is significantly positive, else 0."""
+    """Return the correlation [1] of successive residuals, each of shape (n,) in any unit, where it is significantly positive, else 0."""
     count = sum(len(residual) for residual in residuals)
     power = sum(float(residual @ residual) for residual in residuals)
     if power == 0 or count < 10:

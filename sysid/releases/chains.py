@@ -6,7 +6,6 @@ at another pace, or makes swings that grow.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -94,12 +93,12 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
 def _undriven(signal: SmoothedSignal, segment: Segment) -> Segment:
     """Return a segment without the swings at its beginning that something drives.
 
-    A joint loses at least as much of a wide swing as of a small one, whatever its law. Where the first swings lose less than a quarter
-    of the later ones' loss, energy comes from outside. A mean loss is known to its first and its last swing.
+    A passive joint loses at least as much of a wide swing as of a small one. Where the first swings lose less than a quarter of
+    the later ones' loss, energy comes from outside. The first and the last swing give the mean loss and its deviation.
     """
-    whole = segment.swings if segment.settles else segment.swings[:-1]  # the last one is cut
+    whole = segment.swings[:-2]  # a hand or the end of the log cuts the last ones
     sizes = np.array([swing.size for swing in whole])
-    sizes = sizes[sizes > AGAIN * sizes[0]]
+    sizes = sizes[sizes > AGAIN * segment.swings[0].size]
     best, cut = SURE, 0
     for first in range(MANY, len(sizes) - MANY):
         last = min(len(sizes) - 1, 2 * first)

@@ -2,9 +2,9 @@
 
     ẍ = -k (x - r) - d ẋ + torque noise
 
-A free joint needs little torque noise, as much as its law is not linear; a hand or a motor needs as much as the joint's own torque. The
-same filter runs with a ladder of noises. A stretch is free as long as a small noise is likelier than the large one; the change point
-is where the sum of log-likelihood ratios is largest (Page, 1954). Its price is that of the two numbers that a change adds (BIC).
+A free joint needs little torque noise: its departure from the linear law. A hand or a motor needs as much as the joint's own torque.
+The same filter runs with a ladder of noises. A stretch is free while a small noise is likelier than the large one. The change point
+maximises the sum of log-likelihood ratios (Page, 1954). Its price is that of the two numbers that a change adds (BIC).
 """
 
 import math
@@ -23,7 +23,7 @@ ERRORS = np.array([0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0])
 """Torque noise as a share of the joint's own torque at its widest swing, over a radian of its swing; the last one is a hand's."""
 TREMOR = 0.01
 """Way that a hand which holds a joint trembles in a radian of its swing, as a share of the widest one."""
-ASIDE = 0.1
+ASIDE = 0.03
 """Distance from its rest at which dry friction may hold a joint, as a share of its widest swing; farther off a hand holds it."""
 LAG = 0.2
 """Periods between the samples that the law is learned from: near a quarter, where the motion tells stiffness and damping apart."""
@@ -49,8 +49,8 @@ class Span:
     """[rad]"""
     size: float
     """Widest swing [rad]."""
-    held: bool = False
-    """Whether it was held still until it begins: then that time is known to a part of a sample."""
+    let_go: bool = False
+    """Whether it was held still and then pulled home at once: then it begins there, however its law bends."""
 
 
 def free_stretches(
@@ -97,7 +97,7 @@ def _learned(
 ) -> Law | None:
     """Return the law of the free stretches by least squares, each with its own rest; None where they tell none.
 
-    A linear decay at even times obeys x(t + s) = α x(t) + β x(t - s) + c, whatever s is, and so does any moving average of it.
+    A linear decay at even times obeys x(t + s) = α x(t) + β x(t - s) + c for any s. So does any moving average of it.
     """
     step = float(np.median(np.diff(time)))
     lag = max(1, round(LAG * period / step))
@@ -109,7 +109,9 @@ def _learned(
             if last - first < 4 * lag + len(kernel):
                 continue
             even = np.arange(time[first], time[last - 1], step)
-            part = (np.interp(even, time[first:last], roll[first:last]) - spans[i].rest) / max(spans[i].size, 1e-12)
+            part = (np.interp(even, time[first:last], roll[first:last]) - spans[i].rest) / max(
+                spans[i].size, 1e-12
+            )
             mean = np.convolve(part, kernel / kernel.sum(), "valid")
             table = np.zeros((len(mean) - 2 * lag, 3 + len(spans)))
             table[:, 0], table[:, 1], table[:, 2] = mean[2 * lag :], mean[lag:-lag], mean[: -2 * lag]
@@ -149,7 +151,7 @@ def _stretches(time: Array, roll: Array, noise: float, span: Span, law: Law) -> 
         if end - begin > 2 * step or end >= last:
             back = slice(end - 1, since - 1 if since else None, -1)
             begin = end - _free_for(-time[back], roll[back], noise, span, Law(law.stiffness, -law.damping))
-            start = span.begin if begin - first <= (step / 4 if span.held else 0) else float(time[begin])
+            start = span.begin if begin == first or (span.let_go and not found) else float(time[begin])
             stop = span.end if last - end <= step / 4 else float(time[end - 1])
             if found and begin - since < step / 2:  # no hand is that quick: the law is not all linear there
                 start = found.pop()[0]
@@ -162,7 +164,7 @@ def _stretches(time: Array, roll: Array, noise: float, span: Span, law: Law) -> 
 def _free_for(time: Array, roll: Array, noise: float, span: Span, law: Law) -> int:
     """Return for how many samples from the first on the joint moves freely.
 
-    A hand acts from some sample on to another one, or to the last; before the first it acts no more often than each change costs.
+    A hand acts from one sample to another, or to the last. Each change costs its price.
     """
     likelihood = _log_likelihood_ratio(time, roll - span.rest, noise, span.size, law)
     gain = np.cumsum(likelihood, axis=0)
@@ -191,7 +193,7 @@ def _log_likelihood_ratio(time: Array, angle: Array, noise: float, size: float, 
     steps = np.abs(np.diff(time, prepend=time[0]))
     root = complex(0.25 * law.damping**2 - law.stiffness) ** 0.5 or 1e-9
     fade = np.exp(-0.5 * law.damping * steps)
-    even, odd = fade * np.cosh(root * steps).real, fade * (np.sinh(root * steps) / root).real
+    even, odd = fade * np.real(np.cosh(root * steps)), fade * np.real(np.sinh(root * steps) / root)
     xx, vx, vv = even + 0.5 * law.damping * odd, -law.stiffness * odd, even - 0.5 * law.damping * odd
     omega, count = math.sqrt(law.stiffness), len(ERRORS)
     power = (ERRORS * law.stiffness * size) ** 2 / omega
@@ -199,7 +201,9 @@ def _log_likelihood_ratio(time: Array, angle: Array, noise: float, size: float, 
     p, r, q = np.full(count, 1e4 * noise**2), np.zeros(count), np.full(count, (3 * omega * size) ** 2)
     held, spread_held, moves = float(angle[0]), noise**2, 0.5
     found = np.zeros((len(time), count - 1))
-    rows = zip(steps.tolist(), xx.tolist(), odd.tolist(), vx.tolist(), vv.tolist(), angle.tolist(), strict=True)
+    rows = zip(
+        steps.tolist(), xx.tolist(), odd.tolist(), vx.tolist(), vv.tolist(), angle.tolist(), strict=True
+    )
     for i, (h, a, b, c, d, seen) in enumerate(rows):
         x, v = a * x + b * v, c * x + d * v
         p, r, q = (

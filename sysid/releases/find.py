@@ -25,6 +25,8 @@ FEWEST_SAMPLES = 8
 """Samples of a decay."""
 COARSE = 0.5
 """Share of all the motion from which a step between neighbours tells of too few samples: a sine goes so far with six a swing."""
+PULLED = 0.15
+"""Share of its way home that a joint goes in an eighth of its period: half of a free one's."""
 SLOWER = (5.0, 25.0)
 """How many times slower than a kick a joint may swing; tried where nothing swings at the pace of the fastest motion."""
 SETS_OFF = 0.25
@@ -95,7 +97,10 @@ def _where_free(roll: Roll) -> list[Release]:
         if last - first < FEWEST_SAMPLES:
             continue
         part = replace(roll[first:last], free=None)
-        for given in ((), (float(part.time[0]),)):  # a return that the log cuts off has no rest to be found by
+        for given in (
+            (),
+            (float(part.time[0]),),
+        ):  # a return that the log cuts off has no rest to be found by
             try:
                 found += find_releases(part, releases=given)
                 break
@@ -117,6 +122,8 @@ class _Free:
     """Time for which the deck was held still before [s]."""
     end: float
     """[s]"""
+    settles: bool
+    """Whether it comes to rest by itself before."""
     held_until: float
     """Until when the deck was held still [s], where it was; else `begin`."""
     held_for: float
@@ -127,6 +134,9 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
     """Return the free stretches of all segments, in order of time."""
     if not segments:
         return []
+    # A hand that pushes makes the first swing last.
+    later = [swing.duration for segment in segments for swing in segment.wide[1:4] or segment.wide]
+    period = 2 * float(np.median(later)) / SHARE_OF_HALF
     spans: list[Span] = []
     holds: list[float] = []
     for segment, other in zip(segments, [*segments[1:], None], strict=True):
@@ -135,27 +145,40 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
         stop = float(signal.time[last])
         if other is not None:
             stop = min(stop, float(signal.time[other.swings[0].left]) if other.start is None else other.start)
-        spans.append(Span(begin, max(begin, _rested(signal, segment, begin, stop)), segment.rest, segment.size, hold > 0))
+        end = max(begin, _rested(signal, segment, begin, stop))
+        let_go = hold > 0 and _pulled(signal, segment, begin, period)
+        spans.append(Span(begin, end, segment.rest, segment.size, let_go))
         holds.append(hold)
-    # A hand that pushes makes the first swing last.
-    later = [swing.duration for segment in segments for swing in segment.wide[1:4] or segment.wide]
-    period = 2 * float(np.median(later)) / SHARE_OF_HALF
     stretches = free_stretches(roll.time, roll.roll, spans, period)
     found: list[_Free] = []
     for segment, span, hold, parts in zip(segments, spans, holds, stretches, strict=True):
         kept = [
-            _Free(segment, begin, hold if begin == span.begin else 0.0, end, span.begin if hold and i == 0 else begin, hold)
+            _Free(
+                segment, begin, hold if begin == span.begin else 0.0, end, segment.settles and end == span.end,
+                span.begin if span.let_go and i == 0 else begin, hold,
+            )  # fmt: skip
             for i, (begin, end) in enumerate(parts)
             if begin == span.begin or (segment.start is None and _swings_in(signal, segment, begin, end))
         ]
         # One swing does not tell a hand from a joint that is not linear.
-        found += kept or [_Free(segment, span.begin, hold, span.end, span.begin, hold)]
+        found += kept or [_Free(segment, span.begin, hold, span.end, segment.settles, span.begin, hold)]
     return found
+
+
+def _pulled(signal: SmoothedSignal, segment: Segment, begin: float, period: float) -> bool:
+    """Whether a joint goes home from a hold [s] as its own torque pulls it, and no hand keeps it back.
+
+    In an eighth of a period half a cosine goes 29 % of its way, and 19 % at critical damping.
+    """
+    held, then = np.interp((begin, begin + period / 8), signal.time, signal.roll)
+    return bool((held - then) / (held - segment.rest or 1.0) > PULLED)
 
 
 def _swings_in(signal: SmoothedSignal, segment: Segment, begin: float, end: float) -> bool:
     """Whether a joint swings twice and more between two times [s]."""
-    inside = [one for one in segment.swings if begin < signal.time[one.reached] and signal.time[one.left] < end]
+    inside = [
+        one for one in segment.swings if begin < signal.time[one.reached] and signal.time[one.left] < end
+    ]
     return len(inside) > 1 and inside[0].size > STILL * segment.size
 
 
@@ -216,7 +239,9 @@ def _release(roll: Roll, signal: SmoothedSignal, free: _Free, number: int) -> Re
     """Cut one free decay out of the log."""
     segment, begin, hold, finish = free.segment, free.begin, free.hold, free.end
     last = signal.roll[(signal.time >= finish - segment.half_period) & (signal.time <= finish)]
-    still = bool(len(last)) and float(np.std(last)) < max(STILL * segment.size / 2, 1.5 * signal.noise)
+    still = free.settles or (
+        bool(len(last)) and float(np.std(last)) < max(STILL * segment.size / 2, 2.5 * signal.noise)
+    )
     end: Literal["rest", "caught", "log"] = "rest" if still else "caught"
     if not still and finish >= signal.time[-1] - 1e-9:
         end = "log"
@@ -234,7 +259,7 @@ def _release(roll: Roll, signal: SmoothedSignal, free: _Free, number: int) -> Re
     whole = None
     if free.held_until < begin:  # a strong law and a hand look alike there
         until, held_for = free.held_until, free.held_for
-        whole = _release(roll, signal, _Free(segment, until, held_for, finish, until, held_for), number)
+        whole = _release(roll, signal, _Free(segment, until, held_for, finish, free.settles, until, held_for), number)
     return replace(release, driven_until=segment.driven_until, whole=whole)
 
 

@@ -10,11 +10,9 @@ from sysid.video.film.frames import Frame
 from sysid.video.film.reel import Reel
 from sysid.video.film.track import Track
 from sysid.video.pose.pose import pose_between, turn_of
-from sysid.video.trackers._base import Follower
+from sysid.video.trackers._base import MIN_SEEN_SHARE, Follower
 from sysid.video.types import Points
 
-MIN_SEEN_SHARE = 0.6
-"""Share of the frames in which what is followed must be seen."""
 MAX_REPEATED = 0.1
 """Frames without a later stamp, as a share of the others, up to which a film's times are believed."""
 

@@ -14,7 +14,7 @@ from sysid.video import trackers
 from sysid.video.film.frames import ahead
 from sysid.video.film.reel import Reel
 from sysid.video.film.track import Track
-from sysid.video.follow import MIN_SEEN_SHARE, follow, follow_all, track_of
+from sysid.video.follow import follow, follow_all, track_of
 from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import CameraState, before_looking
@@ -22,23 +22,30 @@ from sysid.video.pose.prior import ANY_SIDE, BODY_FLOOR, BodyPrior
 from sysid.video.pose.rectify import upright
 from sysid.video.pose.view import View
 from sysid.video.registration import BodyPicture, picture_of_body
-from sysid.video.trackers._base import DEAD_ZONE, MIN_SWING, Target, Tracker, level_at_rest, rests_at
+from sysid.video.trackers._base import (
+    DEAD_ZONE,
+    MIN_SEEN_SHARE,
+    MIN_SWING,
+    Target,
+    Tracker,
+    level_at_rest,
+    rests_at,
+)
 from sysid.video.types import Points
 
 ADVICE = (
-    "Keep the board in the picture, film all of its swing straight from behind and in more light (less blur), or follow "
-    "something else (--method, --roi, docs/video.md)."
+    "Keep the board in the picture. Film all of its swing straight from behind, in more light (less blur). Or choose another "
+    "target (--method, --roi, docs/video.md)."
 )
 VAGUE, MAX_STD = np.radians([0.3, 3.0])
 """Standard deviation above which a last resort is tried as well, and above which an angle is refused [rad]."""
 MAX_STRAY = 0.3
-"""Distance of a point from a circle about a fixed pivot, as a share of its own motion, above which it is carried rather than
-turned [1]. A truck that gives way reaches 0.1."""
+"""Distance from a circle about a fixed pivot, as a share of its own motion, above which a point is carried along [1]. A truck that gives way reaches 0.1."""
 MAX_ASIDE = 4.0
 """Standard deviations from where people stand beyond which a camera is rejected."""
 MAX_BENT = 0.007
-"""Misfit of a rigid body at rest, as a share of its size, beyond compression (`BODY_FLOOR`) [1]: up to 0.005 in films of many
-kinds; a body at several depths, whose angles are off by 2 to 20 %, is beyond."""
+"""Misfit of a rigid body at rest, as a share of its size, beyond compression (`BODY_FLOOR`) [1]. It is up to 0.005 in films of
+many kinds; bodies at several depths, with angles off by 2 to 20 %, are beyond."""
 MAX_ASKEW = np.radians(20.0)
 """Attitude at rest beyond which a target does not show level [rad]: prints do not, stickers are put on level."""
 MAX_DISAGREEMENT = 0.1
@@ -92,7 +99,7 @@ def follow_board(reel: Reel) -> Followed:
     All targets are followed in the frames that are in memory, the best one in the rest of the film.
 
     Raises:
-        SysidError: There is none, or two bodies swing.
+        SysidError: No target gives an angle, or two bodies swing.
     """
     usable: list[Followed] = []
     failed: list[str] = []
@@ -100,6 +107,11 @@ def follow_board(reel: Reel) -> Followed:
     for targets in find_targets(reel):
         with ThreadPoolExecutor() as pool:
             several = list(pool.map(partial(_followed_in_memory, reel), targets))
+        missed += [
+            one
+            for one, target in zip(several, targets, strict=True)
+            if isinstance(one, str) and target.shows_level
+        ]
         others = [one.target.other() for one in several if isinstance(one, Followed) and one.target.other]
         several += [_followed_in_memory(reel, other) for other in others if other is not None]
         for one in several:
@@ -112,9 +124,11 @@ def follow_board(reel: Reel) -> Followed:
     if not usable:
         raise SysidError(f"{reel.clip.path}: {'; '.join(failed)}. {ADVICE}")
     if turning := [one for one in usable if one.turns]:
-        missed = [f"{one.target.what} does not turn" for one in usable if not one.turns]
+        missed += [f"{one.target.what} does not turn" for one in usable if not one.turns]
     best = _best(reel, turning or usable)
-    return _to_the_end(reel, replace(best, target=replace(best.target, why="; ".join([best.target.why, *missed]))))
+    return _to_the_end(
+        reel, replace(best, target=replace(best.target, why="; ".join([best.target.why, *missed])))
+    )
 
 
 def _followed_in_memory(reel: Reel, target: Target) -> Followed | str:
@@ -126,10 +140,12 @@ def _followed_in_memory(reel: Reel, target: Target) -> Followed | str:
     # Patches of anything agree on some motion: those of a rigid body only if pictures turned back by it agree.
     laid = _lay_body(reel, one)
     if laid is None or _whole_body(reel, one, laid[1]) is None:
-        return f"{target.what} is none of the board: pictures turned back by it do not agree"
+        return f"{target.what} is not of the board: pictures turned back by it differ"
     size = float(np.abs(one.found.shape - one.found.shape.mean()).mean())
     if (bent := np.sqrt(max(one.found.noise**2 - BODY_FLOOR**2, 0.0)) / size) > MAX_BENT:
-        return f"{target.what} lies at several depths or bends: by {100 * bent:.1f} % of its size when it rests"
+        return (
+            f"{target.what} lies at several depths or bends: by {100 * bent:.1f} % of its size when it rests"
+        )
     return replace(one, laid=laid)
 
 
@@ -174,15 +190,21 @@ def _best(reel: Reel, usable: list[Followed]) -> Followed:
     first = next((one for one in usable if one.target.shows_level), min(usable, key=lambda one: one.std))
     best = min((one for one in usable if _same_swing(one, first)), key=lambda one: one.std)
     # A target too uncertain to agree contradicts nothing.
-    stray = [one for one in usable if one.std < MAX_DISAGREEMENT * first.swing and not _same_swing(one, first)]
+    stray = [
+        one for one in usable if one.std < MAX_DISAGREEMENT * first.swing and not _same_swing(one, first)
+    ]
     for one in stray:
         if one.target.kind == first.target.kind:
             raise SysidError(
                 f"{reel.clip.path}: two bodies swing, each with {first.target.what}. Give the region of the one that is to "
                 f"be measured: --roi {first.region} or --roi {one.region}."
             )
-    others = ", ".join(f"{one.target.what} ±{2 * np.degrees(one.std):.2g}°" for one in usable if one is not best)
-    target = replace(best.target, why=f"{best.target.why}: ±{2 * np.degrees(best.std):.2g}° in this film ({others})")
+    others = ", ".join(
+        f"{one.target.what} ±{2 * np.degrees(one.std):.2g}°" for one in usable if one is not best
+    )
+    target = replace(
+        best.target, why=f"{best.target.why}: ±{2 * np.degrees(best.std):.2g}° in this film ({others})"
+    )
     if stray:
         names = " and ".join(one.target.what for one in stray)
         words = f"{names} moves otherwise than {first.target.what} and is not used; --roi keeps to the board"
@@ -217,14 +239,17 @@ def _followed(reel: Reel, target: Target, track: Track) -> Followed | str:
 def _fault(one: Followed) -> str | None:
     """Return why an angle is to be refused; None if it is not."""
     frames, what = len(one.found.angle), one.target.what
-    if (kept := int(np.isfinite(one.found.angle).sum())) < MIN_SEEN_SHARE * frames:
+    # An edge that is lost in the swing, and found again at rest, was another line.
+    edge = not one.target.shows_body and one.track.points.shape[1] > 1
+    least = (1 + MIN_SEEN_SHARE) / 2 if edge else MIN_SEEN_SHARE
+    if (kept := int(np.isfinite(one.found.angle).sum())) < least * frames:
         return (
             f"{what} is seen in {frames - one.track.lost} of {frames} frames, but turns as one body in only {kept}: something "
             "else was followed in the others"
         )
     state = one.found.camera_state
     if np.any(np.abs(state.value - one.before.value)[:2] > MAX_ASIDE * one.before.std[:2]):
-        return f"{what} turns about an axis that no camera behind a board looks along"
+        return f"{what} turns about an axis far aside of any camera behind a board"
     if one.target.shows_body and _strays(one.track, one.found.angle):
         return f"{what} moves along rather than turns about a point: a foot, a hand, or a camera that moves"
     # A single dot on a short arc leaves the scale open, which is no reason to refuse its period.
@@ -233,7 +258,7 @@ def _fault(one: Followed) -> str | None:
         return f"{what} tells the angle to ±{2 * np.degrees(std):.2g}° only"
     # A marker or stickers on a board may stand still; patches and lines may be of anything.
     placed = one.target.shows_body and one.target.shows_turn
-    return None if placed or one.turns else f"{what} does not turn, as what is behind the board"
+    return None if placed or one.turns else f"{what} does not turn: it is behind the board"
 
 
 def _strays(track: Track, angle: Array) -> bool:
@@ -244,7 +269,8 @@ def _strays(track: Track, angle: Array) -> bool:
     path, circle = path[seen], np.stack([np.ones(seen.sum()), np.exp(1j * angle[seen])], axis=1)
     fit, *_ = np.linalg.lstsq(circle, path, rcond=None)
     stray, moved = (
-        float(np.quantile(np.abs(off), 0.8)) for off in (path - circle @ fit, path - np.median(path.real) - 1j * np.median(path.imag))
+        float(np.quantile(np.abs(off), 0.8))
+        for off in (path - circle @ fit, path - np.median(path.real) - 1j * np.median(path.imag))
     )
     # A hundredth of the picture's width is the play of trucks.
     return stray > max(MAX_STRAY * moved, track.shake.centre.real / 50)
@@ -267,8 +293,8 @@ def _whole_body(reel: Reel, led: Followed, corners: list[Points]) -> Followed | 
 def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) -> AngleTrack:
     """Return the angle of the whole body, with zero where the target that led to it has it.
 
-    Places on the board, as marker and dots are, decide where the camera stands and how far the body turns: pixels at several
-    depths seem to turn up to 2 % further. Patches of texture err more than the whole body does, which takes their place.
+    Places on the board (marker, dots) decide the camera direction and the total turn: pixels at several depths seem to turn up to
+    2 % further. The whole body replaces patches of texture, which err more.
     """
     points, prior = led.found, BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE)
     if led.target.shows_turn:
@@ -277,7 +303,9 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
         apart = np.abs(found.angle - points.angle - np.nanmedian(found.angle - points.angle))
         both = apart < MAX_DISAGREEMENT * led.swing
         trust = 1 / points.own[both]
-        gain = float(np.polyfit(found.angle[both], points.angle[both], 1, w=trust)[0]) if both.sum() > 2 else 1.0
+        gain = (
+            float(np.polyfit(found.angle[both], points.angle[both], 1, w=trust)[0]) if both.sum() > 2 else 1.0
+        )
         common = np.sqrt(np.maximum(points.std**2 - points.own**2, 0))
         common = np.where(np.isfinite(common), common, np.nanmax(common))
         # Their own doubt of the scale contradicts nothing: Stein's shrinkage.
@@ -286,7 +314,7 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
         found = replace(found, angle=angle, std=np.hypot(found.own, common), camera_state=points.camera_state)
     else:
         found = fit_angle(view, matrix, before, replace(prior, slopes=ANY_SIDE))
-    # Where the body is not made out, for a hand before it say, the points may be.
+    # A hand may hide the body and leave the points.
     whole = np.isfinite(found.angle)
     return replace(
         found,

@@ -55,7 +55,9 @@ def make_boards():
 @pytest.mark.parametrize("name", ["pink", "black"])
 def test_shipped_record_is_what_its_script_writes(name: str) -> None:
     board = getattr(make_boards(), name)()
-    assert (SHIPPED / f"{name}.toml").read_text() == board_to_toml(board)
+    shipped = load_board(SHIPPED / f"{name}.toml")
+    assert shipped.passed  # else run `husky-sysid check data/decays/NAME.csv --board NAME` again
+    assert board_to_toml(replace(shipped, check={})) == board_to_toml(board)
 
 
 @pytest.mark.parametrize(

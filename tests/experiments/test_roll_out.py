@@ -82,6 +82,12 @@ def test_rake_is_recovered_from_a_film(rake):
     assert high - low < math.radians(6)
 
 
+def test_a_roll_of_the_wrong_sign_fails():
+    run = filmed(tilts=(0.05, -0.06, 0.03))
+    with pytest.raises(SysidError, match=r"turns left where its right edge is down .*change it in the log"):
+        roll_out([replace(run, roll=-run.roll)], WHEELBASE)
+
+
 def test_resistance_is_what_the_coasting_board_loses():
     found = roll_out([filmed(speed=v, seed=n, tilts=(0.0,)) for n, v in enumerate((1.3, 1.1))], WHEELBASE)
     assert found.at_speed == pytest.approx(1.0, abs=0.1)

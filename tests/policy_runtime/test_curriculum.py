@@ -124,8 +124,8 @@ def test_everything_that_hangs_on_the_level_is_set(led):
     assert rewards.get_term_cfg("push/left_foot").weight == pytest.approx(-12 / 2.5)
     assert float(rewards._weights[rewards.active_terms.index("push/left_foot")]) == pytest.approx(-4.8)
     assert learner.entropy_coef == 0.005
-    assert rewards.get_term_cfg("always/course").weight == pytest.approx(10 * 0.4)
-    assert rewards.get_term_cfg("always/joint_limits").weight == pytest.approx(-5 - 25 * 0.4)
+    assert rewards.get_term_cfg("always/course").weight == pytest.approx(10 * 0.8)
+    assert rewards.get_term_cfg("always/joint_limits").weight == pytest.approx(-5 - 25 * 0.8)
     assert rewards.get_term_cfg("push/swing").weight == 4.0
     assert env.event_manager.get_term_cfg("worlds").func.strength == 0.2
 

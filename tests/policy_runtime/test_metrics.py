@@ -2,10 +2,11 @@ import math
 
 import numpy as np
 import pytest
+from riding import world_or_skip
 
 from policy_runtime.evaluation.metrics import Rides, asked_course, episode_errors, reachable_headings
-from policy_runtime.evaluation.strides import clip_distances, stride_metrics
 from policy_runtime.evaluation.statistics import mean_over, proportion
+from policy_runtime.evaluation.strides import clip_distances, clip_ranges, stride_metrics
 from sysid.errors import SysidError
 
 STEPS, PUSH, STEER = 40, slice(0, 20), slice(25, 35)
@@ -93,9 +94,19 @@ def test_strides_are_counted_from_touchdown_to_touchdown():
 
 
 def test_the_reference_clips_are_near_themselves_and_each_other():
+    """Half a second of stance a stride of 0.9 s, and hardly any slip, as `motions` measures them."""
     distances = dict(clip_distances())
     assert len(distances) == 4
     assert all(0 < distance < 0.1 for distance in distances.values())
+
+
+@pytest.mark.train
+def test_the_clips_stand_beside_the_metrics():
+    world_or_skip()
+    low, high = clip_ranges()["stride_period"]
+    assert 0.8 < low < high < 1.0
+    assert all(clip_ranges()["slip"][i] < 0.01 for i in (0, 1))
+    assert 0.3 < clip_ranges()["foot_travel"][0] < clip_ranges()["foot_travel"][1] < 0.55
 
 
 @pytest.mark.parametrize(("rest", "falls", "share"), [(300, None, 0.0), (590, None, 1.0), (300, 400, 1.0)])

@@ -69,7 +69,13 @@ def test_figures_are_compared_by_both_intervals():
         "E_vel": Quantity(0.11, 0.005, "m/s", "ours", (0.10, 0.12)),
         "E_yaw": Quantity(0.22, 0.005, "rad", "ours", (0.21, 0.23)),
     }
-    assert compared(ours, paper) == "E_yaw cannot be told from the paper's; E_vel is above the paper's."
+    assert compared(ours, paper) == (
+        "agree: E_yaw [0.210, 0.230] of 0.180 to 0.236; disagree: E_vel [0.100, 0.120] of 0.030 to 0.082"
+    )
+    few = ours | {"E_vel": Quantity(0.08, 0.01, "m/s", "ours", (0.06, 0.10)), "E_smth": ours["E_vel"]}
+    assert compared(few, paper | {"E_smth": paper["E_vel"]}).endswith(
+        "not decided: E_vel [0.060, 0.100] of 0.030 to 0.082"
+    )
     assert compared(ours, {}) == ""
     assert text(ours["E_vel"]) == "0.110 [0.100, 0.120]"
     assert text(Quantity(float("nan"), float("nan"), "1", "")) == "–"
@@ -83,6 +89,17 @@ def test_map_rides_every_stiffness_speed_and_delay(measured, tmp_path):
     assert (4.0, (0.8, 0.8), 0.02) in seen
     assert (tmp_path / "map.png").stat().st_size > 10_000
     assert len(section.numbers) == len(asked)
+
+
+def test_headings_are_grouped_by_what_was_asked(measured, tmp_path):
+    """In every class of turns as many are counted as were asked for, and all of them in all."""
+    _, measure = measured
+    section = PARTS["headings"]([HUSKY], measure, tmp_path)
+    asked = np.degrees(measure(HUSKY, Protocol()).headings[:, 0])
+    assert sum(int(line.split("|")[-2]) for line in section.lines[2:]) == len(asked[np.abs(asked) < 45])
+    for row in section.numbers:
+        low, high = row["asked_deg"]
+        assert ((asked >= low) & (asked < high)).any()
 
 
 def test_trajectories_and_terrain_ride_what_they_show(measured, tmp_path):
@@ -133,12 +150,12 @@ def test_command_writes_page_and_numbers(tmp_path, capsys):
     assert paper("main", "curves", runs=manifest, output=tmp_path / "out") == 0
     page = (tmp_path / "out" / "paper.md").read_text()
     assert "## Main table" in page
-    assert "![Learning curves (figure 6), and where they end](curves.png)" in page
+    assert "![Learning curves, and where they end](curves.png)" in page
     assert "- a: `husky-sysid train`" in page
     content = json.loads((tmp_path / "out" / "paper.json").read_text())
     assert len(content["sections"]["Main table"]["missing"]) == len(MAIN)
     assert np.isclose(
-        content["sections"]["Learning curves (figure 6), and where they end"]["rows"]["a"]["survival"], 0.5
+        content["sections"]["Learning curves, and where they end"]["rows"]["a"]["survival"], 0.5
     )
 
 

@@ -10,7 +10,7 @@ from riding import answer_of, make_onnx, our_metadata, pink, published_metadata
 from policy_runtime.loop.commands import Command
 from policy_runtime.loop.observing import FeedbackObservation, PaperObservation, ReleaseObservation
 from policy_runtime.loop.policy import OnnxPolicy, action_for
-from policy_runtime.loop.policy_file import open_policy
+from policy_runtime.loop.policy_file import find_policy, open_policy
 from policy_runtime.robots import RobotState
 from sim.skate.robot.g1 import JOINTS, default_pose, servos
 from sysid.errors import QualityGateError, SysidError
@@ -35,6 +35,14 @@ def state_of(rng, time=0.0):
         joint_velocity=rng.normal(size=23),
         joint_torque=np.zeros(23),
     )
+
+
+def test_shipped_policies_are_found_by_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert find_policy("pink") == find_policy("pink.onnx") == shipped_data() / "policies" / "pink.onnx"
+    assert find_policy("stand") is None
+    (tmp_path / "pink.onnx").write_bytes(b"mine")
+    assert find_policy("pink.onnx").read_bytes() == b"mine"
 
 
 def gravity_in(quaternion):

@@ -24,6 +24,7 @@ from policy_runtime.robots.simulated import Gantry
 from policy_runtime.runtime import Runtime
 from sim.skate.robot.g1 import JOINTS, default_pose, servos
 from sim.skate.robot.poses import load_poses
+from sysid.board import save_board
 from sysid.cli import build_app
 from sysid.cli.ride_options import SafetyOptions
 from sysid.errors import SysidError
@@ -427,8 +428,11 @@ def test_the_joint_margin_is_an_option(margin, stops):
 
 def test_the_real_robot_takes_only_boards_that_passed(capsys, tmp_path):
     world_or_skip()
+    save_board(replace(pink(), check={}), tmp_path / "data" / "boards" / "pink.toml")
     with pytest.raises(SysidError, match="has not passed `check`") as caught:
-        call(capsys, "run", "zero", "-b", "pink", "--robot", "unitree", "-o", tmp_path)
+        call(
+            capsys, "run", "zero", "-b", "pink", "--robot", "unitree", "--workspace", tmp_path, "-o", tmp_path
+        )
     assert caught.value.exit_code == 3
 
 

@@ -62,6 +62,17 @@ def test_a_cycle_that_is_to_stop_goes_on_to_the_next_pushing_phase():
     assert [step for _, step in policy.seen] == [*range(300), *[300] * 100]
 
 
+def test_the_handset_stops_and_lets_go_on():
+    robot, policy = Puppet(), HoldStill()
+
+    def press(tick):
+        robot.change = {"buttons": frozenset({{4: "X", 9: "A"}.get(len(policy.seen), "")} - {""})}
+
+    run(robot=robot, policy=policy, duration=0.3, on_tick=press)
+    speeds = [command.speed for command, _ in policy.seen]
+    assert speeds == [1.0] * 4 + [0.0] * 5 + [1.0] * 6
+
+
 def test_speed_counts_at_once_and_a_turn_from_the_start_of_steering():
     policy = HoldStill()
     script = Script((0.0, 1.0), (Command(0.5, 0.1), Command(0.9, 0.4)))

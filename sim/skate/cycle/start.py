@@ -1,4 +1,4 @@
-"""Where in the cycle episodes begin."""
+"""Starts of episodes within the cycle."""
 
 from dataclasses import dataclass
 
@@ -8,8 +8,8 @@ from sim.skate.cycle.clock import Clock
 from sysid.roll import Array
 
 STANDING_PLACE = -0.075
-"""Where the right foot stands along the deck at the paper's start at rest, from the front marker [m]; in the
-canonical poses it stands on the marker."""
+"""Place of the right foot along the deck at the paper's start at rest, from the front marker [m]. In the
+canonical poses it is 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +43,7 @@ class Start:
     def chances(self, clock: Clock) -> Array:
         """Return the chance of each step of the cycle to be an episode's first, shape (period,); at step 0 it rests.
 
-        Pushing and steering leave time for some of what they are: 0.2 s of strides, 0.5 s of a turn.
+        Starts leave at least 0.2 s of pushing and 0.5 s of steering.
         """
         step = np.arange(clock.period)
         phases = (

@@ -1,8 +1,8 @@
 """How far to tilt the deck so that the board turns to a heading in the time that is left.
 
 Both trucks of a lean-to-steer board turn, in opposite senses, by σ with tan σ = tan λ sin γ. The axles
-meet at a radius L / (2 tan σ), hence ψ̇ = 2 v tan σ / L. The HUSKY paper writes ψ̇ = v tan σ / L, which is
-right for a single steered axle and asks for twice the tilt; it can be chosen for comparison.
+meet at a radius L / (2 tan σ), hence ψ̇ = 2 v tan σ / L. The HUSKY paper writes ψ̇ = v tan σ / L, as for a
+single steered axle, and so asks for twice the tilt. It can be chosen.
 """
 
 from dataclasses import dataclass
@@ -28,13 +28,12 @@ class TiltGuidance:
     """Largest tilt to ask for, either side [rad]."""
     kinematics: Kinematics = "two-truck"
     damping_speed: float = 0.3
-    """Speed below which less and less tilt is asked for [m/s]: a board at rest does not turn, however far it is
-    tilted, and one that rolls back turns the other way."""
+    """Speed below which less and less tilt is asked for [m/s]: a board at rest does not turn."""
     least_time: float = 0.5
     """Floor of the time left [s], so that the last steps of steering ask for no jerk."""
     longest_time: float = 1.2
-    """Ceiling of the time left [s]: spread over the whole phase, as in the paper (inf), the turn leaves
-    half the commanded angle as mean heading error; a turn that is done early leaves time to correct it."""
+    """Ceiling of the time left [s]; inf spreads the turn over the whole phase, as in the paper. An early turn
+    leaves time to correct it."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""

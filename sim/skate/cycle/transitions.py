@@ -1,7 +1,7 @@
-"""Mounting and dismounting: where the key bodies shall be on the way from one pose to the other.
+"""Mounting and dismounting: the path of the key bodies from one pose to the other.
 
-The path starts where the bodies are when the transition begins and ends at the canonical pose of the
-next phase, both in the frame of the board: Bézier curves for positions, slerp for orientations
+The path leads from the bodies' places at the begin of the transition to the canonical pose of the next phase,
+in the frame of the board: Bézier curves for positions, slerp for orientations
 (HUSKY, section III-D).
 """
 

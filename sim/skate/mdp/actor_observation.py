@@ -11,13 +11,12 @@
 | 77 | phase of the cycle, 0 to 1 | 1 | |
 
 The five frames follow each other oldest first (`frame-major`): 390 numbers. After a reset all five are
-the first frame. The HUSKY release feeds 79 numbers, with the absolute heading as third, and groups the
-history by term; a policy replayed with the heading held at zero turns as well, so it is left out, as in
-the paper.
+the first frame. The HUSKY release feeds 79 numbers, with the absolute heading as third, and groups the history
+by term. Its policy turns as well with that heading held at zero; here it is left out, as in the paper.
 
 How far still to turn is the commanded turn less what the pelvis has yawed since it was told, which the
-robot's IMU tells. The paper feeds the turn as it was told: with a tenth of a second of history the policy
-then cannot know how much of it is done.
+robot's IMU tells. The paper feeds the turn as it was told; a tenth of a second of history does not show how
+much of it is done.
 """
 
 from typing import Any

@@ -45,7 +45,7 @@ class CanonicalPose:
 
 @dataclass(kw_only=True)
 class SkateCommandCfg(CommandTermCfg):
-    """What is told, and the shape of the cycle."""
+    """Commands, and the shape of the cycle."""
 
     options: SkateOptions
     """The variant of the task: ranges of speed and turn, shares told to stand or to go slowly, the path of transitions."""
@@ -84,20 +84,20 @@ class SkateCommand(CommandTerm):
         self._told = torch.zeros(n, dtype=torch.long, device=device)
         """Step at which the turn was told, (n,)."""
         self.foot_place = torch.zeros(n, device=device)
-        """Where the right foot shall stay along the deck, from the front marker [m]: set by the reset, (n,)."""
+        """Wanted place of the right foot along the deck, from the front marker [m]: set by the reset, (n,)."""
         ends = (cfg.push_pose, cfg.steer_pose)
         self._end_positions = torch.tensor([pose.key_positions for pose in ends], device=device)
         self._end_quaternions = torch.tensor([pose.key_quaternions for pose in ends], device=device)
-        # What stands shall not be lifted: the right foot carries the robot through both transitions.
+        # The right foot is not lifted: it carries the robot through both transitions.
         self._lifted = torch.ones(self._end_positions.shape[1], device=device)
         self._lifted[KEY_BODIES.index("right_ankle_roll_link")] = 0.0
         self._start_positions = self._end_positions[0].repeat(n, 1, 1)
         self._start_quaternions = self._end_quaternions[0].repeat(n, 1, 1)
         self.key_positions = self._start_positions.clone()
-        """Where the key bodies shall be in the board frame [m], (n, 14, 3)."""
+        """Wanted positions of the key bodies in the board frame [m], (n, 14, 3)."""
         self.key_quaternions = self._start_quaternions.clone()
         self.key_bodies = (self._start_positions.clone(), self._start_quaternions.clone())
-        """Where the key bodies are in the board frame: positions [m] (n, 14, 3), orientations (n, 14, 4)."""
+        """Key bodies in the board frame: positions [m] (n, 14, 3), orientations (n, 14, 4)."""
         self.fraction = torch.zeros(n, device=device)
         """Way gone within the present transition, (n,); 0 or 1 outside one."""
         self.air_time = torch.zeros(n, device=device)
@@ -109,12 +109,12 @@ class SkateCommand(CommandTerm):
         self._foot_range = torch.zeros(2, n, device=device)
         """Least and greatest place of the left sole along the board since it last came down [m]."""
         self.first_action = torch.zeros(n, 23, device=device)
-        """What an episode counts as the action before its first: set by the reset, (n, 23)."""
+        """The action before an episode's first: set by the reset, (n, 23)."""
         self._now: dict[str, Any] = {}
-        """What has been computed of this instant."""
+        """Values computed at this instant."""
 
     def refresh(self) -> None:
-        """Forget what has been computed: the simulation, the cycle or the command has moved on."""
+        """Forget computed values: the simulation, the cycle or the command has moved on."""
         self._now = {}
 
     def _once(self, name: str, compute: Callable[[], T]) -> T:
@@ -267,10 +267,7 @@ class SkateCommand(CommandTerm):
         return angles.uniform_(-self._options.turn, self._options.turn)
 
     def compute(self, dt: float | torch.Tensor, env_ids: torch.Tensor | None = None) -> None:
-        """Go on by a step; nothing is drawn anew by time, so that nobody has to wait for the device to say when.
-
-        What lasts is written in place, here and below: a CUDA graph finds it where it was.
-        """
+        """Go on by a step. Everything that lasts is written in place, here and below, for CUDA graphs."""
         self._update_command(env_ids)
 
     def _update_command(self, env_ids: torch.Tensor | None) -> None:
@@ -298,8 +295,8 @@ class SkateCommand(CommandTerm):
             place: Of the left foot along the board [m], (n,).
 
         Returns:
-            Whether the foot has just come down, bool (n,), and how far it travelled along the board since it last
-            did [m], (n,), read where it has.
+            Whether the foot has just come down, bool (n,), and its travel along the board since the last
+            touchdown [m], (n,).
         """
         comes_down = left_on_ground & (self.air_time > 0)
         self.air_time.copy_(torch.where(left_on_ground, 0.0, self.air_time + CONTROL_PERIOD))
@@ -324,7 +321,8 @@ class SkateCommand(CommandTerm):
         speed = self.board_velocity()[:, 0]
         mean = self.mean_speed + CONTROL_PERIOD / STRIDE * (speed - self.mean_speed)
         begins = ~self.pushing | (self._env.episode_length_buf <= 1)
-        return self.mean_speed.copy_(torch.where(begins, speed, mean))
+        # A world that has broken down begins anew; until then its speed is not a number.
+        return self.mean_speed.copy_(torch.nan_to_num(torch.where(begins, speed, mean)))
 
     def _enter_phases(self, advances: torch.Tensor) -> None:
         clock, step = self.clock, self.step % self.clock.period

@@ -1,8 +1,8 @@
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
 """The part of learned torques that MuJoCo has no element for, in all worlds at once.
 
-Tendons and the damper's polynomial carry what they can (`sysid.effects.learned`); what is left is looked up before each
-simulation step, as `sim.board.learned.apply` does in plain MuJoCo.
+Tendons and the damper's polynomial carry what they can (`sysid.effects.learned`); the rest is looked up before
+each simulation step, as by `sim.board.learned.apply` in plain MuJoCo.
 """
 
 from dataclasses import dataclass

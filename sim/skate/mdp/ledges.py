@@ -1,8 +1,8 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
 """Ledges to roll down, one after the other: a slab that is laid under a rider and ends ahead of him.
 
-Its top is level with the ground on which he rides, and the ground sinks at the same moment; once he is over the edge
-he rides on the ground again, and the slab can be laid anew. Both are static in MuJoCo Warp, which computes their places
+Its top is level with the ground, which sinks at the same moment. Beyond the edge the rider is on the ground
+again, and the slab can be laid anew. Both are static in MuJoCo Warp, which computes their places
 when the worlds are made and never again: they are moved by writing there.
 """
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
 
 OBLIQUE = math.radians(70)
-"""Largest angle between the way down and where the board points [rad], large ones more often: one wheel goes first then. Where
-it was 60° and even, 7 of 31 crossings by more than 35° ended the ride, of 153 others two."""
+"""Largest angle between the way down and where the board points [rad], large ones more often: one wheel goes first then. At
+60° and evenly spread, 7 of 31 crossings by more than 35° ended the ride, and 2 of 153 others."""
 EDGE_DISTANCE = (0.6, 1.0)
 """How far from the middle of the board an edge is laid [m]: beyond nose and pushing foot."""
 PASSED_DISTANCE = 1.0
@@ -43,7 +43,7 @@ class Ledges:
         self.normal = torch.zeros(n, 2, device=device)
         """The way down, a unit vector in the plane, (n, 2)."""
         self.edge = torch.zeros(n, device=device)
-        """Where the edge is along it [m], (n,)."""
+        """Place of the edge along it [m], (n,)."""
         self.clear(torch.arange(n, device=device))
 
     def clear(self, ids: torch.Tensor) -> None:
@@ -64,7 +64,7 @@ class Ledges:
             position: Of the board in the plane [m], (n, 2).
             heading: Of the board [rad], (n,).
             wanted: By whom, bool (n,).
-            highest: Ledge to be drawn [m]; at 0 none is laid.
+            highest: Largest height to draw [m]; 0 for no ledge.
         """
         behind = (position * self.normal).sum(-1) - self.edge > PASSED_DISTANCE
         self.slab[:, 2] = torch.where(behind, PARKED_HEIGHT, self.slab[:, 2])

@@ -1,5 +1,5 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
-"""What actor, critic and discriminator see in mjlab.
+"""Observations of actor, critic and discriminator in mjlab.
 
 The actor's frame comes late and with the sensors' bias where worlds differ; the critic's is true.
 

@@ -43,7 +43,7 @@ class FirstState:
     step: torch.Tensor
     """Steps since the cycle began, (n,)."""
     foot_place: torch.Tensor
-    """Where the right foot stands along the deck [m], (n,)."""
+    """Place of the right foot along the deck [m], (n,)."""
     action: torch.Tensor
     """The action that asks for the pose, (n, 23)."""
 

@@ -1,8 +1,8 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
 """Reads the task's quantities out of mjlab's simulation, always for all environments.
 
-Positions and velocities of the two free bodies come from qpos and qvel and are of this instant; poses of
-links are those of MuJoCo's last kinematics, which lag one simulation step when rewards are computed.
+Positions and velocities of the two free bodies are of this instant. Poses of links are of MuJoCo's last
+kinematics, one simulation step late when rewards are computed.
 """
 
 from typing import TYPE_CHECKING

@@ -13,7 +13,7 @@ def fallen(state: SkateState, inclination: float = math.radians(70)) -> Any:
 
 
 def off_board(state: SkateState, unloaded_before: Any) -> Any:
-    """Neither foot has loaded the deck, now and in the step before, bool (n,).
+    """Both feet are off the deck, now and in the step before, bool (n,).
 
     Args:
         unloaded_before: Whether neither foot loaded the deck one step earlier, bool (n,).
@@ -29,8 +29,8 @@ def body_contact(state: SkateState) -> Any:
 def idle_foot(state: SkateState, patience: Any) -> Any:
     """The pushing foot has not touched the ground for longer than `patience` [s] of pushing, bool (n,).
 
-    Rolling on one leg with the other held over the ground is stable and keeps most of the speed of the
-    first pushes, so a learner that has found it stops pushing.
+    Rolling on one leg is stable and keeps most of the speed of the first pushes: a learner that finds it stops
+    pushing.
     """
     idle = namespace(state.left_air_time).where(
         state.left_air_time < state.time_in_push, state.left_air_time, state.time_in_push

@@ -1,8 +1,8 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
 """Domain randomisation: every world's own place within `sim.skate.options.Variation`, scaled by one strength.
 
-The places are drawn once and kept, so that raising the strength from 0 to 1 moves every world gradually from
-the nominal one to its own, between two iterations and without a reset.
+Each place is drawn once and kept. Raising the strength from 0 to 1 moves a world gradually from the nominal one
+to its own, without a reset.
 """
 
 import math
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 MEMORY = 3
 """Policy steps that delays reach over, the present one included."""
 LEVEL_SHARE, ASCENT_SHARE, DESCENT_SHARE = 0.3, 0.35, 0.2
-"""Shares of the segments of ground that are level, long ways up and short ways down; the others are long ways down, on which
-nobody fell. Of the way, a third is level: a rider who hardly sees the slope must not take every ground for one."""
+"""Shares of the segments of ground that are level, long ways up and short ways down; the others are long ways
+down. Of the way, a third is level: a rider who hardly sees the slope must not take every ground for one."""
 LONG, SHORT = (3.0, 20.0), (1.0, 4.0)
 """How long segments of ground are, evenly spread in the logarithm: level ones and long slopes, short ways down [m]."""
 LEDGE_EVERY = 5.0
@@ -61,7 +61,7 @@ class Worlds:
         "actuator_biasprm",
         "geom_friction",
     )
-    """What mjlab shall keep for each world."""
+    """Fields that mjlab keeps for each world."""
 
     def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
         """Draw every world's place."""
@@ -89,7 +89,7 @@ class Worlds:
         self.sensor_lag = torch.zeros(n, device=device)
         """Policy steps from the sensors to the policy, (n,)."""
         self.bias = torch.zeros_like(self._bias)
-        """What sensors are off by, in the units of a raw frame, (n, 78)."""
+        """Bias of the sensors, in the units of a raw frame, (n, 78)."""
         self.rolling = torch.zeros(n, device=device)
         """Logarithm of the factor of the rolling friction, (n,)."""
         self.mass = torch.zeros(n, device=device)
@@ -152,7 +152,7 @@ class Worlds:
     def roll_on(self) -> None:
         """Let the ground change under boards that have rolled on for a policy step."""
         velocity = self._env.sim.data.qvel[:, self._board_v : self._board_v + 2]
-        # What has broken down is about to begin anew.
+        # Broken worlds are about to begin anew.
         way = CONTROL_PERIOD * torch.nan_to_num(velocity.norm(dim=-1))
         self._remaining -= way
         over, (gradient, length) = self._remaining < 0, self._segment()
@@ -179,7 +179,7 @@ class Worlds:
         return torch.where(level, 0.0, self.strength * slope)[:, None] * ahead, length
 
     def _board(self) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return place in the plane [m], (n, 2), and heading [rad], (n,), of boards; 0 of what has broken down."""
+        """Return place in the plane [m], (n, 2), and heading [rad], (n,), of boards; 0 in broken worlds."""
         pose = torch.nan_to_num(self._env.sim.data.qpos[:, self._board_q : self._board_q + 7])
         return pose[:, :2], rotation.yaw(pose[:, 3:])
 

@@ -1,8 +1,8 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
-"""What touches what, in mjlab: the contact sensors of the skating scene.
+"""Contact sensors of the skating scene in mjlab.
 
-Few and broad, because each costs time in every physics step: what else of the robot touches ground or
-board follows by subtracting what the feet touch.
+They are few and broad, because each costs time in every physics step. Contacts of other parts are all contacts
+less those of the feet.
 """
 
 from typing import TYPE_CHECKING

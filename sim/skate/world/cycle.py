@@ -1,4 +1,4 @@
-"""Where the robot is on the board at each step of the cycle."""
+"""The robot's pose on the board at each step of the cycle."""
 
 import numpy as np
 

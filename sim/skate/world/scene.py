@@ -36,10 +36,10 @@ Plain MuJoCo keeps its own limits (100, 50): its line search, cut at 20, moves a
 SENSORS = ("imu_ang_vel", "imu_lin_vel")
 """Sensors of the robot's model that the task reads."""
 EXTENT = 2.0
-"""Size of what a camera looks at [m]; from the lane's own, MuJoCo would cut the robot off as too near."""
+"""Size of a camera's scene [m]; with the lane's own, MuJoCo would clip the robot as too near."""
 
 STANDING_PELVIS = (-0.03, 0.10)
-"""Where the pelvis of a robot that stands with one foot on the deck is, from the board's middle, forward and left [m]."""
+"""Pelvis of a robot that stands with one foot on the deck, from the board's middle, forward and left [m]."""
 DECK_TOP = 0.11
 """Height of the deck's upper face over the ground [m]."""
 ROBOT, BOARD = "robot/", "board/"
@@ -88,7 +88,7 @@ def skate_spec(board: Board, options: SceneOptions | None = None, *, visuals: bo
     add_terrain(spec, options.terrain)
     robot = g1.g1_spec(visuals=visuals)
     g1.add_servos(robot)
-    # A child's options are not taken over by attach; only the names and what they carry are.
+    # Attaching takes over named elements, not a child's options.
     written = as_written(board, options)
     for child, prefix in ((robot, ROBOT), (_board_child(written, options), BOARD)):
         spec.attach(child, prefix=prefix, frame=spec.worldbody.add_frame())
@@ -109,7 +109,7 @@ def as_written(board: Board, options: SceneOptions) -> Board:
 def standing_state(model: mujoco.MjModel) -> Array:
     """Return a configuration of the plain scene, shape (nq,): one foot on the deck, one on the ground.
 
-    The robot, in its default pose, is lowered until the first foot touches what is under it.
+    The robot, in its default pose, is lowered until the first foot touches.
 
     Args:
         model: Compiled from `skate_spec`.

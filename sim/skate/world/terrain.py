@@ -2,8 +2,8 @@
 # (MuJoCo ships no type stubs.)
 """The ground of the skating scene: flat, long slopes, or ledges to roll down.
 
-Slopes lie along +x, where a robot starts to skate; sideways the lane is wide enough for any turn. Ledges lie in squares about
-the start: as lanes, those who had turned back met them as walls, which no board climbs, and who rode aside met none.
+Slopes lie along +x, where a robot starts to skate; sideways the lane is wide enough for any turn. Ledges lie in
+squares about the start. Lanes would be walls to a rider who turned back.
 """
 
 import math
@@ -26,7 +26,7 @@ LEDGE = "ledge"
 LEDGE_SIZE = (10.0, 10.0, 0.5)
 """Half its length, width and height [m]: more than a rider rolls before he is over its edge."""
 _LEDGE_BIT = 2
-"""Contact bit of the slab and of what touches it."""
+"""Contact bit of the slab and of its partners."""
 
 _HALF_WIDTH = 60.0
 """Half the width of the lane [m]: straight to the side at the largest speed, 1.5 m/s, for twice the paper's episode of 20 s."""

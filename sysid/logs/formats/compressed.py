@@ -40,7 +40,7 @@ def open_compressed(path: Path) -> LogFile:
 
 @contextmanager
 def _unpacked(path: Path) -> Generator[LogFile]:
-    """Unpack a log for a while; what is wrong with it is said of the file that the user named."""
+    """Unpack a log for a while; errors name the user's file."""
     with path.open("rb") as file:
         head = file.read(16)
     unpack = next(opener for magic, opener in UNPACKERS.items() if head.startswith(magic))

@@ -112,7 +112,7 @@ class TextTable:
         """Return columns by their index, read cell by cell; lines of words between the rows, and rows that were cut, are missing.
 
         Raises:
-            SysidError: A cell among numbers is none, or a row is too long.
+            SysidError: A cell among numbers is a text, or a row is too long.
         """
         import pandas as pd
 

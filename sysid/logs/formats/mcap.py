@@ -69,7 +69,7 @@ def _refuse_bomb(path: Path) -> None:
 
 
 def _frame_size(method: bytes, frame: bytes) -> int:
-    """Return the size [bytes] that a packed frame states for what is in it; 0 where it states none."""
+    """Return the unpacked size [bytes] that a packed frame states; 0 without one."""
     if method == b"zstd":
         import zstandard
 

@@ -15,7 +15,7 @@ from sysid.logs.table.names import TIME_UNITS, Column, parse_column, stem_of_clo
 from sysid.roll import Array
 
 FRAME = "frame"
-"""What motion capture calls the column that counts its pictures."""
+"""Name of motion capture's column that counts pictures."""
 
 
 def with_frame_clock(log: LogFile, rate: float) -> LogFile:
@@ -40,7 +40,7 @@ def with_frame_clock(log: LogFile, rate: float) -> LogFile:
 
 
 def with_own_clocks(log: LogFile) -> LogFile:
-    """Return a table of t1, x1, t2, x2, ... as sensors with clocks of their own; the log itself where it is none."""
+    """Return a table of t1, x1, t2, x2, ... as sensors with clocks of their own; other logs as they are."""
     columns = [parse_column(name, log.units.get(name)) for name in log.names]
     starts = [
         n for n, c in enumerate(columns) if c.kind == "time" or re.fullmatch(r"t\W?\d+", c.name.lower())

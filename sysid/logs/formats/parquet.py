@@ -14,7 +14,7 @@ from sysid.logs.table.file import LogFile
 from sysid.roll import Array
 
 INFO = "meta/info.json"
-"""Where a LeRobot data set says what the elements of its lists are."""
+"""File of a LeRobot data set with the names of its lists' elements."""
 MAX_ELEMENTS = 256
 """Elements of a list that is a robot's state; longer ones are pictures."""
 

@@ -50,7 +50,7 @@ def open_zip(path: Path) -> LogFile:
                 files.append(target)
             try:
                 return merge(path, files)
-            except SysidError as error:  # says it of what was unpacked
+            except SysidError as error:  # it names the unpacked file
                 raise SysidError(str(error).replace(folder, str(path))) from error
     except (*(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error), *_DAMAGE) as error:
         raise SysidError(f"{path}: damaged or locked archive ({error}). Export it again.") from error
@@ -73,15 +73,15 @@ def _is_table(file: Path) -> bool:
 
 
 def _of_motion(tables: Sequence[T], name: Callable[[T], Path]) -> list[T]:
-    """Return the tables of motion sensors; all where none is called so."""
+    """Return the tables of motion sensors; all without such a name."""
     return [table for table in tables if MOTION.search(name(table).stem)] or list(tables)
 
 
 def merge(path: Path, files: Sequence[Path]) -> LogFile:
-    """Read the motion sensors among the files of an export; the only one with a clock where none is called so.
+    """Read the motion sensors among the files of an export; without such a name, the only table with a clock.
 
     Raises:
-        SysidError: They are damaged, none is a table with a clock, or several are and nothing tells them apart.
+        SysidError: They are damaged, or not exactly one table has a clock.
     """
     wanted = _of_motion(files, lambda file: file)
     if len(wanted) == 1 or any(MOTION.search(file.stem) for file in wanted):

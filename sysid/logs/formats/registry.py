@@ -28,9 +28,9 @@ class Format:
 
     name: str
     order: int
-    """Formats are asked in this order; the last one takes what nobody knows."""
+    """Formats are asked in this order; the last one takes all other files."""
     sniff: Callable[[Path, bytes], bool]
-    """Whether a file is of this format, from its path and its first 16 bytes (none of a folder)."""
+    """Whether a file is of this format, by its path and its first 16 bytes (empty for a folder)."""
     open: Callable[[Path], LogFile]
     """The file as named columns of numbers."""
 

@@ -40,7 +40,7 @@ def open_workbook(path: Path) -> LogFile:
             files.append(file)
         try:
             return merge(path, [file for file in files if file.stat().st_size > 0])
-        except SysidError as error:  # says it of what was unpacked
+        except SysidError as error:  # it names the unpacked file
             raise SysidError(str(error).replace(folder, str(path))) from error
 
 

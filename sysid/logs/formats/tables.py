@@ -149,7 +149,7 @@ def _full_name(stem: str, name: str) -> str:
 
 
 def motion_first(sensors: Iterable[str]) -> list[str]:
-    """Return the sensors of motion among some names; all where none says so."""
+    """Return the sensors of motion among some names; all without such a name."""
     names = list(map(str, sensors))
     return [name for name in names if MOTION.search(name)] or names
 

@@ -17,11 +17,11 @@ from sysid.noise.sensor import saturated
 from sysid.roll import Array, Roll
 from sysid.text import display
 
-TURN = 360.0
+TURN = TURNS["deg"]
 """Angles that count on over a turn in whole numbers are counts, for degrees begin again [deg]."""
 LEAST_DEGREES, MOST_RADIANS = 0.5, 30.0
-"""A log without a unit that reaches so far from its median may be of either: half a degree is a swing that a sensor still sees,
-and some turns are what an arm may make."""
+"""Between these, a log without a unit may be in either. Sensors still see a swing of half a degree, and an arm may
+make some turns."""
 
 
 def find_angle(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:

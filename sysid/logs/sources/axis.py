@@ -64,7 +64,7 @@ class Plane:
     left: Array
     """Unit vector to the left of it, seen along the roll axis from behind, shape (3,)."""
     zero: Remarks
-    """Where roll is zero, in words."""
+    """The zero of roll in words."""
 
     def of(self, vectors: Array) -> npt.NDArray[np.complex128]:
         """Return the parts of vectors, shape (n, 3), along top and left as complex numbers in their unit, shape (n,)."""
@@ -74,8 +74,8 @@ class Plane:
 def plane_about(axis: Array, up: Array) -> Plane | None:
     """Return the plane square to the roll axis; None if the axis is upright, where gravity tells no roll.
 
-    Roll is zero where the sensor axis that is nearest to the vertical points along it, as seen along the roll
-    axis: a sensor that lies flat reads the true roll, whichever of its faces is up.
+    Roll is zero where the sensor axis nearest to the vertical points along it, seen along the roll axis. So a sensor
+    that lies flat reads the true roll, on any of its faces.
 
     Args:
         axis: Unit vector forward in sensor axes, shape (3,).

@@ -12,7 +12,6 @@ from sysid.logs.sources.gyro import half_cycle, rate_scale, roll_from_rate
 from sysid.logs.sources.registry import Reading, Source
 from sysid.logs.sources.swing_smoother import (
     PER_SWING,
-    STANDARD_GRAVITY,
     Blocks,
     Swing,
     block_means,
@@ -27,11 +26,11 @@ from sysid.quantity import Z95
 from sysid.roll import Array, Roll
 
 TRIAD_UNITS = ("rad/s", "deg/s", "mrad/s", "mdeg/s")
-"""Units that three-axis gyros write; a speed in rpm is that of a wheel, and its column says so."""
+"""Units of three-axis gyros; a speed in rpm is a wheel's."""
 PART = 10.0
 """Length of the liveliest part of a record, which tells the gyro's unit [s]."""
 MIN_ERROR_RATIO, MIN_GAIN_RATIO = 1.2, 20.0
-"""Ratio of what another unit leaves to what the best does, at least; and of the size of a count to its standard deviation [1]."""
+"""Least ratio of another unit's residual to the best one's, and of the size of a count to its standard deviation [1]."""
 USUAL_ARM = 0.5
 """Standard deviation of a lever arm on a board, before it is known [m]."""
 LASTING = 2.0
@@ -170,7 +169,7 @@ def _start(blocks: Blocks, scale: float = 1.0) -> tuple[Array, complex, float]:
     The angle is the gyro's integral; with its course given, gravity, a slow drift and the lever arm are linear.
 
     Args:
-        blocks: What was measured.
+        blocks: The measurement.
         scale: Of the gyro [rad/s in its unit].
     """
     assert blocks.rate is not None
@@ -191,7 +190,8 @@ def _start(blocks: Blocks, scale: float = 1.0) -> tuple[Array, complex, float]:
 def roll_from_accelerometer(reading: Reading) -> Roll:
     """Return the roll of a swing from three accelerations.
 
-    Along the motion they feel g sin φ + r φ̈, so that frequency and damping need no lever arm r; the size of the swing does.
+    Along the motion they feel g sin φ + r φ̈, which is proportional to φ in a swing. So frequency and damping need no
+    lever arm r. The size of the swing does: accelerations along the arm tell it if the swing is wide.
 
     Raises:
         SysidError: They hold no gravity, or the axis is upright.
@@ -225,7 +225,6 @@ def roll_from_accelerometer(reading: Reading) -> Roll:
     tilt = swing.gravity + omega**2 * swing.arm.real
     scale_std = abs(omega**2 * float(swing.std[3]) / tilt)
     if not scale_std < CONSISTENT:
-        swing = _swung(blocks, omega, 0j, 0j)
         tilt, scale_std = swing.gravity, 1.0
         remarks += warning(
             "nothing tells the lever arm from the axis to the accelerometer: frequency and damping are right, the size of the "
@@ -243,26 +242,25 @@ def roll_from_accelerometer(reading: Reading) -> Roll:
             f"sits ({', '.join(f'{100 * v:.1f}' for v in arm)}) cm from the axis of rotation, {how}",
         )
     shown = ", ".join(f"{value:.2f}" for value in axis * choice.sign)
-    std = float(np.median(blocks.accel_std)) / abs(tilt)
+    along = plane.of(accel).imag
+    roll = along / tilt
+    roll = (along + swing.gravity * (roll - np.sin(roll))) / tilt
+    std = noise_of(reading.time, along).std / abs(tilt)
     remarks += note("axis", f"({shown}) of the sensor, taken as forward") + plane.zero
-    remarks += note("noise", f"{np.rad2deg(std):.2g}° in each of {len(swing.angle)} means")
-    return replace(reading, time=blocks.edges).as_roll(
-        swing.angle,
-        np.full(len(swing.angle), std),
-        "accelerometer",
-        remarks,
-        zero="constant",
-        scale_std=scale_std,
+    remarks += note("noise", f"{np.rad2deg(std):.2g}° from the whole signal")
+    return reading.as_roll(
+        roll, np.full(roll.size, std), "accelerometer", remarks, zero="constant", scale_std=scale_std
     )
 
 
 def _swung(blocks: Blocks, omega: float, first: complex, arm: complex | None) -> Swing:
     """Smooth accelerations alone: the search begins from a swing at `omega` [rad/s] with the lever arm `first` [m]."""
-    size = STANDARD_GRAVITY + omega**2 * first.real
+    size = ACCEL_UNITS["g"] + omega**2 * first.real
     along = np.interp(blocks.edges, 0.5 * (blocks.edges[1:] + blocks.edges[:-1]), blocks.accel.imag)
     start = along / (size if abs(size) > 1.0 else np.copysign(1.0, size))
     with np.errstate(all="ignore"):  # a start that leads nowhere
-        swing = smooth_swing(blocks, start, arm=arm, first=first, stiff=0.1 * float(np.std(start)))
+        stiff = 0.1 * float(np.std(start))
+        swing = smooth_swing(blocks, start, arm=arm, first=first, arm_std=USUAL_ARM, stiff=stiff)
     return swing if np.isfinite(swing.cost) else replace(swing, cost=np.inf)
 
 
@@ -272,12 +270,12 @@ def accel_in_si(accel: Array, choice: Choice) -> tuple[Array | None, Remarks]:
     if choice.accel_unit is not None:
         scale = ACCEL_UNITS[choice.accel_unit]
     else:
-        usual = 0.8 * STANDARD_GRAVITY, 1.25 * STANDARD_GRAVITY
+        usual = 0.8 * ACCEL_UNITS["g"], 1.25 * ACCEL_UNITS["g"]
         known = {unit: size for unit, size in ACCEL_UNITS.items() if usual[0] < norm * size < usual[1]}
-        scale = next(iter(known.values()), STANDARD_GRAVITY / norm if norm > 100 else 1.0)
+        scale = next(iter(known.values()), ACCEL_UNITS["g"] / norm if norm > 100 else 1.0)
         unit = next(iter(known), f"counts of {scale:.3g} m/s²")
         remarks += note("accelerometer", f"in {unit}, because they rest at {norm:.4g}")
-    if not 0.7 < norm * scale / STANDARD_GRAVITY < 1.4:
+    if not 0.7 < norm * scale / ACCEL_UNITS["g"] < 1.4:
         remarks += warning(
             f"'{choice.columns[-3]}' holds no gravity (it rests at {norm * scale:.2g} m/s²): gyro alone. "
             "Record the accelerometer with gravity"

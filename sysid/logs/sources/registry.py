@@ -1,7 +1,7 @@
 """Registry of sensor kinds from which roll can be made: one a file of this folder, discovered by its file.
 
-Such a file ends in `SOURCE = Source(...)`. What a kind of sensor means for whoever uses the roll (whether its
-zero is known, what it measures) is written into the `Roll`, so that nobody need ask for the kind.
+Such a file ends in `SOURCE = Source(...)`. A source writes facts of its sensor (whether the zero is known, which
+quantity was measured) into the `Roll`.
 """
 
 import importlib
@@ -72,7 +72,7 @@ class Reading:
         return slice(low, high) if self.time[low:high].size >= MIN_SAMPLES else slice(None)
 
     def as_roll(self, roll: Array, std: Array, origin: str, remarks: Remarks, **more: Any) -> Roll:
-        """Return roll and its standard deviation [rad], shape (n,) each, with what is to be said of them."""
+        """Return roll and its standard deviation [rad], shape (n,) each, with remarks."""
         return Roll(
             log=self.log, time=self.time, roll=roll, std=std, origin=origin, notes=remarks.notes,
             warnings=remarks.warnings, **more,
@@ -86,17 +86,17 @@ class Source:
     name: str
     """As `--source` takes it."""
     order: int
-    """Where the names of the columns leave it open, the lowest is taken."""
+    """The lowest is taken if the columns' names leave it open."""
     quantity: Literal["angle", "rate"] | None
-    """What `--unit` gives the unit of; None where the columns have none."""
+    """Quantity of `--unit`; None for columns without unit."""
     find: Callable[[Sequence[Column], str, float], Sequence[Choice]]
     """Its columns among some, about an axis ('' for any) with a sign: the best by their names first, none where none are
     there."""
     to_roll: Callable[[Reading], Roll]
     """Roll from its columns, with notes and warnings of its own."""
     moving: int = 0
-    """How many of its columns, from the first on, are angles or rates that a deck moves smoothly: a lone sample beside its
-    neighbours is an outlier there. Accelerations are knocked, and a quaternion's sign is free."""
+    """Number of its columns, from the first on, that move smoothly, so that a lone sample far from its neighbours is
+    an outlier. Accelerations are knocked, and a quaternion's sign is free."""
     unwrap: Callable[[Choice, Array], tuple[Choice, Array, npt.NDArray[np.intp] | None]] | None = None
     """Its one column, shape (n,), without jumps by a whole turn, what these tell of it, and the rows that stay, None for all;
     None where it does not begin again."""

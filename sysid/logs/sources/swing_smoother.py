@@ -1,33 +1,35 @@
 """The angle of a sensor that turns about one axis, from gyro and accelerometer together, or from the accelerometer alone.
 
 Least squares over the whole record finds the angle φ at the edges of short blocks, and the constants of the sensors. Each
-block says three things of the angles at its edges: the gyro's mean rate is the difference of the angles, but for its
-offset b and gain error c; and the two accelerations square to the axis, written as one complex number, are
+block measures the angles at its edges. The gyro's mean rate is their difference, but for its offset b and gain error
+c. The two accelerations square to the axis, as one complex number, are
 
     a = G e^(iφ) - (i φ̈ + φ̇²) ρ
 
-with gravity G and the lever arm ρ from the axis to the accelerometer. The angles have no prior, so the estimate is unbiased,
-and each sensor counts with what it is good to: the gyro where the motion is fast, gravity where it is slow. A linear filter
+with gravity G and the lever arm ρ from the axis to the accelerometer. The angles have no prior, so the estimate is
+unbiased. Each sensor counts by its noise: the gyro in fast motion, gravity in slow motion. A linear filter
 that treats all times alike leaves the frequency and the damping of a decay as they are.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from sysid.logs.table.clock import GAP
+from sysid.logs.table.names import ACCEL_UNITS
 from sysid.roll import Array
 
-STANDARD_GRAVITY = 9.80665
-"""[m/s²], by definition (CGPM 1901)."""
 PER_SWING = 20
 """Blocks in a period: their mean takes (π/20)²/6 = 0.4 % of a swing's amplitude, from gyro and accelerometer alike."""
 ROUNDS = 8
 """Steps of Gauss and Newton; the fourth moves the angle by less than rounding."""
 GAIN_STD = 0.02
 """Typical gain error of a MEMS gyro, as a share: 1 to 3 % in data sheets."""
+MOST_FILLED = 1000
+"""Nodes of the line across a gap: bounds the memory."""
 LONGEST_ARM = 5.0
 """Standard deviation of a lever arm before it is known [m]."""
 _EDGES = np.array([[-1.0, 13.0, 13.0, -1.0]]) / 24
@@ -60,7 +62,7 @@ class Blocks:
 
 @dataclass(frozen=True, slots=True)
 class Swing:
-    """What gyro and accelerometer say together."""
+    """Result of gyro and accelerometer together."""
 
     angle: Array
     """At the blocks' edges [rad], shape (n + 1,)."""
@@ -87,16 +89,18 @@ def smooth_swing(
     arm: complex | None = None,
     first: complex = 0j,
     gain_std: float = GAIN_STD,
+    arm_std: float = LONGEST_ARM,
     stiff: float = 0.0,
 ) -> Swing:
     """Find angle, offset, gain, gravity and lever arm.
 
     Args:
-        blocks: What was measured.
+        blocks: The measurement.
         start: First guess of the angle at the blocks' edges [rad], shape (n + 1,).
         arm: The lever arm [m], where it is known.
-        first: Where the search for the lever arm begins [m].
+        first: First guess of the lever arm [m].
         gain_std: Of the gyro's gain error [1].
+        arm_std: Of the lever arm, before it is known [m].
         stiff: Standard deviation of the fourth difference of the angle [rad]; 0 for none, which needs a gyro.
     """
     from scipy import sparse
@@ -111,8 +115,8 @@ def smooth_swing(
     has_gyro = blocks.rate is not None
     rates = blocks.rate if blocks.rate is not None else np.zeros(n)
     phi, rho = start.copy(), first if arm is None else arm
-    const = np.array([0.0, 0.0, STANDARD_GRAVITY, rho.real, rho.imag])
-    prior = np.array([np.inf, gain_std, np.inf, LONGEST_ARM, LONGEST_ARM])
+    const = np.array([0.0, 0.0, ACCEL_UNITS["g"], rho.real, rho.imag])
+    prior = np.array([np.inf, gain_std, np.inf, arm_std, arm_std])
     free = np.array([has_gyro, has_gyro, True, arm is None, arm is None])
     cost, now, left, inverse = np.inf, np.inf, np.zeros(n, complex), np.eye(5)
     for _ in range(ROUNDS):
@@ -179,18 +183,24 @@ def _stencil(weights: Array, rows: int, nodes: int) -> Any:
     return sparse.csr_matrix((np.tile(weights.ravel(), rows), at), shape=(rows, nodes))
 
 
-def block_means(time: Array, values: Sequence[Array], step: float) -> tuple[Array, list[Array]]:
-    """Return the edges of blocks of about `step` [s] on an even clock, and the means of values, shape (n,) each, between them.
+def integral_of(time: Array, values: Array) -> Callable[[Array], Array]:
+    """Return the integral of a cubic spline through samples, shape (n,), as a function of time [s].
 
-    The means are those of a cubic spline through the samples, so that neither uneven stamps nor few samples a period shift
-    them; across a gap it would swing out, and the line through its ends takes its place.
+    Uneven stamps or few samples a period do not shift it. A line bridges gaps, where a spline would overshoot.
     """
     from scipy.interpolate import CubicSpline
 
-    edges = np.linspace(time[0], time[-1], max(8, int((time[-1] - time[0]) / step)) + 1)
     steps = np.diff(time)
-    gaps = np.flatnonzero(steps > 3 * np.median(steps))
-    fill = [np.linspace(time[k], time[k + 1], 2 + int(steps[k] / np.median(steps)))[1:-1] for k in gaps]
+    usual = float(np.median(steps))
+    gaps = np.flatnonzero(steps > GAP * usual)
+    fill = [
+        np.linspace(time[k], time[k + 1], 2 + min(int(steps[k] / usual), MOST_FILLED))[1:-1] for k in gaps
+    ]
     fine = np.sort(np.concatenate([time, *fill]))
-    sums = [CubicSpline(fine, np.interp(fine, time, column)).antiderivative()(edges) for column in values]
-    return edges, [np.diff(total) / np.diff(edges) for total in sums]
+    return CubicSpline(fine, np.interp(fine, time, values)).antiderivative()
+
+
+def block_means(time: Array, values: Sequence[Array], step: float) -> tuple[Array, list[Array]]:
+    """Return the edges of blocks of about `step` [s] on an even clock, and the means of values, shape (n,) each, between them."""
+    edges = np.linspace(time[0], time[-1], max(8, int((time[-1] - time[0]) / step)) + 1)
+    return edges, [np.diff(integral_of(time, column)(edges)) / np.diff(edges) for column in values]

@@ -54,7 +54,7 @@ def chosen(columns: Sequence[Column], axis: str, sign: float, how: str, **more: 
 
 
 def columns_of(log: LogFile, options: LogOptions) -> tuple[Column | None, list[Column]]:
-    """Return the column of time, None where the user gives the rate, and the others with what is known of them.
+    """Return the column of time, None where the user gives the rate, and the parsed others.
 
     Raises:
         SysidError: There is no time, or nothing says what the columns are.

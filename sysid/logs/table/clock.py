@@ -58,8 +58,8 @@ def even_clock(count: int, rate: float, kept: npt.NDArray[np.intp] | None = None
 def time_scale(stamps: Array, unit: str | None) -> tuple[float, str]:
     """Return seconds per unit of the stamps, shape (n,), and how that is known.
 
-    Where the name gives no unit, the size of an epoch stamp or the usual step gives it: sampling rates of
-    boards lie between 5 Hz and 5 kHz, and the units are a thousand apart.
+    Without a unit in the name, the size of an epoch stamp or the usual step tells it. Sampling rates lie between 5 Hz
+    and 5 kHz, and the units are a thousand apart.
     """
     if unit == "100 us" and typical_step(stamps) * TIME_UNITS[unit] > 0.2:
         unit = "us"  # Xsens counts so in its trackers, and in microseconds in its DOTs
@@ -89,9 +89,8 @@ def repair_clock(
 ) -> Clock:
     """Make a strictly increasing clock of a log's stamps.
 
-    Each repair is one assumption about the logger: it wrote the newest row first, its counter overflowed, it began
-    anew, its clock stopped, it wrote rows twice or out of order, it repeated what a slow sensor measured, or it stamped
-    samples late or rounded their times. Gaps are kept and reported.
+    Repairs: newest row first, counter overflows, restarts, a clock that stops, rows twice or out of order, repeats of
+    a slow sensor, late or rounded stamps. Gaps are kept and reported.
 
     Args:
         stamps: Finite stamps in the order of the file, shape (n,).
@@ -171,8 +170,7 @@ def _cut_frozen(clock: Clock) -> None:
 def drop_repeats(clock: Clock, signal: Array) -> None:
     """Keep one row a measurement where a slow sensor was logged faster than it measures, by its signal in any unit, shape (n,).
 
-    A held value stands for some rows while the signal moves fast; an encoder between two counts does so only while it
-    moves slowly, in steps of a count.
+    A held value stays for some rows of a fast motion. An encoder repeats a count only while it moves slowly.
     """
     starts, lengths = _runs(np.diff(signal) == 0)
     changes = np.abs(np.diff(signal[starts]))
@@ -250,8 +248,8 @@ def _drop_copies(clock: Clock, signal: Array) -> None:
 def _even_out(clock: Clock, signal: Array) -> None:
     """Replace stamps that are rounded or late by the even clock of the sensor, where there is one.
 
-    Rounded stamps lie within half their resolution of an even clock. Late stamps come in bursts, which no sensor
-    measures in. Of others the signal tells: what it is off by grows with its slope by as much as its times are off.
+    Rounded stamps lie within half their resolution of an even clock. Late stamps come in bursts; sensors measure
+    evenly. For other stamps the signal decides: time errors make errors that grow with its slope.
     """
     steps = np.diff(clock.time)
     resolution = quantisation_step(np.diff(steps[: 100 * WINDOW]))
@@ -289,9 +287,9 @@ def _even_out(clock: Clock, signal: Array) -> None:
 def _even_times(time: Array) -> Array | None:
     """Fit an even clock to stamps that may be late, with whole samples missing here and there; None where none fits.
 
-    Where each step spans a whole number of samples, their sum is the index. Else the stamps are late and never early by
-    much, so the lowest of (stamp − index · period) within a window longer than a burst is the true offset; where that
-    steps up and stays up, samples are missing.
+    Steps of whole samples add up to the index. Otherwise stamps are late, never early by much. So the lowest of
+    (stamp − index · period) in a window longer than a burst is the offset. Samples are missing where it steps up and
+    stays up.
     """
     size = time.size
     steps = np.diff(time)

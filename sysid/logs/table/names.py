@@ -2,7 +2,7 @@
 
 Names come from phones, robots and spreadsheets: `roll_deg`, `gyroX (rad/s)`, `angular_velocity.x`,
 `Gyroscope x (rad/s)`, `ax`. A name is cut into words, its unit is taken off, and the words that are
-left decide. What the name leaves open stays None, and the content has to say (`sysid.logs.table.choose`).
+left decide. Open questions stay None, and the content decides (`sysid.logs.table.choose`).
 """
 
 import re
@@ -62,7 +62,7 @@ _UNITS_OF: dict[Kind, dict[str, tuple[float, str]]] = {
         "h": (3600.0, "hr|hrs|hour|hours"),
     },
 }
-"""Units by what they measure: size in SI, and other spellings."""
+"""Units by quantity: size in SI, and other spellings."""
 ANGLE_UNITS, RATE_UNITS, ACCEL_UNITS, LENGTH_UNITS, SPEED_UNITS, TIME_UNITS = (
     {unit: size for unit, (size, _) in units.items()} for units in _UNITS_OF.values()
 )
@@ -82,63 +82,66 @@ def _plain(text: str) -> str:
 
 
 def _vocabulary(words: str) -> set[str]:
-    return set(_plain(words).split())
+    return set(_plain(words).split("|"))
 
 
 _TIME_WORDS = _vocabulary(
-    "t time times timestamp timestamps stamp elapsed clock ts epoch datetime utc millis micros arrival tick ticks "
-    "zeit zeitpunkt uhrzeit tiempo temps tempo czas tid tijd aika cas ido timp zaman sure vreme vrijeme tempus waktu masa "
-    "время час χρονος 時間 时间 時刻 时刻 시간 समय เวลา الزمن الوقت زمن זמן"
+    "t|time|times|timestamp|timestamps|stamp|elapsed|clock|ts|epoch|datetime|utc|millis|micros|arrival|"
+    "tick|ticks|zeit|zeitpunkt|uhrzeit|tiempo|temps|tempo|czas|tid|tijd|aika|cas|ido|timp|zaman|sure|"
+    "vreme|vrijeme|tempus|waktu|masa|время|час|χρονος|時間|时间|時刻|时刻|시간|समय|เวลา|الزمن|الوقت|زمن|זמן"
 )
 _RATE_WORDS = _vocabulary(
-    "gyro gyr gyroscope gyroscopes gyroskop giroscopio gyroskopet omega rate speed velocity vel dot qvel angvel thetadot "
-    "phidot angularvelocity angularrate rotationrate qd dq qdot winkelgeschwindigkeit drehrate geschwindigkeit velocidad "
-    "velocidade vitesse velocita predkosc rychlost hastighet snelheid nopeus sebesseg viteza hiz скорость γωνιακη "
-    "角速度 角速率 速度 각속도 속도"
+    "gyro|gyr|gyroscope|gyroscopes|gyroskop|giroscopio|gyroskopet|omega|rate|speed|velocity|vel|dot|qvel|"
+    "angvel|thetadot|phidot|angularvelocity|angularrate|rotationrate|qd|dq|qdot|winkelgeschwindigkeit|"
+    "drehrate|geschwindigkeit|velocidad|velocidade|vitesse|velocita|predkosc|rychlost|hastighet|snelheid|"
+    "nopeus|sebesseg|viteza|hiz|скорость|γωνιακη|角速度|角速率|速度|각속도|속도"
 )
-_GYRO_WORDS = _vocabulary("gyro gyr gyroscope gyroskop giroscopio")
-_COMPUTED_WORDS = _vocabulary("angle angles integrated integral")
+_GYRO_WORDS = _vocabulary("gyro|gyr|gyroscope|gyroskop|giroscopio")
+_COMPUTED_WORDS = _vocabulary("angle|angles|integrated|integral")
 """Words beside the name of a gyro or an accelerometer that say the angle which was made of it: 'gyro_angle_x', 'accAngleY'."""
 _ACCEL_WORDS = _vocabulary(
-    "acc accel accelerometer acceleration acceler beschleunigung aceleracion aceleracao accelerazione przyspieszenie "
-    "acceleratie ускорение 加速度 가속도"
+    "acc|accel|accelerometer|acceleration|acceler|beschleunigung|aceleracion|aceleracao|accelerazione|"
+    "przyspieszenie|acceleratie|ускорение|加速度|가속도"
 )
-_QUATERNION_WORDS = _vocabulary("q quat quaternion orientation attitude")
+_QUATERNION_WORDS = _vocabulary("q|quat|quaternion|orientation|attitude")
 _ROLL_WORDS = _vocabulary(
-    "roll phi bank heel tilt lean rollwinkel neigung roulis rollio alabeo balanceo inclinaison крен ロール 横滚 滚转 롤"
+    "roll|phi|bank|heel|tilt|lean|rollwinkel|neigung|roulis|rollio|alabeo|balanceo|inclinaison|крен|ロール|"
+    "横滚|滚转|롤"
 )
 _ANGLE_WORDS = _ROLL_WORDS | _vocabulary(
-    "angle theta pitch yaw heading psi pos position q qpos encoder enc inclination deflection swing euler rpy ang rotation "
-    "winkel drehwinkel angulo angolo vinkel hoek kat kulma uhel uhol szog aci unghi kut sudut goc угол γωνια кут "
-    "角度 角 각도 कोण زاوية זווית มุม"
+    "angle|theta|pitch|yaw|heading|psi|pos|position|q|qpos|encoder|enc|inclination|deflection|swing|euler|"
+    "rpy|ang|rotation|winkel|drehwinkel|angulo|angolo|vinkel|hoek|kat|kulma|uhel|uhol|szog|aci|unghi|kut|"
+    "sudut|goc|угол|γωνια|кут|角度|角|각도|कोण|زاوية|זווית|มุม"
 )
 _OTHER_WORDS = _vocabulary(
-    "mag magnetometer magnetic magn temp temperature pressure battery voltage current torque effort force tau amps ampere "
-    "iq pwm duty load latitude longitude altitude heave surge sway area frame index sample count seq id row accuracy absolute "
-    "norm covariance gravity light sound movement label height width enable enabled done reward task mode status error_code"
+    "mag|magnetometer|magnetic|magn|temp|temperature|pressure|battery|voltage|current|torque|effort|force|"
+    "tau|amps|ampere|iq|pwm|duty|load|latitude|longitude|altitude|heave|surge|sway|area|frame|index|"
+    "sample|count|seq|id|row|accuracy|absolute|norm|covariance|gravity|light|sound|movement|label|height|"
+    "width|enable|enabled|done|reward|task|mode|status|error_code"
 )
 _KNOWN_WORDS = (
     _TIME_WORDS | _RATE_WORDS | _ACCEL_WORDS | _QUATERNION_WORDS | _ANGLE_WORDS | {"angular", *"wxyz"}
 )
-_PLACES = _vocabulary("x y z pos position distance displacement travel")
-"""Words of what may be measured in m."""
+_PLACES = _vocabulary("x|y|z|pos|position|distance|displacement|travel")
+"""Words before a lone 'm' that is a unit."""
 _COUNT_WORDS = {"tick", "ticks", "count", "counts", "pulse", "pulses", "step", "steps"}
 _STD_WORDS = {"std", "sigma", "stdev", "stddev", "sd"}
 _DOUBTFUL = _vocabulary(
-    "ref reference truth mocap optical goal target cmd command commanded setpoint desired des action raw logged err error model "
-    "sim simulated predicted uncalibrated wrapped old linear user fused free arrival receive received gps soll"
+    "ref|reference|truth|mocap|optical|goal|target|cmd|command|commanded|setpoint|desired|des|action|raw|"
+    "logged|err|error|model|sim|simulated|predicted|uncalibrated|wrapped|old|linear|user|fused|free|"
+    "arrival|receive|received|gps|soll"
 )
 """Words of columns that are not the plain measurement: goals, references, second-hand copies."""
 _DRIVING = {"motor", "rotor"}
-"""Words of what turns on the other side of a gear, which is less doubtful than any of those and more than the joint."""
+"""Words of a gear's other side: less doubtful than those above, more than the joint."""
 _GLUED = re.compile(
     r"(gyroscope|gyro|gyr|omega|w|g|accelerometer|accel|acc|a|magnetometer|mag|m|quat|q|rot)([xyzw])"
 )
 _GLUED_WORD = {"w": "omega", "g": "gyro", "a": "acc", "m": "mag", "q": "quat", "rot": "gyro"}
 _CLOCKS = {"sample time fine": "100 us", "x value": "s"}
-"""What Xsens and LabVIEW call their clocks."""
-_VECTORS = _QUATERNION_WORDS | _GYRO_WORDS | _vocabulary("acc accel accelerometer angular rpy euler xyz")
-"""Words of what has three or four parts: the index behind them is an axis, which that of `position[0]` is not."""
+"""Clocks of Xsens and LabVIEW."""
+_VECTORS = _QUATERNION_WORDS | _GYRO_WORDS | _vocabulary("acc|accel|accelerometer|angular|rpy|euler|xyz")
+"""Words of vectors: an index behind them is an axis. The index of `position[0]` is a joint."""
 _GREEK = str.maketrans({"φ": "phi", "ϕ": "phi", "θ": "theta", "ω": "omega", "γ": "tilt", "ψ": "psi"})
 
 
@@ -166,7 +169,7 @@ def says_counts(name: str) -> bool:
 
 
 def parse_unit(text: str) -> str | None:
-    """Return the unit's standard spelling, or None if it is none that is known here."""
+    """Return the unit's standard spelling, or None for an unknown unit."""
     plain = re.sub(r"\s+", " ", text.strip().strip("[](){}").strip().lower())
     return _UNITS.get(plain) or _UNITS.get(plain.replace("_", " ").replace("*", " "))
 

@@ -12,8 +12,8 @@ MAX_ROWS = 20_000
 def noise_of(time: Array, signal: Array) -> Noise:
     """Estimate a sensor's noise from the smoothness of its signal; see `sysid.noise.sensor.estimate_noise`.
 
-    On uneven stamps, sixth divided differences take the place of sixth differences: of unit norm, they leave white
-    noise as it is, and nothing of a polynomial of fifth degree.
+    On uneven stamps, sixth divided differences of unit norm replace sixth differences. They keep the size of white
+    noise and remove polynomials of fifth degree.
 
     Args:
         time: Strictly increasing [s], shape (n,).

@@ -34,7 +34,7 @@ COST = np.log1p(np.arange(256)).astype(np.float32)
 
 @dataclass(slots=True)
 class Background:
-    """Patches all over the picture, always compared with the first frame, so that nothing drifts."""
+    """Patches all over the picture, compared with the first frame: they do not drift."""
 
     lens: Lens
     stands: bool = False
@@ -53,7 +53,7 @@ class Background:
     """The background's motion since the first frame [px of the small picture], each (2, 3)."""
 
     def update(self, frame: Frame) -> Array:
-        """Take in the next frame; return the background's shift since the first one [px], shape (2,).
+        """Take in the next frame; return the shift of the picture's middle since the first one [px], shape (2,).
 
         Raises:
             SysidError: The picture changes all at once.
@@ -74,7 +74,8 @@ class Background:
         seen = self._follow(small)
         self._seen.append(seen * scale + (scale - 1) / 2)
         self._poses.append(self._likelier(small, seen))
-        return scale * self._poses[-1][:, 2]
+        middle = np.array(small.shape[::-1]) / 2
+        return scale * (self._poses[-1] @ np.append(middle, 1.0) - middle)
 
     def pose(self, number: int) -> tuple[Array, float]:
         """Return the background's motion since the first frame [px of the small picture], shape (2, 3), and the light's loss.
@@ -84,7 +85,7 @@ class Background:
         return self._poses[number], self._gains[number]
 
     def leave_out(self, moving: Mask) -> None:
-        """Stop following patches that reach into the pixels in which something moves, shape (height, width)."""
+        """Stop following patches that reach into pixels that move, shape (height, width) [px]."""
         scale = moving.shape[0] // self._first.shape[0]
         reach = 2 * scale * WINDOW
         near = cv2.boxFilter(moving.astype(np.uint8), -1, (reach, reach), normalize=False) > 0
@@ -106,8 +107,11 @@ class Background:
         if self.stands or usual.sum() < MIN_PATCHES:
             return still(len(turn), focal, centre, found=self.stands)
         spread = 0.0 if self.lens.known else FOCAL_SPREAD
-        places = (self.lens.straighten(one) @ np.array([1, 1j]) - centre for one in (home[usual], seen[:, usual]))
-        return find_shake(*(np.asarray(one, np.complex128) for one in places), focal, centre, turn, spread)
+        here, there = (
+            np.asarray(self.lens.straighten(one) @ np.array([1, 1j]) - centre, np.complex128)
+            for one in (home[usual], seen[:, usual])
+        )
+        return find_shake(here, there, focal, centre, turn, spread)
 
     def _follow(self, small: Picture) -> Points:
         """Find the patches, shape (m, 2) [px of the small picture]; NaN where one is not found."""
@@ -129,8 +133,8 @@ class Background:
     def _likelier(self, small: Picture, seen: Points) -> Array:
         """Return the shift and turn on which most patches agree if they are likelier than none.
 
-        The corners of the picture decide, as the body stays out of them: where nothing is seen behind the body, its own
-        motion would explain the picture better than none.
+        The median over the corners of the picture decides: a body reaches into one of them at most. Before a plain wall the
+        motion of the body itself would explain the whole picture better than none.
         """
         good = self._beside & np.isfinite(seen[:, 0])
         estimate: Any = cv2.estimateAffinePartial2D  # its stubs do not know that it may find nothing
@@ -140,17 +144,20 @@ class Background:
         if found is None:
             return IDENTITY
         size, flags = small.shape[::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        corners = np.ones(small.shape, np.uint8)
-        height, width = (side // 4 for side in small.shape)
-        corners[height:-height], corners[:, width:-width] = 0, 0
-        corners = cv2.bitwise_and(corners, cv2.warpAffine(np.ones_like(corners), found, size, flags=flags))
+        shown = cv2.warpAffine(np.ones_like(small), found, size, flags=flags)
         back = cv2.warpAffine(small, found, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
         # Means of 5x5 pixels: interpolation takes no noise away from them.
         first, *both = (cv2.blur(one, (5, 5)) for one in (self._first, small, back))
-        none, moved = (cv2.mean(cv2.LUT(cv2.absdiff(one, first), COST), corners)[0] for one in both)
-        count = cv2.countNonZero(corners) / 16**2  # a film holds blocks of 16x16 pixels, whose errors are one
+        none, moved = (cv2.LUT(cv2.absdiff(one, first), COST) for one in both)
+        height, width = (side // 4 for side in small.shape)
+        gains = [
+            cv2.mean(none[rows, columns] - moved[rows, columns], shown[rows, columns])[0]
+            for rows in (slice(height), slice(-height, None))
+            for columns in (slice(width), slice(-width, None))
+        ]
+        blocks = 4 * height * width / 16**2  # a film holds blocks of 16x16 pixels, whose errors are one
         turn = float(np.arctan2(found[1, 0], found[0, 0])) / TURN_STD
-        return found if (none - moved) * count > 2 * np.log(max(count, 1.0)) + turn**2 / 2 else IDENTITY
+        return found if np.median(gains) * blocks > 2 * np.log(blocks) + turn**2 / 2 else IDENTITY
 
 
 def _gain(picture: Picture, other: Picture) -> float:
@@ -160,7 +167,10 @@ def _gain(picture: Picture, other: Picture) -> float:
     """
     some, first = picture[::8, ::8], other[::8, ::8]
     ratio = float(np.median((first + 1.0) / (some + 1.0)))
-    costs = [float(np.mean(COST[cv2.absdiff(cv2.convertScaleAbs(some, alpha=gain), first)])) for gain in (1.0, ratio)]
+    costs = [
+        float(np.mean(cv2.LUT(cv2.absdiff(cv2.convertScaleAbs(some, alpha=gain), first), COST)))
+        for gain in (1.0, ratio)
+    ]
     return ratio if costs[1] < costs[0] else 1.0
 
 
@@ -171,7 +181,10 @@ def _corners(small: Picture) -> Points:
     found: list[Points] = []
     corners_in: Any = cv2.goodFeaturesToTrack  # its stubs do not know that it may find none
     # Eight cells across and six down; a patch at the border is not whole.
-    sides = [np.linspace(WINDOW, size - WINDOW, count + 1).astype(int) for size, count in zip(small.shape, (6, 8), strict=True)]
+    sides = [
+        np.linspace(WINDOW, size - WINDOW, count + 1).astype(int)
+        for size, count in zip(small.shape, (6, 8), strict=True)
+    ]
     for top, bottom in zip(sides[0], sides[0][1:], strict=False):
         for left, right in zip(sides[1], sides[1][1:], strict=False):
             cell = slice(top, bottom), slice(left, right)

@@ -21,12 +21,11 @@ MEMORY = 96_000_000
 MIN_FRAMES = 60
 """... or so many frames of the part in which something moves, if that is more."""
 MARGIN = 0.35
-"""What is kept beside what has moved so far, in widths of it [1]: a board that was tilted will swing to the other side."""
+"""Margin about the part that has moved so far, in widths of it [1]: a tilted board will swing to the other side."""
 MOST = 0.5
-"""Share of what moves in the end that must lie in the part that was kept: what moved first may have been a speck, or
-what a compressed film redraws while nothing moves."""
+"""Share of the final motion that must lie in the part that was kept: a speck may have moved first."""
 BEGUN = 0.1
-"""Share of what moves in the end from which on the board moves: a speck is less, and a hand that passes later is several times as much."""
+"""Share of the final motion from which on the board moves: a speck is less, a hand that passes is several times as much."""
 LOOKED_AT = 4
 """Each so many frames are looked at for motion."""
 SURVEY_FRAMES = 40
@@ -121,10 +120,10 @@ class Reel:
         return Survey(tuple(self._frames[number] for number in some), box_around(moving, 10), moving)
 
     def _fill(self, part: Box | None, least: int) -> tuple[Motion, Box | None]:
-        """Keep frames until memory is full of what moves; return the motion in them, and the part [px] that was kept.
+        """Keep frames until memory is full of the part that moves; return the motion and that part [px].
 
         Args:
-            part: The part, where it is known; else it follows from what moves by the time that all that is looked at fills the memory.
+            part: The part, if it is known; else it follows from the motion seen when whole frames fill the memory.
             least: Pixels that change where the board has been seen to move.
         """
         motion, size = Motion(), 0

@@ -1,11 +1,10 @@
 """The camera's own motion: a rotation, frame by frame, as the background shows it.
 
-A camera that turns moves every point of the picture by a homography, whatever its depth. About the middle of the picture,
-with focal length f in pixels and κ = 1/f²,
+A camera that turns moves every point of the picture by a homography, whatever its depth. With places from the middle of the picture, the focal length f in pixels and κ = 1/f²:
 
     q(p) = p + a (1 + κ x p) + b (i + κ y p) + i θ p + z p,   p = x + i y,
 
-to first order: a and b are the shift of the middle, θ is the turn and z a breathing of the focus.
+to first order. a and b are the shift of the middle, θ is the turn and z a breathing of the focus.
 """
 
 from dataclasses import dataclass
@@ -117,7 +116,7 @@ def find_shake(
     good = np.isfinite(motion[:, 0])
     if gain < 2 * count * np.log(2 * len(home)) or good.sum() < count / 2:
         return still(count, focal, centre, found=True)
-    # Where the background is hidden the motion is carried on, as uncertain as the camera is restless.
+    # Frames without background take the motion of their neighbours, with the scatter of all frames.
     std = np.where(good, scale * np.sqrt(spread), np.std(motion[good, 2]))
     number = np.arange(count)
     motion = np.stack([np.interp(number, number[good], column[good]) for column in motion.T], axis=1)
@@ -154,7 +153,7 @@ def _rest_of_circles(seen: Complex, turn: Array) -> Complex:
 
 
 def _scale(rest: Complex, axis: int) -> Array:
-    """Return the standard deviation in each direction [px] of what is finite, by the median of a Rayleigh distribution."""
+    """Return the standard deviation in each direction [px] of the finite values, by the median of a Rayleigh distribution."""
     return np.nanmedian(np.abs(rest), axis=axis) / np.sqrt(2 * np.log(2)) + 0.01
 
 
@@ -167,9 +166,17 @@ def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Co
         focal: Focal length [px].
 
     Returns:
-        Motion, shape (n, 4), NaN where fewer than four patches agree; what does not fit [px], shape (n, m); variance of θ for
-        patches of variance 1 px², shape (n,).
+        Motion, shape (n, 4), NaN if fewer than four patches agree; residuals [px], shape (n, m);
+        variance of θ for patches of 1 px², shape (n,).
     """
+    # A hundred frames at once take little longer than one, and little memory.
+    parts = [_fit(home, seen[at : at + 100], focal) for at in range(0, len(seen), 100)]
+    motion, rest, spread = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return motion, np.asarray(rest, np.complex128), spread
+
+
+def _fit(home: Complex, seen: Complex, focal: float) -> tuple[Array, Complex, Array]:
+    """Fit a camera's motion to each of some frames: as `fit_rotations`."""
     found = np.isfinite(seen)
     place = np.where(found, seen, home)
     motion, weight = np.zeros((len(seen), 4)), found.astype(np.float64)
@@ -183,14 +190,15 @@ def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Co
         design = np.stack([1 + there.real * bend, 1j + there.imag * bend, 1j * there, there], axis=-1)
         weighted = (design * weight[..., None]).conj().transpose(0, 2, 1)
         # A hair's breadth of damping, so that frames without patches are no error.
-        inverse = np.linalg.inv((weighted @ design).real + np.diag([1e-6, 1e-6, 1e-2, 1e-2]))
+        normal = (weighted @ design).real + np.diag([1e-6, 1e-6, 1e-2, 1e-2])
+        inverse = np.asarray(np.linalg.inv(normal), np.float64)
         motion = motion + (inverse @ (weighted @ gap[:, :, None]).real)[..., 0]
     motion[weight.sum(axis=1) < MIN_PATCHES - 1] = np.nan
     return motion, np.where(found, gap, np.nan), inverse[:, 2, 2]
 
 
 def _median(values: Array) -> Array:
-    """Return the median along the second axis of what is finite; 0 where nothing is."""
+    """Return the median of the finite values along the second axis, else 0."""
     ordered = np.sort(values, axis=1)
     count = np.isfinite(ordered).sum(axis=1)
     return np.nan_to_num(ordered[np.arange(len(values)), np.maximum(count - 1, 0) // 2])

@@ -1,4 +1,4 @@
-"""Where something moves in a film, from small pictures of it."""
+"""Motion in a film: the pixels that change, from small pictures."""
 
 from dataclasses import dataclass, field
 
@@ -15,7 +15,7 @@ MAX_SHAKE = 0.05
 MIN_CHANGE = 18
 """Range of brightness that counts as motion [grey levels]: compression alone reaches 12 in films of 0.05 bit a pixel."""
 MIN_AREA = 40
-"""Least area of what moves [px of the small picture]."""
+"""Least area of a moving region [px of the small picture]."""
 MIN_REGION = 16
 """Least width and height of a region that the user gives [px]."""
 
@@ -49,7 +49,7 @@ class Motion:
     """How far the camera went [px of the small picture]."""
 
     def add(self, frame: Frame, pose: Array, gain: float) -> None:
-        """Take in the next whole frame, with the background's pose and brightness in it, as `Background.pose` returns them."""
+        """Take in the next whole frame, with the pose, shape (2, 3) [px], and the gain [1] of `Background.pose`."""
         self._shape = frame.picture.shape
         bright = halved(frame.picture, SMALL_SIDE)[0]
         small = in_colour(bright, [halved(one, SMALL_SIDE)[0] for one in frame.chroma])

@@ -20,9 +20,10 @@ DIRECTION_STD, UNSEEN_DIRECTION_STD = np.radians([15.0, 5.0])
 """Standard deviation of the camera's direction [rad]: people stand about square; where nothing shows it, they are asked to."""
 MIN_SWING = np.radians(1.0)
 """Least turn of a release [rad]."""
+MIN_SEEN_SHARE = 0.6
+"""Least share of the frames that must show a target."""
 DEAD_ZONE = 0.15
-"""Motion of the outermost points of colour or faint texture that compression may leave out of a film, to either
-side [px]: as found in films of 0.1 bit a pixel. A phone's have two to four times as many. Black on white shows more."""
+"""Motion of the outermost points of colour or faint texture that compression drops, to either side [px], in films of 0.1 bit a pixel. A phone's have two to four times as many. Black on white shows more."""
 
 
 class Follower(Protocol):
@@ -34,7 +35,7 @@ class Follower(Protocol):
         ...
 
     def update(self, frame: Frame) -> Array | None:
-        """Return the points in this frame [px], shape (N, 2), NaN where one is not seen; None if none is."""
+        """Return the points in this frame [px], shape (N, 2), NaN where one is not seen; None without any."""
         ...
 
 
@@ -46,10 +47,10 @@ class Target:
     what: str
     """Its name in messages."""
     why: str
-    """What was found, for people."""
+    """Description for people."""
     solve: Solve
     zero: Callable[[AngleTrack], float]
-    """What to add so that zero is where it should be [rad]."""
+    """Returns the shift that puts zero in its place [rad]."""
     zero_note: str
     kind: str = ""
     """Name shared by targets of which a film should show one only: two of them that swing apart are two bodies."""
@@ -58,7 +59,7 @@ class Target:
     shows_level: bool = True
     """Whether zero is a horizontal, rather than where the board rests or runs by chance."""
     direction_from: str = "how the points move"
-    """What shows from where the camera looks; empty where nothing does."""
+    """The source of the camera's direction; empty without one."""
     warnings: tuple[str, ...] = ()
     shows_body: bool = True
     """Whether two or more of its points stay where they are on the board, so that they show how all of it moved."""

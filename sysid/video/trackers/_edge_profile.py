@@ -19,11 +19,10 @@ def find_steps(frame: Frame, ends: Array, reach: float, window: float) -> Array:
 
     Args:
         frame: A frame.
-        ends: Where the edges roughly are [px], shape (m, 2, 2); brightness rises along the normal (dy, -dx) of the way from
-            first to second end.
+        ends: Rough ends of the edges [px], shape (m, 2, 2). Brightness rises along the normal (dy, -dx) of the way between them.
         reach: Distance to either side in which a step is looked for [px].
-        window: Width of the window that weighs a step, in widths of the step [1]. A window of 1 is best against noise
-            (matched filter); a wider one suffers less from the pixels' grid, as black on white stands far above noise.
+        window: Width of the window that weighs a step, in widths of the step [1]. 1 is best against noise (matched filter).
+            A wider one suffers less from the pixels' grid.
 
     Returns:
         Points, shape (m, PIECES, 2) [px]; NaN where there is no such step.

@@ -1,7 +1,7 @@
 """The straight edges of a bare body: lines that turn about one point.
 
-A line with the normal n at the distance ρ from the origin belongs to a body that turns about q if ρ = h + q·n, whatever the
-turn: h is the distance of the edge from q. The lines of pictures from all over the film vote for h and q; what stands still or
+A line with the normal n at the distance ρ from the origin belongs to a body that turns about q if ρ = h + q·n for all turns.
+h is the distance of the edge from q. The lines of pictures from all over the film vote for h and q; what stands still or
 is carried along keeps no such distance. From then on the body's edges are searched in each frame over turn and shift, and
 measured to a hundredth of a pixel.
 """
@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
+from sysid.video.film.background import SMALL_SIDE
 from sysid.video.film.frames import Frame, halved
 from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
@@ -34,8 +35,8 @@ TURN_BIN = np.radians(1.0)
 """Turns that are told apart when lines are looked for [rad]."""
 LINES = 4
 """Lines that one picture may vote for, of each polarity; and edges that are followed at most."""
-SEARCH_SIDE = 640
-"""Longer side of the pictures in which lines are looked for [px]."""
+START_SCALE = 2.0
+"""Distance of a point from its edge that is believed at first [px]: the search steps by as much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +57,7 @@ class Edges:
         return float(np.abs(np.diff(self.ends[..., 0])).sum())
 
     def at(self, turn: Array, shift: Array) -> Array:
-        """Return the ends [px], shape (..., E, 2, 2), at turns [rad] and shifts [px], shapes (...) and (..., 2)."""
+        """Return the ends [px], shape (..., E, 2, 2), at turns of shape (n,) [rad] and shifts of shape (n, 2) [px]."""
         cos, sin = np.cos(turn)[..., None, None], np.sin(turn)[..., None, None]
         x, y = self.ends[..., 0], self.ends[..., 1]
         turned = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
@@ -76,8 +77,10 @@ class Slopes:
     """Pixels of the film in one of it."""
 
     def along(self, place: Array, normal: Array) -> Array:
-        """Return the change along normals at places in the film, both of shape (..., 2)."""
-        x, y = np.moveaxis((place - self.corner - (self.times - 1) / 2) / self.times, -1, 0).astype(np.float32)
+        """Return the change along normals [grey levels/px], shape (n, m), at places in the film [px], both of shape (n, m, 2)."""
+        x, y = np.moveaxis((place - self.corner - (self.times - 1) / 2) / self.times, -1, 0).astype(
+            np.float32
+        )
         rows = x.reshape(len(x), -1), y.reshape(len(y), -1)
         parts = (cv2.remap(one, *rows, cv2.INTER_LINEAR).reshape(x.shape) for one in (self.across, self.down))
         return np.asarray(sum(part * normal[..., axis] for axis, part in enumerate(parts)), np.float64)
@@ -85,14 +88,17 @@ class Slopes:
 
 def slopes_of(frame: Frame) -> Slopes:
     """Return the change of brightness in a frame, halved until it is small."""
-    small, times = halved(frame.picture, SEARCH_SIDE)
+    small, times = halved(frame.picture, SMALL_SIDE)
     smooth = cv2.GaussianBlur(small, (0, 0), 1.0)
-    across, down = (np.asarray(cv2.Scharr(smooth, cv2.CV_32F, *axis), np.float32) / 32 for axis in ((1, 0), (0, 1)))
+    across, down = (
+        np.asarray(cv2.Scharr(smooth, cv2.CV_32F, *axis, scale=1 / 32), np.float32)
+        for axis in ((1, 0), (0, 1))
+    )
     return Slopes(across, down, np.array(frame.corner, float), times)
 
 
 def find_edges(look: Survey) -> Edges | None:
-    """Return the edges of the body that turns in some pictures of a film; None where there are none."""
+    """Return the edges of the body that turns in some pictures of a film; None without any."""
     every = [slopes_of(frame.cut(look.box)) for frame in look.frames]
     shifts = np.array([frame.shift for frame in look.frames])
     moving = _without_still(every, shifts)
@@ -121,12 +127,15 @@ def find_edges(look: Survey) -> Edges | None:
 
 def _without_still(every: Sequence[Slopes], shifts: Array) -> list[Slopes]:
     """Return the change of brightness without what most pictures share: lines that stand still, and the body where it rests."""
-    found = [{}, *({} for _ in every[1:])]
+    found: list[dict[str, Image]] = [{} for _ in every]
     for name in ("across", "down"):
         parts = [getattr(one, name) for one in every]
         moves = [np.column_stack([np.eye(2), (shift - shifts[0]) / every[0].times]) for shift in shifts]
         size, flags = parts[0].shape[::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        usual = np.median([cv2.warpAffine(one, move, size, flags=flags) for one, move in zip(parts, moves, strict=True)], axis=0)
+        usual = np.median(
+            [cv2.warpAffine(one, move, size, flags=flags) for one, move in zip(parts, moves, strict=True)],
+            axis=0,
+        )
         for row, (one, move) in enumerate(zip(parts, moves, strict=True)):
             still = cv2.warpAffine(usual, move, size, flags=cv2.INTER_LINEAR)
             # The rest of a line that a camera turns a little is a share of it.
@@ -141,7 +150,9 @@ def _learned(edges: Edges, frames: Sequence[Frame]) -> Edges:
     seen = [(frame.shift, points) for frame in frames if (points := follower.update(frame)) is not None]
     if len(seen) < len(frames) / 3:
         return edges
-    z = np.array([points - shift for shift, points in seen]) @ [1, 1j] - np.repeat(edges.pivot @ [1, 1j], PIECES)
+    z = np.array([points - shift for shift, points in seen]) @ [1, 1j] - np.repeat(
+        edges.pivot @ [1, 1j], PIECES
+    )
     off = fit_edges(z, _rough_turn(z)).pivot[::PIECES]
     pivot = np.stack([off.real, off.imag], axis=1)
     return Edges(edges.pivot + pivot, edges.ends - pivot[:, None])
@@ -186,7 +197,7 @@ def _common_pivots(lines: Array, picture: Rows, box: Box) -> Iterator[tuple[Arra
     Args:
         lines: The lines of all pictures as `_lines` returns them, shape (L, 4).
         picture: Number of the picture of each, shape (L,).
-        box: Where something moves [px]; the pivot is there or within its size beside it.
+        box: The part that moves [px]; the pivot lies there or within its size beside it.
     """
     turn, distance, votes, polarity = lines.T
     design = np.stack([np.ones(len(lines)), -np.sin(turn), np.cos(turn)], axis=1)
@@ -236,7 +247,11 @@ def _ends(every: list[Slopes], pivots: Array, turns: Array, box: Box) -> Array:
     while len(found) < LINES and left.max() > 0.4 * strongest > 0:
         row = int(np.argmax(left))
         line = np.abs(alike[max(row - 1, 0) : row + 2].sum(axis=0))
-        on = np.flatnonzero(line > 0.4 * np.quantile(line[line > 0], 0.8)) if (line > 0).any() else np.zeros(0, int)
+        on = (
+            np.flatnonzero(line > 0.4 * np.quantile(line[line > 0], 0.8))
+            if (line > 0).any()
+            else np.zeros(0, int)
+        )
         run = max(np.split(on, np.flatnonzero(np.diff(on) > 2) + 1), key=len)
         left[max(row - 2, 0) : row + 3] = 0
         if len(run) < 5:
@@ -283,7 +298,7 @@ class EdgeFollower:
         return points.reshape(-1, 2)
 
     def search(self, frame: Frame, slopes: Slopes | None = None) -> tuple[float, Array, float]:
-        """Return the turn [rad] and the shift [px] at which the edges show best, and how much they show there."""
+        """Return the turn [rad] and the shift, shape (2,) [px], at which the edges show best, and the change of brightness there."""
         reach = MAX_TURN if self._lost else MAX_TURN / 3
         middle = 0.0 if self._lost else self._turn + self._step
         slopes = slopes or slopes_of(frame.cut(self._box(frame, middle, reach)))
@@ -298,11 +313,17 @@ class EdgeFollower:
         seen = way[:, None] * slopes.along(places, np.broadcast_to(normal[:, None, None], places.shape))
         score = np.maximum(seen, 0).mean(axis=(1, 2))
         best = int(np.argmax(score))
-        # What any line across the picture shows is no edge.
-        return float(turn[best]), frame.shift + down[best] * normal[best], float(score[best] - np.median(score))
+        # The median is the score of any line across the picture.
+        return (
+            float(turn[best]),
+            frame.shift + down[best] * normal[best],
+            float(score[best] - np.median(score)),
+        )
 
     def _box(self, frame: Frame, middle: float, reach: float) -> Box:
-        ends = self.edges.at(middle + np.linspace(-reach, reach, 9), np.broadcast_to(frame.shift, (9, 2))).reshape(-1, 2)
+        ends = self.edges.at(
+            middle + np.linspace(-reach, reach, 9), np.broadcast_to(frame.shift, (9, 2))
+        ).reshape(-1, 2)
         left, top = (ends.min(axis=0) - 30).astype(int).tolist()
         right, bottom = (ends.max(axis=0) + 30).astype(int).tolist()
         return left, top, right, bottom
@@ -325,7 +346,9 @@ def _line(along: Array, off: Array) -> tuple[float, float, np.ndarray]:
     y, weight = np.where(seen, off, 0.0), seen.astype(float)
     fit, rest = np.zeros(2), off
     for _ in range(6):
-        fit = np.linalg.solve(design.T @ (weight[:, None] * design) + 1e-6 * np.eye(2), design.T @ (weight * y))
+        fit = np.linalg.solve(
+            design.T @ (weight[:, None] * design) + 1e-6 * np.eye(2), design.T @ (weight * y)
+        )
         rest = np.abs(y - design @ fit)
         scale = 1.5 * float(np.median(rest[seen])) + POINT_FLOOR if seen.any() else 1.0
         weight = seen / (1 + (rest / (2 * scale)) ** 2) ** 2
@@ -359,8 +382,9 @@ def fit_edges(z: Complex, start: Array) -> EdgeFit:
     place, angle, pivot = np.where(seen, z, 0), start.copy(), np.zeros(z.shape[1], complex)
     weight, height = seen.astype(float), np.zeros(z.shape[1])
     along = rest = variance = np.zeros(0)
-    for scale in 2.0 * 0.8 ** np.arange(24):  # [px], so that points on something else lose their weight one by one
-        turned = np.exp(-1j * angle)[:, None] * (place - pivot)
+    # Points on something else lose their weight one by one.
+    for scale in START_SCALE * 0.8 ** np.arange(24):
+        turned: Complex = np.exp(-1j * angle)[:, None] * (place - pivot)
         share = weight * attitude_share(angle, TURN_BIN)[:, None] + 1e-12
         height = np.average(turned.imag - _mean(turned.imag - height, weight), axis=0, weights=share)
         along = turned.real - _mean(turned.real, weight)
@@ -371,7 +395,9 @@ def fit_edges(z: Complex, start: Array) -> EdgeFit:
         angle = angle + step
         pivot = pivot + _pivots(off, angle, share)
         rest = np.where(seen, off - step[:, None] * along, 0.0)
-        usual = np.sqrt(np.average(np.minimum(np.abs(rest), 3 * scale) ** 2, axis=0, weights=share * seen + 1e-12))
+        usual = np.sqrt(
+            np.average(np.minimum(np.abs(rest), 3 * scale) ** 2, axis=0, weights=share * seen + 1e-12)
+        )
         usual = np.maximum(usual, max(scale, POINT_FLOOR))
         # A point counts by its own scatter, and less where it is off in one frame.
         weight = seen * (usual.min() / usual) ** 2 / (1 + (rest / (2 * usual)) ** 2) ** 2
@@ -379,12 +405,17 @@ def fit_edges(z: Complex, start: Array) -> EdgeFit:
         variance = np.maximum(noise, POINT_FLOOR**2) / np.maximum((weight * along**2).sum(axis=1), 1e-9)
     # Neighbours err alike, as the wall behind them and compression have it: fewer independent points.
     pieces = (np.sqrt(weight) * rest).reshape(len(z), -1, PIECES)
-    alike = float(np.clip((pieces[..., 1:] * pieces[..., :-1]).sum() / max((pieces**2).sum(), 1e-9), 0.0, 0.9))
+    alike = float(
+        np.clip((pieces[..., 1:] * pieces[..., :-1]).sum() / max((pieces**2).sum(), 1e-9), 0.0, 0.9)
+    )
     count = weight.sum(axis=1) / np.maximum((weight * along**2).sum(axis=1), 1e-9)
     variance = variance * (1 + alike) / (1 - alike) + BODY_FLOOR**2 * count / pieces.shape[1]
     # One slope for all edges, each with a height of its own.
     total = (weight.sum(axis=0) + 1e-9).reshape(-1, PIECES)
-    along, height = np.average(along, axis=0, weights=weight.sum(axis=1) + 1e-9).reshape(-1, PIECES), height.reshape(-1, PIECES)
+    along, height = (
+        np.average(along, axis=0, weights=weight.sum(axis=1) + 1e-9).reshape(-1, PIECES),
+        height.reshape(-1, PIECES),
+    )
     along, height = along - _mean(along, total), height - _mean(height, total)
     level = np.arctan((total * along * height).sum() / (total * along**2).sum())
     return EdgeFit(angle + level, variance, weight, rest, pivot)
@@ -435,14 +466,18 @@ def fit_turn(view: View, matrix: Array, before: CameraState, *, pivot: Array) ->
         return fit_edges(z - moved, start)
 
     fit = fit_at(before.value)
-    unknown = spread_by(before.value, before.covariance, fit.angle, lambda x: fit_at(x).angle, time, view.share, READOUT)
+    unknown = spread_by(
+        before.value, before.covariance, fit.angle, lambda x: fit_at(x).angle, time, view.share, READOUT
+    )
     trusted = fit.weight.sum(axis=1)
     wrong = trusted < 0.4 * float(np.median(trusted))
     angle = np.where(wrong, np.nan, fit.angle)
     own = np.sqrt(np.where(wrong, np.nan, fit.variance + smear(angle) ** 2))
     noise = float(np.sqrt(np.average(fit.rest**2, weights=fit.weight)))
     lost = int((wrong & np.isfinite(view.points).any(axis=(1, 2))).sum())
-    return AngleTrack(unwrap(angle), np.hypot(own, np.sqrt(unknown)), before, noise, lost, np.array([1 + 0j]), own)
+    return AngleTrack(
+        unwrap(angle), np.hypot(own, np.sqrt(unknown)), before, noise, lost, np.array([1 + 0j]), own
+    )
 
 
 def _rough_turn(z: Complex) -> Array:

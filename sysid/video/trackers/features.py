@@ -1,7 +1,6 @@
 """No mark at all: the deck's own texture, always compared with one and the same frame.
 
-The picture is turned back by the motion expected so far, so that patches look as they did in the
-reference frame whatever the roll, and only a small rest is left to be measured. As the reference
+The picture is turned back by the expected motion. Patches then look as in the reference frame, and a small rest is measured. As the reference
 never changes, nothing drifts.
 """
 
@@ -20,8 +19,9 @@ from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import fit_angle
 from sysid.video.pose.pose import pose_between, principal_corners, shifted, turn_of
-from sysid.video.pose.prior import ANY_SIDE, BodyPrior
+from sysid.video.pose.prior import ANY_SIDE, BODY_FLOOR, BodyPrior
 from sysid.video.pose.rectify import project
+from sysid.video.registration import MAX_SIDE
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_at_rest
 from sysid.video.types import Mask, Picture
 
@@ -29,24 +29,17 @@ MAX_FEATURES, MIN_FEATURES = 40, 10
 """Patches that are followed at most, and at least."""
 WINDOW = 21
 """Side of a patch [px]."""
-PATCH_SIDE = 720
-"""Longer side of what is looked at of the board, that takes time; a larger picture is halved [px]."""
 STATIC_LIKENESS = 0.75
-"""Correlation with the same place in other frames above which a patch stands still; noise lowers it, so that it
-counts against the highest that the patch reaches."""
+"""Correlation with the same place in other frames, as a share of the patch's highest, above which a patch stands still [1]."""
 AS_EXPECTED = np.radians(1.0)
 """Difference of turns at which patches look as they did in the reference [rad]."""
 SAME_ERRORS = 3.0
 """Motion up to which patches of texture err alike [px]: as the deck turns they are seen at another slant, of which
 the reference knows nothing."""
-MAX_UNLIKE = 35.0
-"""Mean difference of brightness up to which a patch is the same [grey levels]."""
-PLACE_FLOOR = 0.04
-"""Least standard deviation of the body's points [px]: neighbouring patches err alike."""
 INLIER_DISTANCE = 2.0
 """Distance from the common motion within which a patch takes part in it [px]."""
-TEXTURE = BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE, still=SAME_ERRORS, slopes=ANY_SIDE)
-"""What is known of patches on the deck: they may lie on any side of it."""
+TEXTURE = BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE, still=SAME_ERRORS, slopes=ANY_SIDE)
+"""Prior knowledge of patches: they lie on any side of the deck."""
 
 
 def find_features(look: Survey) -> Array:
@@ -93,7 +86,7 @@ class FeatureFollower:
     def __post_init__(self) -> None:
         """Cut the board out of the reference."""
         patch, corner = self.reference.part(box_about(self.places, 2 * WINDOW))
-        self._patch, times = halved(patch, PATCH_SIDE)
+        self._patch, times = halved(patch, MAX_SIDE)
         self._cut = shifted(np.array(corner) + (times - 1) / 2) @ np.diag([times, times, 1.0])
         self._agreed = np.zeros(len(self.places))
         self._home = principal_corners(self.places, np.ones(len(self.places)))[0]
@@ -137,10 +130,10 @@ class FeatureFollower:
         start = project(np.asarray(np.linalg.inv(self._cut), np.float64), self.places).astype(np.float32)
         flow: Any = cv2.calcOpticalFlowPyrLK  # its stubs do not know the type of points
         criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01)
-        there, status, error = flow(
+        there, status, _ = flow(
             self._patch, back, start, None, winSize=(WINDOW, WINDOW), criteria=criteria, maxLevel=2
         )
-        good = (status.ravel() > 0) & (error.ravel() < MAX_UNLIKE)
+        good = status.ravel() > 0
         if good.sum() < MIN_FEATURES // 2:
             return expected, nothing
         estimate: Any = cv2.estimateAffine2D  # its stubs do not know that it may find nothing

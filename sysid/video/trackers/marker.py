@@ -30,11 +30,11 @@ DICTIONARIES = {
     "AprilTag 25h9": cv2.aruco.DICT_APRILTAG_25h9,
 }
 SEARCH_SIDE = 1280
-"""Longer side of what is looked through for a marker, that takes time; a larger picture is halved [px]."""
+"""Longer side of the picture that is searched for a marker [px]; a larger one is halved, to save time."""
 SEARCH_FRAMES = 5
-"""Frames in which a marker is looked for."""
+"""Frames in which a marker is looked for, and a lost one in the whole picture every so many: that is slow."""
 SEARCH_MARGIN = 40
-"""What is looked at beside what moves, for the white about a marker [px]."""
+"""Margin about the part that moves, for the white about a marker [px]."""
 MIN_SIDE = 24
 """Shortest side of a marker that is followed [px]."""
 MIN_LIKENESS = 0.6
@@ -42,13 +42,11 @@ MIN_LIKENESS = 0.6
 CONVERGED = 0.15
 """Edges are measured once more where that moves the corners by more than this [px]."""
 STEP_WINDOW = 2.8
-"""Width of the window that tells where an edge is, as a factor of the width of its step: black on white stands far above noise, and the
-pixels' grid shows in narrower ones (0.040° in a long film at 1.4, 0.027° at 2.8)."""
+"""Width of the window on an edge, as a multiple of the width of its step: the pixels' grid shows in narrower ones (0.040° in a long film at 1.4,
+0.027° at 2.8)."""
 CORNER_DEAD_ZONE = 0.03
-"""Motion that compression leaves out of black on white, to either side [px]: what corners in long films err by beyond what they
-scatter within a frame (0.015 px), as a width."""
-FULL_SEARCH_EVERY = 5
-"""A lost marker is looked for in the whole picture in every so many frames: that is slow."""
+"""Motion that compression drops from black on white, to either side [px]: the error of corners in long films beyond their scatter
+within a frame (0.015 px)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +104,7 @@ class MarkerFollower:
         if found is None:
             margin = 0.8 * np.ptp(self._corners, axis=0).max() * (1 + self._lost)
             found = self._search(frame, box_about(np.concatenate([predicted, self._corners]), margin))
-        if found is None and self._lost % FULL_SEARCH_EVERY == 0:
+        if found is None and self._lost % SEARCH_FRAMES == 0:
             found = self._search(frame, frame.box)
         if found is None:
             self._lost, self._step = self._lost + 1, np.zeros((4, 2))
@@ -186,7 +184,7 @@ def marker_cells(number: int, kind: str = PRINTED) -> Picture:
 def _find(reel: Reel) -> Target | None:
     look = reel.look
     around = box_about(np.reshape(look.box, (2, 2)), SEARCH_MARGIN)
-    # Where something moves, or anywhere at last: a board may hardly do so.
+    # In the part that moves, at last anywhere: a board may hardly move.
     places = [(frame, around) for frame in look.frames[:: max(1, len(look.frames) // SEARCH_FRAMES)]]
     markers = (find_marker(*place) for place in [*places, (look.frames[0], look.frames[0].box)])
     marker = next((one for one in markers if one is not None), None)

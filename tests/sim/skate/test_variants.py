@@ -36,7 +36,14 @@ def worlds(board=None, *, clips=(), **options):
     from policy_runtime.learning.fused_rewards import SkateEnv
     from sim.skate.task import skate_env_cfg
 
-    alike = {"boards": 0, "variation": NOMINAL, "foot_place": (0.0, 0.0)}
+    alike = {
+        "boards": 0,
+        "variation": NOMINAL,
+        "foot_place": (0.0, 0.0),
+        "change": math.inf,
+        "standing": 0.0,
+        "slow": 0.0,
+    }
     settings = SkateOptions(**(alike | options))
     cfg = skate_env_cfg(board or pink(), settings, environments=WORLDS, seed=3, clips=clips)
     with contextlib.redirect_stdout(sys.stderr):
@@ -94,7 +101,7 @@ def test_transitions_by_style_have_windows_of_every_phase_and_no_path():
         assert not {"transition/positions", "transition/orientations"} & set(terms)
         command, clock = skate_command(env), skate_command(env).clock
         frames = []
-        # Worlds 0 to 3: about to mount, mounting, dismounting, steering; told to stand in world 4.
+        # Worlds 0 to 3: about to mount, mounting, dismounting, steering; told to stand on the way up in world 4.
         command.step[:5] = torch.tensor([clock.push - 3, clock.push + 8, clock.period - 8, 200, 125])
         command._command[4, 0] = 0.0
         for _ in range(6):
@@ -111,7 +118,7 @@ def test_transitions_by_style_have_windows_of_every_phase_and_no_path():
             )
         kinds = torch.stack((clock.pushing(phase), clock.mounting(phase), clock.dismounting(phase)), dim=1)
         torch.testing.assert_close(window[:, 115:], kinds.float())
-        assert mask[:5].tolist() == [0, 1, 1, 0, 0]  # the first has been mounting for fewer than five frames
+        assert mask[:5].tolist() == [0, 1, 1, 0, 1]  # the first has been mounting for fewer than five frames
 
 
 def write_yaw(env, world, yaw):
@@ -392,8 +399,8 @@ def test_perturbed_transitions_on_the_other_board():
     steering = replace(AT_REST, mounting=0.5, steering=0.5)
     black = Workspace(Path("/nonexistent")).load_board("black")
     with worlds(
-        black, transition="translation", mount_steps=20, bezier_order=3, lift=0.3, pose_offset=0.05,
-        kinematics="single-truck", start=steering, speed=(1.0, 1.0), pushes=0.0,
+        black, transition="translation", speed=(1.0, 1.0), mount_steps=20, bezier_order=3, lift=0.3, pose_offset=0.05,
+        kinematics="single-truck", start=steering, pushes=0.0,
     ) as env:  # fmt: skip
         command, reading = skate_command(env), skate_command(env).reading
         data, clock = env.sim.data, command.clock

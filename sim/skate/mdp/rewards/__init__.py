@@ -1,9 +1,9 @@
 """The reward (HUSKY, table of rewards): one file a purpose, found by being there.
 
 Such a file ends in `REWARDS = Rewards(...)`. Its functions take the state and return a term's value before weight and
-time step, shape (n,). Tolerances are those of the published release where the paper names none. The kernels of
-headings, tilt and distance decay with the error itself, as the release computes them, not with its square, as the paper
-prints them: far from the goal a Gaussian is flat and tells the learner nothing.
+time step, shape (n,). Tolerances are those of the published release where the paper names none. Kernels of
+headings, tilt and distance decay with the error, as in the release. The paper's Gaussians are flat far from the
+goal.
 """
 
 import importlib

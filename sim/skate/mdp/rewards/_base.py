@@ -14,7 +14,7 @@ Phase = Literal["push", "steer", "transition", "not-push", "not-steer", "moving"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
-    """What weights and arguments may depend on."""
+    """Inputs of weights and arguments."""
 
     options: SkateOptions
     """The variant of the task."""
@@ -23,7 +23,7 @@ class Task:
     stand_pose: tuple[float, ...]
     """Joints of the robot that stands [rad], 23."""
     clips: Sequence[PushClip] = ()
-    """What pushing by tracking follows."""
+    """Clips that pushing by tracking follows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Reward:
     name: str
     """In curves and messages: phase/what."""
     value: Callable[..., Any]
-    """The state (`SkateState`) and `arguments` to what is paid before weight and time step, shape (n,)."""
+    """Function of the state (`SkateState`) and `arguments`: the pay before weight and time step, shape (n,)."""
     when: Phase
     weight: float
     """Per second."""

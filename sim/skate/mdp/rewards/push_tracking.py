@@ -11,8 +11,8 @@ from sim.skate.mdp.state import SkateState
 def push_tracking(state: SkateState, reference: Any, tolerance: float = 0.022) -> Any:
     """The joints follow a reference clip: mean square deviation from `reference`, (n, 23), against `tolerance` [rad^2].
 
-    The paper's baseline of pushing by tracking. The kernel is that of DeepMimic (Peng et al. 2018),
-    exp(-2 Σ Δq²), of 23 joints: half a push late earns 0.05 to 0.3, standing still in the push pose 0.1 to 0.35.
+    The paper's baseline of pushing by tracking. The kernel is DeepMimic's (Peng et al. 2018), exp(-2 Σ Δq²), of
+    23 joints. Half a push late earns 0.05 to 0.3, standing still in the push pose 0.1 to 0.35.
     """
     return kernel(((state.joint_position - reference) ** 2).mean(axis=-1), tolerance)
 

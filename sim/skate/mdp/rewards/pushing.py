@@ -1,7 +1,7 @@
 """Pushing: strides that push, not taps that hold the speed.
 
 The speed is paid as its mean over a stride, because a push speeds the board up and it slows down until the next.
-What is paid besides is the contact: a foot that stands without slipping, swings, and comes down seldom. Contacts and
+Contacts are paid too: a foot that stands without slipping, swings, and comes down seldom. Contacts and
 style count as far as the speed is held, else marching on the spot earns them.
 """
 

@@ -17,7 +17,7 @@ def wheels_on_ground(state: SkateState) -> Any:
 def foot_place(state: SkateState, tolerance: float = 0.03) -> Any:
     """The right foot stands where it stood at the start, along the deck; `tolerance` [m].
 
-    What it creeps in a cycle is little, and adds up until the board tips over its nose.
+    It creeps a little each cycle, until the board tips over its nose.
     """
     return kernel(namespace(state.tilt).abs(state.foot_place_error), tolerance) * state.foot_on_deck[..., 1]
 
