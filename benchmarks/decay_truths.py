@@ -161,14 +161,14 @@ def _bend(law: Law, rng: np.random.Generator) -> Law:
 def _record(truth: Truth, rng: np.random.Generator, seed: int) -> Recording:
     u = rng.uniform
     per_period = 10 ** u(1.4, 2.5)
-    number = int(rng.integers(1, 5))
-    swings = [1.0, -u(0.7, 0.95), u(0.4, 0.6), -u(0.25, 0.9)][:number]
+    count = int(rng.integers(1, 5))
+    swings = [1.0, -u(0.7, 0.95), u(0.4, 0.6), -u(0.25, 0.9)][:count]
     step = 2 * np.pi / per_period
     fine = max(int(np.ceil(per_period and 400 / per_period)), 1)
     longest = 2 * np.pi * min(40.0, max(3.0, 3.9 / (2 * np.pi * max(truth.zeta, 0.015))))
     angle: list[float] = []
     rate: list[float] = []
-    for swing in swings:
+    for number, swing in enumerate(swings):
         held = int(u(1.0, 3.0) * per_period)
         x, v = swing, 0.0
         states = [_start(name, swing, held * step) for name, _, count in truth.laws for _ in range(count)]
@@ -212,10 +212,12 @@ def _record(truth: Truth, rng: np.random.Generator, seed: int) -> Recording:
                 t += h
             angle.append(float(y[0]))
             rate.append(float(y[1]))
-        # The hand brings it back for the next release.
+        # A hand brings it to where it is released next.
         back = int(1.5 * per_period)
-        angle += list(float(y[0]) * np.cos(np.linspace(0, np.pi / 2, back)) ** 2)
-        rate += [0.0] * back
+        to = 0.0 if truth.hand == "push" or number + 1 == len(swings) else swings[number + 1]
+        way = np.linspace(0, np.pi, back)
+        angle += list(float(y[0]) + (to - float(y[0])) * (1 - np.cos(way)) / 2)
+        rate += list((to - float(y[0])) * np.sin(way) / 2 / (1.5 * 2))
     x, v = np.array(angle) * truth.amplitude, np.array(rate) * truth.amplitude * truth.omega
     time = np.arange(len(x)) * step / truth.omega
     noise = truth.amplitude / 10 ** u(2.2, 3.4)

@@ -51,7 +51,7 @@ def check_joint(
 ) -> Gate:
     """Let a joint go in its scene as it was let go in the logs, and compare.
 
-    The scene is that of a file if one is named, the model of a model's joint, the training scene of a board, or the clamped bench of a
+    The scene is the named file. Without one it is the model of a model's joint, the training scene of a board, or the clamped bench of a
     joint without geometry.
 
     Args:

@@ -4,9 +4,9 @@ What runs: in README.md and docs/*.md, each line of a ```console block that star
 after setting up `.venv`. A line that ends with a backslash goes on in the next. The command must exit with 0, or with N
 where the line ends with `# exit N`. A block directly under `<!-- not run: reason -->` is skipped; a reason is required.
 
-What is quoted: lines under a command in its console block, block quotes and ```text blocks below that block. Each of
-their lines must be in what the block's commands printed, in that order; how lines are wrapped and how tables are drawn
-does not count. Numbers may differ by a twentieth: digits behind that are the noise of a processor.
+What is quoted: lines under a command in its console block, block quotes and ```text blocks below that block. The
+block's commands must print each of their lines, in that order. Wrapping and the borders of tables do not count. Numbers may
+differ by a twentieth: digits behind that are the noise of a processor.
 
 What is left behind: nothing that git would see in a clone but files that a command line names. README and tutorial
 leave nothing at all outside `runs/`, which git ignores.

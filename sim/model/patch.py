@@ -9,7 +9,7 @@ import os
 import re
 import xml.etree.ElementTree as ElementTree
 import xml.parsers.expat
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -149,7 +149,7 @@ def require_patchable(setup: Setup) -> None:
     if setup.is_urdf:
         urdf.locate(setup.file, setup.joint)
     else:
-        _find(setup.file, setup.joint)
+        find_element(setup.file, setup.joint, is_joint(setup.joint))
 
 
 def patch(setup: Setup, board: Board) -> Patch:
@@ -171,7 +171,7 @@ def patch(setup: Setup, board: Board) -> Patch:
             "by hand, or fit without the effect."
         )
     changed = {
-        ATTRIBUTES[name]: _text(name, value)
+        ATTRIBUTES[name]: attribute_text(name, value)
         for name, value in _attributes(joint).items()
         if not np.array_equal(before[name], value)
     }
@@ -180,17 +180,18 @@ def patch(setup: Setup, board: Board) -> Patch:
         text, lost = urdf.written(setup.file, plain.joint_of(spec), changed)
         texts, remarks = {setup.file: text}, [*remarks, *lost]
     else:
-        chain, start, end = _find(setup.file, setup.joint)
+        chain, start, end = find_element(setup.file, setup.joint, is_joint(setup.joint))
         texts = {file: file.read_bytes().decode() for file in chain}
         raw = texts[chain[-1]].encode()
-        tag = _tagged(raw[start:end].decode(), changed)
+        tag = tagged(raw[start:end].decode(), changed)
         texts[chain[-1]] = (raw[:start] + tag.encode() + raw[end:]).decode()
-        texts[setup.file] = _with_sections(texts[setup.file], spec, known)
+        texts[setup.file] = with_sections(texts[setup.file], spec, known)
     remarks += disabled(spec, changed)
-    return Patch(texts, _diff(texts), tuple(remarks), spec, setup.file)
+    return Patch(texts, difference(texts), tuple(remarks), spec, setup.file)
 
 
-def _diff(texts: Mapping[Path, str]) -> str:
+def difference(texts: Mapping[Path, str]) -> str:
+    """Return how texts differ from their files, as `diff -u` shows it."""
     lines: list[str] = []
     for file, text in texts.items():
         old = file.read_bytes().decode()
@@ -255,7 +256,7 @@ def _leaning(spec: mujoco.MjSpec, name: str) -> list[str]:
     ]
 
 
-def _text(name: str, values: np.ndarray) -> str:
+def attribute_text(name: str, values: np.ndarray) -> str:
     """Return an attribute's value; a polynomial ends at its last term that is not zero."""
     numbers = np.atleast_1d(values)
     if name in POLYNOMIALS:
@@ -263,23 +264,36 @@ def _text(name: str, values: np.ndarray) -> str:
     return " ".join(f"{value:.7g}" for value in numbers)
 
 
-def _find(
-    file: Path, joint: str, seen: Sequence[Path] = (), folder: Path | None = None
-) -> tuple[list[Path], int, int]:
-    """Return the files from the model down to the joint's, and the joint's start tag in that [bytes].
+def is_joint(name: str) -> Callable[[str, Mapping[str, str], Sequence[str]], bool]:
+    """Return the test for the element of a joint: of its tag, its attributes and the tags around it."""
+    return lambda tag, own, stack: (
+        tag == "joint" and own.get("name") == name and (not stack or stack[-1] in HOLDERS)
+    )
+
+
+def find_element(
+    file: Path, joint: str, wanted: Callable[[str, Mapping[str, str], Sequence[str]], bool], seen: Sequence[Path] = (),
+    folder: Path | None = None, texts: Mapping[Path, str] | None = None,
+) -> tuple[list[Path], int, int]:  # fmt: skip
+    """Return the files from the model down to an element's, and the element's start tag in that [bytes].
+
+    Args:
+        joint: Named in the error.
+        wanted: The test for the element.
+        texts: Texts of files that have changed already.
 
     Raises:
-        SysidError: No file has the joint.
+        SysidError: No file has the element.
     """
     folder = folder or file.parent
-    raw = file.read_bytes()
+    raw = texts[file].encode() if texts and file in texts else file.read_bytes()
     parser = xml.parsers.expat.ParserCreate()
     stack: list[str] = []
     found: list[int] = []
     includes: list[Path] = []
 
     def start(name: str, attributes: Mapping[str, str]) -> None:
-        if name == "joint" and attributes.get("name") == joint and (not stack or stack[-1] in HOLDERS):
+        if wanted(name, attributes, stack):
             found.append(parser.CurrentByteIndex)
         if name == "include" and "file" in attributes:
             includes.append(folder / attributes["file"])
@@ -296,7 +310,7 @@ def _find(
     for path in includes:
         if path.is_file():
             try:
-                return _find(path, joint, [*seen, file], folder)
+                return find_element(path, joint, wanted, [*seen, file], folder, texts)
             except LookupError:
                 continue
     if seen:
@@ -313,7 +327,7 @@ def _end_of_tag(raw: bytes, start: int) -> int:
     return match.end()
 
 
-def _tagged(tag: str, values: Mapping[str, str]) -> str:
+def tagged(tag: str, values: Mapping[str, str]) -> str:
     """Return a start tag with attributes set: in their place where they are there, else at its end."""
     for name, value in values.items():
         pattern = re.compile(rf"""(\s{name}\s*=\s*)("[^"]*"|'[^']*')""")
@@ -326,7 +340,7 @@ def _tagged(tag: str, values: Mapping[str, str]) -> str:
     return tag
 
 
-def _with_sections(text: str, spec: mujoco.MjSpec, known: Mapping[str, set[str]]) -> str:
+def with_sections(text: str, spec: mujoco.MjSpec, known: Mapping[str, set[str]]) -> str:
     """Return the model's text with the tendons and actuators that effects added, as sections of their own at its end."""
     new = {
         kind: [one.name for one in getattr(spec, f"{kind}s") if one.name not in known[kind]] for kind in ADDED

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 from sysid.cli.console import Common, Printer, require_share
+from sysid.cli.drive_options import DriveArguments
 from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs, space_of
 from sysid.cli.subject import Subject
 from sysid.cli.view import logs_or_fitted
@@ -22,6 +23,7 @@ def check(
     integrator: str = "implicitfast",
     coupling: Literal["equality", "direct"] = "equality",
     export: Literal["in-scene", "step-compensated", "physical"] = "in-scene",
+    drive: DriveArguments = DriveArguments(),
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:
@@ -48,6 +50,19 @@ def check(
     from sysid.cli.bars import working
 
     require_share("--tolerance", tolerance)
+    if drive.given:
+        from sysid.cli.driven import driven_check, run_driven
+
+        run_driven(
+            lambda joints, out: driven_check(joints, out, tolerance),
+            "check",
+            logs,
+            subject,
+            drive,
+            arguments,
+            common,
+        )
+        return 0
     printer = Printer(common)
     record = (subject if scene_file is None else replace(subject, joint=None)).load(common, printer)
     refuse_overwriting_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)

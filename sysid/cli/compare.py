@@ -7,6 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Common, Made, Printer, require_share
+from sysid.cli.drive_options import DriveArguments
 from sysid.cli.log_options import LogArguments, refuse_overwriting_logs, space_of
 from sysid.cli.subject import Subject
 from sysid.cli.view import logs_or_fitted, read_logs, write_recording
@@ -21,6 +22,7 @@ def compare(
     tolerance: float = 0.02,
     picture: Annotated[bool, Parameter(group=OUTPUT)] = True,
     rerun: Made | None = None,
+    drive: DriveArguments = DriveArguments(),
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:
@@ -42,6 +44,19 @@ def compare(
     from sysid.progress import stage
 
     require_share("--tolerance", tolerance)
+    if drive.given:
+        from sysid.cli.driven import driven_compare, run_driven
+
+        run_driven(
+            lambda joints, out: driven_compare(joints, out, tolerance),
+            "compare",
+            logs,
+            subject,
+            drive,
+            arguments,
+            common,
+        )
+        return 0
     printer = Printer(common)
     refuse_overwriting_logs(logs, arguments, printer, {"--rerun": rerun})
     record = subject.load(common, printer)

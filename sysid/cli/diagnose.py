@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from sysid.cli.console import Common, FitTexts, Printer
+from sysid.cli.drive_options import DriveArguments
 from sysid.cli.log_options import LogArguments, load_recordings, space_of
 from sysid.cli.parameter_options import parse_fixed
 from sysid.cli.subject import Subject
@@ -16,6 +17,7 @@ def diagnose(
     *,
     subject: Subject = Subject(),
     fix: FitTexts = (),
+    drive: DriveArguments = DriveArguments(),
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:
@@ -28,6 +30,19 @@ def diagnose(
         fix: Hold a parameter in every model, as NAME=VALUE in SI units; stiffness=0 for a pendulum whose record has
             gravity. Repeat it for several.
     """
+    if drive.given:
+        from sysid.cli.driven import driven_diagnose, run_driven
+
+        run_driven(
+            lambda joints, out: driven_diagnose(joints, out, fix),
+            "diagnose",
+            logs,
+            subject,
+            drive,
+            arguments,
+            common,
+        )
+        return 0
     from reports.figures.story import story_figure
     from reports.story import for_report, story_of_diagnosis
     from sysid.cli.bars import told_bar

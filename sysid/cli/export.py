@@ -1,14 +1,19 @@
 """`husky-sysid export`: pack scene, policy and board record into one folder."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from sysid.cli.console import BoardName, Common, Output, Printer
+from cyclopts import Parameter
+
+from sysid.cli.console import Common, Output, Printer
+from sysid.errors import UsageError
 
 
 def export(
     *,
-    board: BoardName,
+    board: Annotated[str | None, Parameter(name=("--board", "-b"))] = None,
+    mjlab: Path | None = None,
+    timestep: float = 0.005,
     policy: Path | None = None,
     output: Output | None = None,
     coupling: Literal["equality", "direct"] = "equality",
@@ -23,6 +28,8 @@ def export(
 
     Args:
         board: The board.
+        mjlab: Fit of driven joints (fit.json): write them as a module with mjlab's actuators and randomisation, and as JSON.
+        timestep: Physics step of the training in s, in which mjlab counts delays.
         policy: ONNX policy to put in.
         output: The folder; reports/BOARD/export of the workspace if not given.
         coupling: How the deck's tilt steers the trucks.
@@ -32,6 +39,15 @@ def export(
     from policy_runtime.export import export_folder
 
     printer = Printer(common)
+    if mjlab is not None:
+        from sysid.cli.driven import driven_export
+
+        printer.result(driven_export(mjlab, output, timestep, printer))
+        return 0
+    if board is None:
+        raise UsageError(
+            "export what? Name a board (--board), or the fit of driven joints (--mjlab fit.json)."
+        )
     printer.keep([] if policy is None else [policy])
     record = common.space.load_board(board)
     if not record.passed:

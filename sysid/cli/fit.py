@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import FIT, Common, FitFlag, FitTexts, Output, Printer
+from sysid.cli.drive_options import DriveArguments
 from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings, space_of
 from sysid.cli.parameter_options import SHORT, parse_bounds, parse_fixed
@@ -43,6 +44,7 @@ def fit(
     bootstrap: Annotated[int, Parameter(group=FIT)] = 0,
     any_period: FitFlag = False,
     output: Output | None = None,
+    drive: DriveArguments = DriveArguments(),
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:
@@ -66,6 +68,14 @@ def fit(
         output: The patched copy of a model; MODEL_JOINT.xml beside it if left out. A board has none.
         any_period: Save a natural period above 100 s or below 1 ms too, which else is taken for a wrong unit of time.
     """
+    if drive.given:
+        from sysid.cli.driven import driven_fit, run_driven
+
+        run_driven(
+            lambda joints, out: driven_fit(joints, out, effects=effect, fix=fix, bound=bound, plain=plain, output=output, motion=drive.next_motion),
+            "fit", logs, subject, drive, arguments, common,
+        )  # fmt: skip
+        return 0
     from sysid.cli.bars import working
     from sysid.fit_mjcf import fit as fit_recordings
     from sysid.fitting.joint import check_effects, prior_in_words

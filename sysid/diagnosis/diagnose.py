@@ -231,7 +231,7 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
     explained = 1 - (min(c.beyond for _, c in fits) / base.beyond) ** 2 if base.beyond else 1.0
     verdict = decide(found, left=left, explained=explained)
     want = frozenset(verdict.families) - {"rest"}
-    best = next((c for s, c in fits if frozenset(s.families) - {"rest"} == want), base)
+    best = min((c for s, c in fits if frozenset(s.families) - {"rest"} == want), key=lambda c: c.rmse, default=base)
     deviation = record_deviation(best.fit, board, linear=not want)
     if deviation.effects and verdict.status != "unexplained":
         alike = (*verdict.indistinguishable_from, *((*verdict.effects, *other) for other in deviation.alike))
@@ -286,6 +286,17 @@ def subject_of(board: Board) -> Subject:
         inertia=board.inertia.value, parts=candidates([p.name for p in board.effects]), known=known,
         has_zero=not hangs and not board.is_unmeasured,
     )  # fmt: skip
+
+
+def _variants(best: Found, own: Sequence[str]) -> list[Found]:
+    """Return a set with each of its laws replaced by each other one of its family."""
+    others = candidates(own)
+    return [
+        Found(families=best.families, effects=(*best.effects[:i], name, *best.effects[i + 1 :]), probability=best.probability, parameters={})
+        for i, family in enumerate(best.families)
+        for name, part in others.items()
+        if part.family == family and name != best.effects[i]
+    ]
 
 
 def _weighed(found: Posterior, fits: list[tuple[Found, Candidate]]) -> tuple[Posterior, list[tuple[Found, Candidate]]]:
@@ -353,7 +364,7 @@ def _fits(
             Found(families=(part.family,), effects=(name,), probability=0.0, parameters={})
             for name, part in candidates(own).items() if len(part.parameters) == 1
         ]  # fmt: skip
-        for one in (*found.singles, *simple):
+        for one in (*_variants(found.sets[0], own), *found.singles, *simple):
             add(one)
         alone = sorted((f for f in fits.values() if len(f[1].effects) == 1), key=lambda f: f[1].rmse)
         for one, _ in alone[1:PAIRED]:
@@ -390,11 +401,13 @@ def _carrying(found: Posterior, fits: list[tuple[Found, Candidate]]) -> Posterio
     No law of the catalogue is exact here, so that a second one may only bend the first. One whose removal raises the error beyond
     the noise by less than `BENDS` is dropped.
     """
-    known = {frozenset(one.families) - {"rest"}: (one, c) for one, c in fits}
+    known: dict[frozenset[str], tuple[Found, Candidate]] = {}
+    for one, c in sorted(fits, key=lambda item: -item[1].beyond):
+        known[frozenset(one.families) - {"rest"}] = one, c
     best = found.sets[0]
     while True:
         families = frozenset(best.families) - {"rest"}
-        if len(families) < 2 or families not in known:
+        if not families or families not in known:
             return found
         left = known[families][1].beyond
         less = [known[families - {f}] for f in families if families - {f} in known]

@@ -1,7 +1,7 @@
 """The catalogue of physical effects: one file an effect.
 
-A new effect is a new file in this folder that ends in `EFFECT = TorqueEffect(...)`, `SensorEffect(...)` or
-`SupportEffect(...)`, and a test; the catalogue finds it.
+A new effect is a new file in this folder that ends in `EFFECT = TorqueEffect(...)`, `SensorEffect(...)`,
+`SupportEffect(...)` or `DriveEffect(...)`, and a test; the catalogue finds it.
 """
 
 import importlib
@@ -14,6 +14,7 @@ from types import MappingProxyType
 from sysid.effects import _own
 from sysid.effects._base import (
     DecaySign,
+    DriveEffect,
     Effect,
     MujocoSupport,
     Parameter,
@@ -28,6 +29,7 @@ from sysid.errors import SysidError, did_you_mean
 
 __all__ = [
     "AS_TABLE",
+    "DriveEffect",
     "MujocoSupport",
     "Parameter",
     "SensorEffect",
@@ -37,6 +39,7 @@ __all__ = [
     "as_table",
     "catalogue",
     "drifting",
+    "drives",
     "effect",
     "effect_file",
     "origin",
@@ -48,10 +51,17 @@ __all__ = [
 
 @cache
 def catalogue() -> Mapping[str, Effect]:
-    """Return every effect by name, sorted by name: the files of this folder, installed ones, and the user's own."""
-    every = _shipped()
+    """Return every effect of a joint by name, sorted: the files of this folder, installed ones, and the user's own."""
+    every = {name: part for name, part in _shipped().items() if part.role != "drive"}
     every = {**every, **{name: part for name, (part, _) in _own.own_effects(every).items()}}
     return MappingProxyType(dict(sorted(every.items())))
+
+
+@cache
+def drives() -> Mapping[str, DriveEffect]:
+    """Return every effect of an actuator by name, from the input to the joint."""
+    every = (part for part in _shipped().values() if isinstance(part, DriveEffect))
+    return MappingProxyType({part.name: part for part in sorted(every, key=lambda part: part.stage)})
 
 
 def _shipped() -> Mapping[str, Effect]:
@@ -93,7 +103,7 @@ def effect(name: str) -> Effect:
     Raises:
         SysidError: There is none.
     """
-    known = catalogue()
+    known = {**catalogue(), **drives()}
     if name not in known:
         raise SysidError(f"unknown effect '{name}'.{_meant(name, known)} Known effects: {', '.join(known)}.")
     return known[name]

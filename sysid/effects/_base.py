@@ -1,7 +1,7 @@
 """What an effect is: a law with units, and everything that the tool and a user need to know about it.
 
-Every effect is one file beside this one that ends in `EFFECT = TorqueEffect(...)`, `SensorEffect(...)` or
-`SupportEffect(...)`. Its law is written once, against the small `Algebra`, and therefore runs both on CasADi
+Every effect is one file beside this one that ends in `EFFECT = TorqueEffect(...)`, `SensorEffect(...)`,
+`SupportEffect(...)` or `DriveEffect(...)`. Its law is written once, against the small `Algebra`, and therefore runs both on CasADi
 expressions and on plain numpy. Nothing outside this folder knows an effect by its name.
 
 The law of the tilt joint, with roll φ, tilt x = φ - rest angle and rate v:
@@ -242,12 +242,12 @@ BOARD_RANGE = 0.2
 
 Family = Literal[
     "friction", "hysteresis", "drag", "hardening", "asymmetry", "stop", "freeplay", "relaxation", "rest", "drift",
-    "lowpass", "clock", "inertia", "learned",
+    "lowpass", "clock", "inertia", "learned", "gains", "delay", "saturation", "backlash", "compliance", "cogging",
 ]  # fmt: skip
 """What a practitioner would call it; effects of one family are variants of one another."""
-Role = Literal["torque", "learned", "support", "shift", "record", "measurement"]
+Role = Literal["torque", "learned", "support", "shift", "record", "measurement", "drive"]
 """What an effect changes: the torque of the joint, by a formula or by a table that is learned; what the joint stands on; the
-rest angle; the numbers of the record (indistinguishable from another k and d in a free decay); or the sensor."""
+rest angle; the numbers of the record (indistinguishable from another k and d in a free decay); the sensor; or the actuator."""
 
 DecaySign = Literal[
     "constant loss", "growing loss", "longer period", "shorter period", "moving level", "scattered levels", "stops aside"
@@ -474,3 +474,40 @@ class SupportEffect(Effect):
     """`acceleration(m, angle, rate, torque, parameters)` of the support [rad/s^2], which the joint turns with -torque."""
     series_stiffness: str
     """The parameter that is a stiffness in series with the joint's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Actuation:
+    """What an actuator sees at one instant."""
+
+    input: Value
+    """The input of the log, late by the delay, in its own unit."""
+    torque: Value
+    """Torque that the effects before this one have made of it [N*m]."""
+    angle: Value
+    """Angle that the encoder measures [rad]."""
+    rate: Value
+    """Its rate [rad/s]."""
+
+
+def _same_torque(m: Algebra, actuation: Actuation, parameters: Values) -> Value:
+    return actuation.torque
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveEffect(Effect):
+    """An effect of the actuator: it shows only while something drives the joint."""
+
+    role: Role = "drive"
+    stage: int
+    """Its place from the input to the joint: lower ones act first."""
+    sources: tuple[str, ...] = ()
+    """Kinds of input that it turns into a torque; empty where it changes a torque that is there."""
+    act: Callable[[Algebra, Actuation, Values], Value] = _same_torque
+    """`act(m, actuation, parameters)`: the torque after this effect [N*m]."""
+    late: str = ""
+    """The parameter by which the input is late [s]."""
+    transmit: Callable[[Algebra, Value, Value, Values], Value] | None = None
+    """`transmit(m, twist, rate, parameters)`: torque of a gear between rotor and joint [N*m]; None where they are one body."""
+    gear: tuple[str, ...] = ()
+    """Parameters that make the gear's stiffness [N*m/rad] and damping [N*m*s/rad]: they limit the step."""

@@ -1,6 +1,6 @@
 """Parts of a MuJoCo model that several effects write: tendons, polynomials, motors without an input."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -96,3 +96,32 @@ def add_passive_motor(spec: MjSpec, joint: MjsJoint, name: str, *, native: bool,
     motor.set_to_dcmotor(**{"motorconst": [_NO_MOTOR, _NO_MOTOR], "resistance": 1.0, **constants})
     if native and hasattr(mujoco, "mjtCtrlInput"):
         motor.ctrlspec = int(mujoco.mjtCtrlInput.mjINPUT_NONE)
+
+
+def actuators_of(spec: MjSpec, joint: MjsJoint) -> list[Any]:
+    """Return the actuators of a spec that act on a joint."""
+    import mujoco
+
+    kinds = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+    return [one for one in spec.actuators if one.trntype in kinds and one.target == joint.name]
+
+
+def on_actuators(change: Callable[[Any, Numbers], str]) -> ToMjcf:
+    """Return what writes an effect of an actuator: `change(actuator, parameters)` changes it and says how."""
+
+    def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
+        found = actuators_of(spec, joint)
+        if not found:
+            return (f"joint '{joint.name}' has no actuator in the model: {dict(parameters)} is not written",)
+        return tuple(f"actuator '{one.name}': {change(one, parameters)}" for one in found)
+
+    return write
+
+
+def left_out(reason: str) -> ToMjcf:
+    """Return what writes nothing, and says why."""
+
+    def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
+        return (reason,)
+
+    return write

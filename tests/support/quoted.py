@@ -13,7 +13,7 @@ def plain(text: str) -> str:
 
 
 def missing(quoted: tuple[str, ...], printed: str) -> list[str]:
-    """Return the quoted lines that are not in what was printed, each looked for after the one before."""
+    """Return the quoted lines that the printed text lacks, in that order."""
     printed, lost, begin = plain(printed), [], 0
     for line in filter(None, map(plain, quoted)):
         pattern = re.escape(NUMBER.sub("NUMBER", line)).replace("NUMBER", f"({NUMBER.pattern})")

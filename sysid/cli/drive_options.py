@@ -1,0 +1,38 @@
+"""Options of a joint that something drives."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Group, Parameter
+
+DRIVE = Group("Drive", sort_key=1)
+
+
+@Parameter(name="*", group=DRIVE)
+@dataclass(frozen=True, kw_only=True)
+class DriveArguments:
+    """What drove the joint, where the log is no free decay."""
+
+    input: str | None = None
+    """Column with the input; with --joint all, what the names of those columns begin with."""
+    input_is: Literal["torque", "force", "current", "voltage", "command"] | None = None
+    """Kind of the input; a command is a position that a servo or a controller follows."""
+    input_unit: float | Literal["rad", "deg"] | None = None
+    """Unit of the input, or the size of one unit in SI; radians, N·m, A or V if neither name nor option says one."""
+    input_between: Literal["auto", "held", "smooth"] = "auto"
+    """The input between samples: held by a controller, or smooth."""
+    gains: Annotated[
+        tuple[float, ...], Parameter(negative="", consume_multiple=True, show_default=False)
+    ] = ()
+    """Gains instead of the model's: kp and kd of a command, or the torque of one unit of the input."""
+    encoder: Literal["joint", "motor"] = "joint"
+    """Side of the gear on which the angle is measured."""
+
+    next_motion: Path | None = None
+    """Write the next motion that the robot should play here, as CSV: the one that narrows the widest interval most."""
+
+    @property
+    def given(self) -> bool:
+        """Whether the joint is driven."""
+        return self.input is not None or self.input_is is not None

@@ -1,0 +1,378 @@
+"""Driven joints on the command line: `compare`, `diagnose`, `fit` and `check` with `--input`."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sysid.cli.console import Common, Printer
+from sysid.cli.drive_options import DriveArguments
+from sysid.cli.log_options import LogArguments, refuse_overwriting_logs, say_notes
+from sysid.cli.parameter_options import parse_bounds, parse_fixed
+from sysid.cli.subject import Subject
+from sysid.errors import QualityGateError, SysidError, UsageError
+from sysid.files import refuse_overwriting, write_atomically, write_json
+from sysid.roll import Roll
+
+if TYPE_CHECKING:
+    from sim.model.driven import Stated
+    from sim.model.setup import Setup
+    from sysid.driven.fit import DrivenFit
+    from sysid.driven.log import DrivenLog
+
+PASSES = 5
+"""Fits of each joint beside the simulated motion of the others before the last: each takes most of the error of their accelerations."""
+EVERY = "all"
+"""The joint's name that means all joints with an actuator."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Driven:
+    """Logs of driven joints, and what the model states of them."""
+
+    setup: "Setup"
+    joints: tuple[str, ...]
+    logs: Mapping[str, "list[DrivenLog]"]
+    """By joint, one for each file."""
+    stated: "Mapping[str, Stated]"
+
+    @property
+    def name(self) -> str:
+        """Name of the outputs' folder."""
+        return f"{self.setup.file.stem}_{self.joints[0] if len(self.joints) == 1 else EVERY}".replace(
+            "/", "_"
+        )
+
+
+def read_driven(
+    paths: Sequence[Path], subject: Subject, drive: DriveArguments, arguments: LogArguments, printer: Printer
+) -> Driven:
+    """Read logs of driven joints.
+
+    Raises:
+        SysidError: A log, a column or the model cannot be read, or options do not go together.
+    """
+    from sim.model.driven import load_along, stated
+    from sysid.driven.columns import (
+        INPUTS,
+        MOTIONS,
+        column_of,
+        columns_of_joints,
+        listed_names,
+        require_columns,
+    )
+    from sysid.driven.log import log_of
+    from sysid.logs.formats.registry import open_log
+
+    if drive.input_is is None:
+        raise UsageError("--input needs --input-is torque|force|current|voltage|command.")
+    kind = drive.input_is
+    setup = subject.setup
+    if setup is None:
+        raise UsageError("a driven joint needs its model: --model FILE --joint NAME (or --joint all).")
+    if not paths:
+        raise UsageError("no log was given.")
+    refuse_overwriting_logs(paths, arguments, printer)
+    joints = _joints(setup, printer)
+    setup = setup.with_(joint=joints[0])
+    logs: dict[str, list[DrivenLog]] = {joint: [] for joint in joints}
+    for path in paths:
+        names = open_log(path).names
+        if len(joints) == 1:
+            moved = arguments.column or column_of(names, joints[0], MOTIONS) or None
+            acted = drive.input or column_of(names, joints[0], INPUTS[kind])
+            motions, inputs = {joints[0]: moved}, {joints[0]: acted}
+            if not acted:
+                raise UsageError(
+                    f"{path}: which column is the {kind}? Name it with --input. Columns: {', '.join(names)}."
+                )
+        else:
+            listed = listed_names(path)
+            prefixes = (arguments.column,) if arguments.column else MOTIONS
+            motions = require_columns(
+                columns_of_joints(names, joints, prefixes, listed), joints, "positions", names, "--column"
+            )
+            prefixes = (drive.input,) if drive.input else INPUTS[kind]
+            inputs = require_columns(
+                columns_of_joints(names, joints, prefixes, listed), joints, f"the {kind}", names, "--input"
+            )
+        rolls = {joint: _roll(path, motions[joint], inputs[joint], arguments, printer) for joint in joints}
+        clock = next(iter(rolls.values())).time
+        angles = {joint: np.interp(clock, roll.time, roll.roll) for joint, roll in rolls.items()}
+        for joint, roll in rolls.items():
+            load = load_along(
+                setup.with_(joint=joint), {**angles, joint: np.interp(clock, roll.time, roll.roll)}, clock
+            )
+            scale = _scale(inputs[joint], drive)
+            one = log_of(
+                replace(roll, time=clock, roll=angles[joint]) if len(joints) > 1 else roll,
+                inputs[joint],
+                kind,
+                scale=scale,
+                load=load,
+            )
+            logs[joint].append(replace(one, held=drive.input_between != "smooth"))
+            printer.note(
+                f"joint '{joint}': angle from {motions[joint] or 'the log'}, {kind} from {inputs[joint]}"
+            )
+    known = {joint: stated(setup.with_(joint=joint), kind, drive.gains) for joint in joints}
+    known = {
+        joint: replace(one, structure=replace(one.structure, encoder=drive.encoder))
+        for joint, one in known.items()
+    }
+    return Driven(setup=setup, joints=joints, logs=logs, stated=known)
+
+
+def _joints(setup: "Setup", printer: Printer) -> tuple[str, ...]:
+    """Return the joints that are meant."""
+    if setup.joint != EVERY:
+        return (setup.joint,)
+    import mujoco
+
+    model = mujoco.MjSpec.from_file(str(setup.file)).compile()
+    acted = {
+        int(model.actuator_trnid[i, 0])
+        for i in range(model.nu)
+        if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT
+    }
+    single = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    joints = tuple(
+        model.joint(i).name
+        for i in range(model.njnt)
+        if int(model.jnt_type[i]) in single and (i in acted or not acted)
+    )
+    printer.note(f"joints: {', '.join(joints)}")
+    return joints
+
+
+def _roll(path: Path, column: str | None, acted: str, arguments: LogArguments, printer: Printer) -> Roll:
+    from sysid.logs import read_roll
+
+    options = replace(arguments.options, column=column, also=(acted,))
+    roll = read_roll(path, options)
+    say_notes(path, roll, printer)
+    low = -math.inf if arguments.start is None else arguments.start
+    high = math.inf if arguments.stop is None else arguments.stop
+    rows = (roll.time >= low) & (roll.time <= high)
+    if rows.sum() < 50:
+        raise SysidError(
+            f"{path}: {int(rows.sum())} samples between --from and --to; a driven joint needs 50."
+        )
+    return roll[rows]
+
+
+def _scale(column: str, drive: DriveArguments) -> float:
+    """Return the size of one unit of an input in SI."""
+    from sysid.logs.table.names import parse_column
+
+    unit = drive.input_unit if drive.input_unit is not None else parse_column(column).unit
+    if isinstance(unit, float):
+        return unit
+    return math.radians(1.0) if unit == "deg" and drive.input_is == "command" else 1.0
+
+
+def driven_compare(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
+    """Replay the inputs in the model, and say how far it is off."""
+    from sim.model.driven import replay
+
+    found: list[dict[str, Any]] = []
+    for number in range(len(driven.logs[driven.joints[0]])):
+        logs = {joint: driven.logs[joint][number] for joint in driven.joints}
+        paths = replay(driven.setup, logs, driven.stated)
+        for joint, log in logs.items():
+            error = log.angle - paths[joint]
+            rmse, motion = float(np.sqrt(np.mean(error**2))), float(np.std(log.angle))
+            beyond = math.sqrt(max(rmse**2 - log.std**2, 0.0)) / motion
+            found.append({"log": log.name, "joint": joint, "rmse_rad": rmse, "nrmse": beyond, "noise_floor_rad": log.std,
+                          "where": _where(log, error), "passed": beyond <= tolerance, "tolerance": tolerance})  # fmt: skip
+    rows = [(f["joint"], Path(f["log"]).name, f"{f['rmse_rad']:.4g}", f"{100 * f['nrmse']:.2f} %", "✓" if f["passed"] else "✗",
+             f["where"][0]["text"]) for f in found]  # fmt: skip
+    printer.table(
+        ("joint", "log", "RMS error [rad]", "of the motion", "", "where"),
+        rows,
+        "replay of the input in plain MuJoCo",
+    )
+    return {
+        "joints": found,
+        "passed": all(f["passed"] for f in found),
+        "nrmse": max(f["nrmse"] for f in found),
+    }
+
+
+def _where(log: "DrivenLog", error: Any) -> list[dict[str, Any]]:
+    """Return where the error is, by time and by speed: the third with the most of it."""
+    rate = np.abs(np.gradient(log.angle, log.time))
+    found: list[dict[str, Any]] = []
+    for axis, values, unit in (("time", log.time, "s"), ("velocity", rate, "rad/s")):
+        ends = np.quantile(values, [0, 1 / 3, 2 / 3, 1])
+        shares = [
+            float((error[(values >= a) & (values <= b)] ** 2).sum() / (error**2).sum())
+            for a, b in pairwise(ends)
+        ]
+        i = int(np.argmax(shares))
+        text = f"{100 * shares[i]:.0f} % of it at {ends[i]:.3g} to {ends[i + 1]:.3g} {unit}"
+        found.append(
+            {
+                "axis": axis,
+                "range": [float(ends[i]), float(ends[i + 1])],
+                "share_of_error": shares[i],
+                "text": text,
+            }
+        )
+    return sorted(found, key=lambda one: -one["share_of_error"])
+
+
+def driven_diagnose(driven: Driven, printer: Printer, fix: Sequence[str]) -> dict[str, Any]:
+    """Find what the model of each joint is missing."""
+    from sysid.driven.diagnose import diagnose
+    from sysid.driven.report import verdict_text
+
+    results: dict[str, Any] = {}
+    for joint in driven.joints:
+        for log in driven.logs[joint]:
+            stated = driven.stated[joint]
+            verdict = diagnose(
+                log,
+                stated.values,
+                structure=stated.structure,
+                fixed=parse_fixed(fix),
+                told=lambda text: printer.note(f"  tried: {text}"),
+            )
+            printer.say(verdict_text(verdict, joint))
+            results.setdefault(joint, []).append(verdict.to_json())
+    only = results[driven.joints[0]]
+    return only[0] if len(driven.joints) == 1 and len(only) == 1 else {"joints": results}
+
+
+def driven_fit(
+    driven: Driven, printer: Printer, *, effects: Sequence[str], fix: Sequence[str], bound: Sequence[str], plain: bool,
+    output: Path | None, motion: Path | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Fit each joint, say how far several logs agree, and write a patched copy of the model."""
+    from sim.model.driven import patch_driven
+    from sysid.driven.fit import fit, free_of
+    from sysid.driven.report import fit_text
+    from sysid.driven.runs import agreement
+
+    fixed, bounds = parse_fixed(fix), parse_bounds(bound)
+    fits: dict[str, list[DrivenFit]] = {}
+    for joint in driven.joints:
+        stated = driven.stated[joint]
+        own = () if plain else stated.structure.effects
+        structure = replace(stated.structure, effects=tuple(sorted({*own, *(effects or _usual(plain))})))
+        free = free_of(structure, structure.effects, fixed)
+        known = {**stated.values, **fixed}
+        fits[joint] = [
+            fit(one, structure, known, free, bounds=bounds, quick=len(driven.joints) > 1)
+            for one in driven.logs[joint]
+        ]
+    for last in (*(False,) * PASSES, True) if len(driven.joints) > 1 else ():
+        fits = {
+            joint: [_beside(driven, fits, joint, number, bounds, last=last) for number in range(len(one))]
+            for joint, one in fits.items()
+        }
+    merged = {joint: agreement(one) for joint, one in fits.items()}
+    for joint, one in merged.items():
+        printer.say(fit_text(joint, fits[joint], one, driven.stated[joint].values))
+    if motion is not None:
+        from sysid.driven.next_motion import next_motion
+
+        for joint, one in merged.items():
+            found = next_motion(one.combined)
+            path = motion if len(merged) == 1 else motion.with_stem(f"{motion.stem}_{joint}")
+            write_atomically(path, found.csv())
+            printer.say(
+                f"{path}: {found.text}; the interval of {found.worst} becomes {100 * found.narrower:.0f} % as wide"
+            )
+    path = output or driven.setup.file.with_name(f"{driven.name}.xml")
+    made = patch_driven(driven.setup, {joint: one.combined for joint, one in merged.items()})
+    refuse_overwriting([driven.setup.file, *made.files], {"--output": path})
+    for line in made.remarks:
+        printer.note(line)
+    printer.say(made.diff.rstrip())
+    printer.written(*made.save(path))
+    return {"joints": {joint: one.to_json() for joint, one in merged.items()}, "model": str(path)}
+
+
+def driven_export(path: Path, output: Path | None, timestep: float, printer: Printer) -> dict[str, Any]:
+    """Write a fit of driven joints as a module for mjlab, and as JSON beside it."""
+    from sysid.driven.export import handed_over, mjlab_module
+
+    if not 0 < timestep <= 0.05:
+        raise SysidError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
+    joints = handed_over(path)
+    module = output or path.with_name("actuators.py")
+    refuse_overwriting([path], {"--output": module, "JSON beside it": module.with_suffix(".json")})
+    write_atomically(module, mjlab_module(joints, timestep=timestep, source=path.name))
+    write_json(module.with_suffix(".json"), {"joints": joints})
+    printer.written(module, module.with_suffix(".json"))
+    return {"joints": joints, "module": str(module)}
+
+
+def _beside(
+    driven: Driven, fits: "Mapping[str, list[DrivenFit]]", joint: str, number: int, bounds: Any, *, last: bool
+) -> "DrivenFit":
+    """Fit a joint beside the motions that the fits of the others have."""
+    from sim.model.driven import load_along
+    from sysid.driven.fit import fit
+
+    before = fits[joint][number]
+    motion = {other: one[number].motion for other, one in fits.items()}
+    load = load_along(driven.setup.with_(joint=joint), motion, before.log.time, simulated=True)
+    begins = [] if last else [before.values]
+    log = replace(before.log, load=load)
+    return fit(
+        log,
+        before.structure,
+        before.values,
+        tuple(before.quantities),
+        bounds=bounds,
+        begins=begins,
+        quick=not last,
+    )
+
+
+def _usual(plain: bool) -> tuple[str, ...]:
+    """Return the effects that a driven joint is fitted with unless others are named: dry friction and a delay."""
+    from sysid.effects import coulomb, delay
+
+    return () if plain else (coulomb.EFFECT.name, delay.EFFECT.name)
+
+
+def run_driven(
+    run: Callable[[Driven, Printer], dict[str, Any]], name: str, logs: Sequence[Path], subject: Subject, drive: DriveArguments,
+    arguments: LogArguments, common: Common,
+) -> dict[str, Any]:  # fmt: skip
+    """Read, run one command, and write its result."""
+    printer = Printer(common)
+    driven = read_driven(logs, subject, drive, arguments, printer)
+    for stated in driven.stated.values():
+        printer.note("; ".join(stated.notes))
+    content = run(driven, printer)
+    path = common.space.outputs(driven.name) / f"{name}.json"
+    write_json(path, content)
+    printer.written(path)
+    printer.result(content)
+    return content
+
+
+def driven_check(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
+    """Replay the inputs in the model, and refuse one that is farther off than the tolerance.
+
+    Raises:
+        QualityGateError: It is.
+    """
+    content = driven_compare(driven, printer, tolerance)
+    if not content["passed"]:
+        worst = max(content["joints"], key=lambda one: one["nrmse"])
+        printer.result(content)
+        raise QualityGateError(
+            f"joint '{worst['joint']}' is {100 * worst['nrmse']:.2f} % of its motion off, {100 * tolerance:.2f} % are allowed. "
+            "Run diagnose on the same log."
+        )
+    printer.say(f"passed: NRMSE {100 * content['nrmse']:.2f} %")
+    return content

@@ -1,0 +1,124 @@
+"""Which columns of a log belong to which joint: by name, by a list beside the log, or by order."""
+
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from sysid.errors import SysidError
+
+MOTIONS = (
+    "q",
+    "qpos",
+    "pos",
+    "position",
+    "joint_pos",
+    "joint_positions",
+    "observation.state",
+    "actual_q",
+    "present_position",
+)
+"""What loggers call measured positions, the likeliest first."""
+INPUTS = {
+    "command": (
+        "action",
+        "ctrlData",
+        "q_des",
+        "q_target",
+        "target",
+        "cmd",
+        "command",
+        "goal_position",
+        "ctrl",
+    ),
+    "torque": ("tau", "tau_est", "torque", "effort"),
+    "force": ("force", "effort"),
+    "current": ("current", "present_current", "iq"),
+    "voltage": ("voltage", "pwm", "present_pwm"),
+}
+"""What they call the inputs of each kind."""
+
+
+def plain(name: str) -> str:
+    """Return a name in lower case, without punctuation, units in brackets and joints' endings."""
+    bare = re.sub(r"\(.*?\)|/ ?\w+$|(?<=_)(rad|deg|nm|s|a|v)$", "", name.lower())
+    return re.sub(r"[^a-z0-9]+", "_", bare).strip("_").removesuffix("_joint")
+
+
+def columns_of_joints(
+    names: Sequence[str], joints: Sequence[str], prefixes: Sequence[str], listed: Sequence[str] = ()
+) -> dict[str, str]:
+    """Return the column of each joint; empty where none of the prefixes gives one for every joint.
+
+    Args:
+        names: Columns of the log.
+        joints: Names of the joints, in the model's order.
+        prefixes: What the quantity may be called, the likeliest first.
+        listed: Names of the numbered columns in order, where a file beside the log says them.
+    """
+    for prefix in prefixes:
+        start = plain(prefix)
+        rest = {
+            plain(name).removeprefix(start).strip("_"): name
+            for name in names
+            if plain(name).startswith(start)
+        }
+        rest |= {
+            plain(name).removesuffix(start).strip("_"): name
+            for name in names
+            if plain(name).endswith(f"_{start}")
+        }
+        found = {joint: rest[plain(joint)] for joint in joints if plain(joint) in rest}
+        if len(found) == len(joints):
+            return found
+        numbered = sorted((int(key), name) for key, name in rest.items() if key.isdigit())
+        order = [plain(one) for one in listed]
+        if len(order) == len(numbered) and set(map(plain, joints)) <= set(order):
+            return {joint: numbered[order.index(plain(joint))][1] for joint in joints}
+        if len(numbered) == len(joints):
+            return {joint: name for joint, (_, name) in zip(joints, numbered, strict=True)}
+    return {}
+
+
+def column_of(names: Sequence[str], joint: str, prefixes: Sequence[str]) -> str:
+    """Return the one column of a joint, '' where its name is in none or in several."""
+    found = columns_of_joints(names, [joint], prefixes)
+    return found.get(joint, "")
+
+
+def listed_names(log: Path) -> list[str]:
+    """Return the names of numbered columns in an `info.json` beside a log or in `meta`, as LeRobot writes it; none where there is none."""
+    for path in (
+        log.parent / "info.json",
+        log.parent / "meta" / "info.json",
+        log.parent.parent / "meta" / "info.json",
+    ):
+        if path.is_file():
+            try:
+                content = json.loads(path.read_text(encoding="utf-8"))
+            except (OSError, ValueError):
+                return []
+            features = content.get("features", content)
+            for key in ("observation.state", "action", "joints", "names"):
+                entry = features.get(key, []) if isinstance(features, dict) else []
+                names = entry.get("names", []) if isinstance(entry, dict) else entry
+                names = names.get("motors", []) if isinstance(names, dict) else names
+                if names:
+                    return [str(name).removesuffix(".pos") for name in names]
+    return []
+
+
+def require_columns(
+    found: dict[str, str], joints: Sequence[str], what: str, names: Sequence[str], option: str
+) -> dict[str, str]:
+    """Return what was found.
+
+    Raises:
+        SysidError: Nothing was.
+    """
+    if not found:
+        raise SysidError(
+            f"no column of {what} for each of the joints {', '.join(joints)}. Columns: {', '.join(names)}. "
+            f"Give what their names begin with: {option} PREFIX; they are matched by the joints' names or in their order."
+        )
+    return found

@@ -1,0 +1,283 @@
+"""The fit of a driven joint: starts from its missing torque, then output error over the whole log."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from sysid.driven.joint import BASE, Structure
+from sysid.driven.log import DrivenLog
+from sysid.driven.missing import Motion, linear_start
+from sysid.driven.problem import Problem, limits_of, scales_of, size_of
+from sysid.effects._base import DriveEffect
+from sysid.errors import SysidError
+from sysid.least_squares import Minimum
+from sysid.noise.autoregression import residual_noise
+from sysid.quantity import Quantity
+from sysid.roll import Array
+
+WINDOWS = (128, 32, 8, 1)
+"""Windows of the fits that follow each other: from the equations alone to the whole log."""
+FINER = 3
+"""Factor of integration steps in the last fit, from which intervals come: a step's error falls by nine."""
+WHITE = 1.2
+"""Samples over which residuals are correlated, up to which they are noise."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DrivenFit:
+    """A driven joint fitted to one log."""
+
+    log: DrivenLog
+    structure: Structure
+    values: Mapping[str, float]
+    """All parameters."""
+    quantities: Mapping[str, Quantity]
+    """The fitted ones."""
+    covariance: Array
+    """Of the fitted ones in their order and units, shape (p, p)."""
+    rmse: float
+    """RMS of measured less simulated [rad]."""
+    noise: float
+    """Noise of the log [rad]."""
+    memory: float
+    """Over how many samples residuals are correlated."""
+    score: float
+    """-2 log likelihood of correlated residuals, plus ln n for each parameter."""
+    residual: Array
+    """Measured less simulated [rad], shape (n,)."""
+    point: Array
+    """Unknowns in units of their sizes, shape (p,)."""
+
+    @property
+    def motion(self) -> Array:
+        """Simulated angle at the log's samples [rad], shape (n,)."""
+        inside = len(self.residual)
+        return np.r_[self.log.angle[:inside] - self.residual, self.log.angle[inside:]]
+
+    @property
+    def nrmse(self) -> float:
+        """Error beyond the noise, over the RMS motion [1]."""
+        beyond = math.sqrt(max(self.rmse**2 - self.noise**2, 0.0))
+        return beyond / float(np.std(self.log.angle))
+
+    def to_json(self) -> dict[str, object]:
+        """Return what `fit --json` writes of a driven joint."""
+        return {
+            "log": self.log.name, "input": self.log.kind, "effects": list(self.structure.effects), "rmse_rad": self.rmse,
+            "noise_floor_rad": self.noise, "nrmse": self.nrmse, "memory_samples": self.memory,
+            "values": dict(self.values),
+            "parameters": {name: quantity.to_json() for name, quantity in self.quantities.items()},
+        }  # fmt: skip
+
+
+def free_of(
+    structure: Structure, named: Sequence[str], fixed: Mapping[str, float], more: Sequence[str] = ()
+) -> tuple[str, ...]:
+    """Return the parameters that a fit may move: armature, damping, bias, and those of the effects that were named."""
+    own = [
+        f"{part.name}.{p.name}"
+        for part in structure.parts
+        if part.name in named
+        for p in part.parameters
+        if not p.held
+    ]
+    wanted = dict.fromkeys(("armature", "damping", "bias", *own, *more))
+    unknown = [name for name in (*fixed, *more) if name not in structure.parameters]
+    if unknown:
+        raise SysidError(f"unknown parameter '{unknown[0]}'. Parameters: {', '.join(structure.parameters)}.")
+    return tuple(name for name in wanted if name not in fixed)
+
+
+def start_values(structure: Structure, given: Mapping[str, float], log: DrivenLog) -> dict[str, float]:
+    """Return values of all parameters: those given, and neutral ones or sizes elsewhere."""
+    values = {**dict.fromkeys(BASE, 0.0), **given}
+    source = structure.source
+    for p in source.parameters:
+        default = 1.0 if p.default is None and len(source.parameters) == 1 else p.default
+        if f"{source.name}.{p.name}" not in values:
+            if default is None:
+                raise SysidError(
+                    f"a {log.kind} acts through {source.title}, which are not known: give --gains {','.join(q.name for q in source.parameters)}."
+                )
+            values[f"{source.name}.{p.name}"] = default
+    scales = scales_of(log, structure, {**values, structure.delay: 0.0})
+    for part in structure.parts:
+        for p in part.parameters:
+            values.setdefault(
+                f"{part.name}.{p.name}",
+                (p.neutral if p.neutral is not None else p.starts[0])
+                * (p.size(scales) if p.neutral is None or p.neutral else 0.0),
+            )
+    return values
+
+
+def fit(
+    log: DrivenLog, structure: Structure, given: Mapping[str, float], free: tuple[str, ...], *,
+    bounds: Mapping[str, tuple[float, float]] | None = None, warm: Mapping[str, float] | None = None,
+    begins: Sequence[Mapping[str, float]] = (), quick: bool = False,
+) -> DrivenFit:  # fmt: skip
+    """Fit the free parameters of a structure to a log by output error.
+
+    Args:
+        given: Known values of parameters, in SI.
+        warm: Values to start from; the missing torque says the rest.
+        begins: Starts of all parameters, where they are known; each is tried.
+        quick: Skip the interval, and the search for better minima.
+
+    Raises:
+        SysidError: The motion runs away from everywhere that was tried.
+    """
+    structure = structure.checked()
+    bounds = dict(bounds or {})
+    values = start_values(structure, {**given, **(warm or {})}, log)
+    found = begins or starts(Motion(log), structure, values, free, bounds, known=warm or {})[0]
+    if (
+        structure.gear is not None and len(found) > 1
+    ):  # each valley of a gear has its own start: the deepest is followed
+        valleys = [
+            one for start in found if (one := _chain(log, structure, start, free, bounds, WINDOWS[:-1], 10))
+        ]
+        if valleys:
+            found = begins = [_values(min(valleys, key=lambda one: one[-1][1].normal.cost)[-1])]
+    best: list[tuple[Problem, Minimum]] = []
+    for one in found:
+        windows = WINDOWS[-1:] if warm or begins else WINDOWS
+        chain = _chain(log, structure, one, free, bounds, windows, 12 if quick else 40)
+        if (
+            chain
+            and chain[-1][0].windows == 1
+            and (not best or chain[-1][1].normal.cost < best[-1][1].normal.cost)
+        ):
+            best = chain
+    if best and not quick:  # intervals may be narrower than the error of a step
+        problem, found = best[-1]
+        fine = replace(problem, values=_values(best[-1]), finer=FINER)
+        again = fine.fitted(np.r_[found.point], iterations=8)
+        best = [*best[:-1], (fine, again) if np.isfinite(again.normal.cost) else best[-1]]
+    if not best:
+        raise SysidError(
+            f"{log.name}: the simulated motion runs away wherever the fit starts. Check the input's unit and sign, and the gains."
+        )
+    return _result(best, quick=quick)
+
+
+def _chain(
+    log: DrivenLog, structure: Structure, begin: Mapping[str, float], free: tuple[str, ...],
+    bounds: Mapping[str, tuple[float, float]], windows: Sequence[int], iterations: int,
+) -> list[tuple[Problem, Minimum]]:  # fmt: skip
+    """Return fits over fewer and fewer windows, each from the one before."""
+    chain: list[tuple[Problem, Minimum]] = []
+    for number in sorted({min(one, max(1, len(log.time) // 40)) for one in windows}, reverse=True):
+        problem = Problem(
+            log=log, structure=structure, values=begin, free=free, windows=number, bounds=bounds
+        )
+        found = problem.fitted(iterations=iterations if number > 1 else 40)
+        if np.isfinite(found.normal.cost):
+            chain.append((problem, found))
+            begin = _values(chain[-1])
+    return chain
+
+
+def _values(one: tuple[Problem, Minimum]) -> dict[str, float]:
+    """Return all parameters of a fit."""
+    problem, found = one
+    return dict(zip(problem.structure.parameters, problem.vector(found.point).tolist(), strict=True))
+
+
+def starts(
+    motion: Motion, structure: Structure, values: Mapping[str, float], free: tuple[str, ...],
+    bounds: Mapping[str, tuple[float, float]], *, known: Mapping[str, float],
+) -> tuple[list[dict[str, float]], float]:  # fmt: skip
+    """Return starting values, of each combination of the effects' starts those that leave the least torque missing; and that [N*m].
+
+    A gear does not show in the missing torque: each of its starts is tried.
+
+    Args:
+        known: Parameters whose value is a start already.
+    """
+    scales = scales_of(motion.log, structure, values)
+
+    def limits(name: str) -> tuple[float, float]:
+        low, high = np.array(limits_of(structure, name, scales)) * size_of(structure, name, scales)
+        return bounds.get(name, (float(low), float(high)))
+
+    choices: dict[str, list[float]] = {}
+    geared: dict[str, list[float]] = {}
+    for part in structure.parts:
+        hidden = (isinstance(part, DriveEffect) and part.transmit is not None) or bool(part.states)
+        for p in part.parameters:
+            name = f"{part.name}.{p.name}"
+            if name in free and name not in known and not (isinstance(part, DriveEffect) and part.sources):
+                (geared if hidden else choices)[name] = [
+                    float(np.clip(s * p.size(scales), *limits(name))) for s in p.starts
+                ]
+    linear = tuple(n for n in free if n not in geared)
+    tried: list[tuple[float, dict[str, float]]] = []
+    left = 0.0
+    for one in product(*choices.values()):
+        begin = {**values, **dict(zip(choices, one, strict=True))}
+        for _ in range(2 if len(choices) < 3 else 1):
+            begin, left = linear_start(structure, begin, linear, motion, limits)
+        tried.append((left, begin))
+    left, best = min(tried, key=lambda pair: pair[0])
+    gear = structure.gear
+    if gear is not None:  # the rotor needs an inertia of its own
+        best["armature"] = max(best["armature"], 0.05 * scales.inertia)
+    return [{**best, **dict(zip(geared, one, strict=True))} for one in product(*geared.values())], left
+
+
+def _result(chain: Sequence[tuple[Problem, Minimum]], *, quick: bool) -> DrivenFit:
+    """Return the fit of the whole log; where its residuals are no noise, the windows with the narrowest intervals give the parameters."""
+    problem, found = chain[-1]
+    log, structure, free = problem.log, problem.structure, problem.free
+    rest = problem.residuals(found.point, slopes=False)[0]
+    whole = np.concatenate(rest) * log.std
+    noise = residual_noise([r * log.std for r in rest])
+    vector, method = problem.vector(found.point), "output error"
+    covariance = np.full((len(free),) * 2, np.nan)
+    if not quick:
+        covariance = problem.covariance(found)
+        if noise.memory > WHITE and len(chain) > 1:
+            vector, covariance, windows = _weighed(chain, covariance)
+            method = f"output error over {windows} windows"
+    values = dict(zip(structure.parameters, vector.tolist(), strict=True))
+    quantities = {
+        name: Quantity(
+            values[name],
+            math.nan if quick else math.sqrt(max(covariance[i, i], 0.0)),
+            structure.parameters[name],
+            method,
+        )
+        for i, name in enumerate(free)
+    }
+    n, rmse = len(whole), float(np.sqrt(np.mean(whole**2)))
+    score = n * math.log(max(noise.innovation, 1e-300)) + (len(free) + structure.states) * math.log(n)
+    return DrivenFit(
+        log=log, structure=structure, values=values, quantities=quantities, covariance=covariance, rmse=rmse,
+        noise=min(log.std, rmse), memory=noise.memory, score=score, residual=whole, point=found.point,
+    )  # fmt: skip
+
+
+def _weighed(chain: Sequence[tuple[Problem, Minimum]], last: Array) -> tuple[Array, Array, int]:
+    """Return all parameters, shape (q,), and the covariance of the free ones, shape (p, p), in SI, of the best number of windows.
+
+    It is the number whose intervals are narrowest. Where other numbers of windows disagree, the equations miss something, and
+    deviations grow by the scale factor √(χ²/(N - 1)) of a weighted mean (Particle Data Group).
+    """
+    found = [(p.windows, p.vector(m.point), last if p is chain[-1][0] else p.covariance(m)) for p, m in chain]
+    free = [list(chain[0][0].structure.parameters).index(name) for name in chain[0][0].free]
+    variances = np.array([np.diag(covariance) for _, _, covariance in found])
+    with np.errstate(all="ignore"):
+        sharpness = [
+            np.nansum(np.log(np.where(np.isfinite(v), v, np.nan) / variances[-1])) for v in variances
+        ]
+        best = int(np.argmin(sharpness))
+        values = np.array([vector[free] for _, vector, _ in found])
+        mean = np.nansum(values / variances, axis=0) / np.nansum(1 / variances, axis=0)
+        factor = np.sqrt(np.nansum((values - mean) ** 2 / variances, axis=0) / (len(found) - 1))
+    factor = np.where(np.isfinite(factor), np.maximum(factor, 1.0), 1.0)
+    windows, vector, covariance = found[best]
+    return vector, covariance * np.outer(factor, factor), windows

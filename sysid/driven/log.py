@@ -1,0 +1,139 @@
+"""A driven log: a motion, the input that drove it, and the load that the model puts on the joint along it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, Self, get_args
+
+import numpy as np
+
+from sysid.errors import SysidError
+from sysid.roll import Array, Roll
+
+InputKind = Literal["torque", "force", "current", "voltage", "command"]
+"""What the input column holds."""
+KINDS: tuple[str, ...] = get_args(InputKind)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Load:
+    """Inertia and torque of the rest of the model, at the samples of a log."""
+
+    inertia: Array
+    """Inertia at the joint without its armature [kg*m^2], shape (n,)."""
+    torque: Array
+    """Torque towards larger angles without the joint's own spring, damper and friction [N*m], shape (n,)."""
+    slope: Array
+    """Its derivative by the joint's angle [N*m/rad], shape (n,)."""
+    zero: float = 0.0
+    """Reading of the encoder at the model's zero that was assumed [rad]."""
+
+    @classmethod
+    def constant(cls, inertia: float, samples: int) -> Self:
+        """Return a load of constant inertia [kg*m^2] and no torque, shape (samples,) each."""
+        return cls(inertia=np.full(samples, inertia), torque=np.zeros(samples), slope=np.zeros(samples))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DrivenLog:
+    """Motion of one joint and the input that drove it."""
+
+    name: str
+    """The log's path."""
+    time: Array
+    """Time [s], shape (n,), increasing."""
+    angle: Array
+    """Angle that the encoder measured [rad], shape (n,)."""
+    std: float
+    """Its noise [rad]."""
+    input: Array
+    """Input in its own unit, shape (n,)."""
+    kind: InputKind
+    load: Load
+    held: bool = True
+    """Whether a digital controller held the input between samples; else it is smooth."""
+
+    def part(self, rows: slice) -> "DrivenLog":
+        """Return these samples."""
+        load = replace(self.load, **{k: getattr(self.load, k)[rows] for k in ("inertia", "torque", "slope")})
+        return replace(self, time=self.time[rows], angle=self.angle[rows], input=self.input[rows], load=load)
+
+    @property
+    def step(self) -> float:
+        """Median sampling interval [s]."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last sample [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    def grid(self, substeps: int) -> Array:
+        """Return integration times with so many steps a sample [s], shape (m + 1,)."""
+        step = self.step / substeps
+        return self.time[0] + step * np.arange(int(self.duration / step + 1e-6) + 1)
+
+    def mean_input(self, grid: Array, delay: float) -> tuple[Array, Array]:
+        """Return the mean input over each step of a grid [s], shape (m + 1,), and its derivative by the delay [s], shape (m,) each.
+
+        Before the log the input is its first value; means are in the input's unit.
+        """
+        late = grid - delay
+        integral, value = self._integral
+        step = np.diff(grid)
+        return np.diff(integral(late)) / step, -np.diff(value(late)) / step
+
+    @cached_property
+    def _integral(self) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
+        """The input's integral and the input itself as functions of time."""
+        time, values = self.time, self.input
+        if not self.held:
+            from scipy.interpolate import CubicSpline
+
+            spline = CubicSpline(time, values)
+            whole = spline.antiderivative()
+
+            def clipped(t: Array) -> Array:
+                inside = np.clip(t, time[0], time[-1])
+                return np.asarray(whole(inside)) + values[0] * (t - inside)
+
+            return clipped, lambda t: np.asarray(spline(np.clip(t, time[0], time[-1])))
+        sums = np.r_[0.0, np.cumsum(values[:-1] * np.diff(time))]
+
+        def summed(t: Array) -> Array:
+            before, after = np.minimum(t - time[0], 0.0), np.maximum(t - time[-1], 0.0)
+            return np.interp(t, time, sums) + values[0] * before + values[-1] * after
+
+        def now(t: Array) -> Array:
+            return values[np.clip(np.searchsorted(time, t + 1e-9, side="right") - 1, 0, len(time) - 1)]
+
+        return summed, now
+
+
+def log_of(
+    roll: Roll, column: str, kind: InputKind, *, scale: float = 1.0, load: Load | None = None
+) -> DrivenLog:
+    """Return the driven log of a roll whose column holds the input.
+
+    Args:
+        scale: Of one unit of the column in SI (an angle in degrees).
+        load: Of the model along the roll; a unit inertia without torque if left out.
+
+    Raises:
+        SysidError: The input is missing somewhere, or never changes.
+    """
+    values = scale * np.asarray(roll.extra[column], dtype=np.float64)
+    known = np.isfinite(values)
+    if not known.any():
+        raise SysidError(f"{roll.log}: the input '{column}' holds no number. Name another with --input.")
+    if not known.all():  # a slower stream: the last value holds
+        last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+        values = np.where(last >= 0, values[last], values[known][0])
+    if np.ptp(values) == 0:
+        raise SysidError(
+            f"{roll.log}: the input '{column}' is always {values[0]:g}: nothing drove the joint. Use `decay`, or name another column."
+        )
+    return DrivenLog(
+        name=roll.log, time=roll.time, angle=roll.roll, std=float(np.median(roll.std)), input=values, kind=kind,
+        load=load or Load.constant(1.0, len(values)),
+    )  # fmt: skip

@@ -1,0 +1,292 @@
+"""Output error of a driven joint over windows of a log: residuals, normal equations, covariance.
+
+Each window starts from a state of its own. Short windows forgive what the equations miss, long ones use all that they say.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from sysid.driven.joint import Structure, simulate
+from sysid.driven.log import DrivenLog
+from sysid.driven.missing import Motion
+from sysid.effects._algebra import NUMPY
+from sysid.effects._base import Actuation, Scales, State, TorqueEffect
+from sysid.joint.hermite import hermite_matrix
+from sysid.least_squares import Minimum, Normal, minimise
+from sysid.noise.autoregression import residual_noise
+from sysid.roll import Array
+
+STEPS_PER_RADIAN = 10
+"""Integration steps in a radian of the fastest motion: the error of a step's mean input is then a thousandth."""
+GEAR_STEPS, MOST_STEPS, TURNS_FINER = 4, 64, 4
+"""Integration steps a sample where a gear rings between samples, and at most; and factor of them where friction turns: of the sampling."""
+LIGHT = 0.1
+"""Share of torque over acceleration below which an inertia is not the joint's: most of it is then the rotor's, which is not known yet."""
+RUNAWAY = 1e3
+"""Motion beyond so many times the measured one has run away."""
+
+
+@dataclass(kw_only=True, eq=False)
+class Problem:
+    """Least squares of one structure on one log. Unknowns: free parameters, then each window's first state, in their sizes."""
+
+    log: DrivenLog
+    structure: Structure
+    values: Mapping[str, float]
+    """All parameters; those that are not free stay here."""
+    free: tuple[str, ...]
+    windows: int = 1
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
+    substeps: int = 0
+    """Integration steps a sample; 0 chooses them."""
+    finer: int = 1
+    """Factor of the chosen ones."""
+
+    @cached_property
+    def scales(self) -> Scales:
+        """Sizes of motion and torque."""
+        return scales_of(self.log, self.structure, self.values)
+
+    @cached_property
+    def grid(self) -> Array:
+        """Integration times [s], shape (m + 1,)."""
+        chosen = substeps_of(self.log, self.structure, self.values, self.scales, fine=self.windows == 1)
+        return self.log.grid(self.substeps or self.finer * chosen)
+
+    @property
+    def h(self) -> float:
+        """Integration step [s]."""
+        return float(self.grid[1] - self.grid[0])
+
+    @cached_property
+    def length(self) -> int:
+        """Steps in a window."""
+        return (len(self.grid) - 1) // self.windows
+
+    @cached_property
+    def places(self) -> list[tuple[int, slice, object]]:
+        """First step of each window, its samples, and what takes grid values and slopes to them."""
+        found: list[tuple[int, slice, object]] = []
+        for number in range(self.windows):
+            first = number * self.length
+            low, high = self.grid[first], self.grid[first + self.length] + 1e-9
+            rows = slice(
+                *np.searchsorted(self.log.time, [low - 1e-9, high - (number < self.windows - 1) * self.h / 2])
+            )
+            found.append(
+                (
+                    first,
+                    rows,
+                    hermite_matrix(np.clip(self.log.time[rows] - low, 0, None), self.h, self.length + 1),
+                )
+            )
+        return found
+
+    @cached_property
+    def known(self) -> Array:
+        """Load (its own units) and angle [rad] at the middle of each step, shape (4, m)."""
+        middle = self.grid[:-1] + self.h / 2
+        load = self.log.load
+        return np.stack(
+            [
+                np.interp(middle, self.log.time, x)
+                for x in (load.inertia, load.torque, load.slope, self.log.angle - load.zero)
+            ]
+        )
+
+    @cached_property
+    def start_states(self) -> Array:
+        """First guess of each window's first state, shape (w, s), in units of SI."""
+        return np.array([self._first(first) for first, _, _ in self.places])
+
+    def _first(self, first: int) -> Array:
+        """Return angle and rate of a short parabola at a step, for rotor and joint alike; effects start at zero."""
+        log, at = self.log, float(self.grid[first])
+        reach = np.abs(log.time - at) <= max(5 * log.step, 0.1 / self.scales.frequency)
+        fit = np.polyfit(log.time[reach] - at, log.angle[reach], min(2, int(reach.sum()) - 1))
+        pair = [fit[-1], fit[-2]]
+        state = [*pair, *(pair if self.structure.gear is not None else [])]
+        return np.array([*state, *np.zeros(self.structure.states - len(state))])
+
+    @cached_property
+    def sizes(self) -> Array:
+        """Size of each unknown in its unit, shape (p,)."""
+        return np.r_[
+            [size_of(self.structure, name, self.scales) for name in self.free],
+            np.tile(self._state_sizes, self.windows),
+        ]
+
+    @cached_property
+    def _state_sizes(self) -> Array:
+        s, gear = self.scales, self.structure.gear is not None
+        own: list[State] = [state for part in self.structure.parts for state in part.states]
+        return np.array([s.amplitude, s.rate] * (1 + gear) + [state.size(s) for state in own])
+
+    def limits(self) -> tuple[Array, Array]:
+        """Return lower and upper bounds in units of the sizes, shape (p,) each."""
+        pairs = [limits_of(self.structure, name, self.scales) for name in self.free]
+        low, high = (np.array([pair[i] for pair in pairs]) for i in (0, 1))
+        for place, name in enumerate(self.free):
+            if name in self.bounds:
+                low[place], high[place] = np.array(self.bounds[name]) / self.sizes[place]
+        wide = np.full(self.windows * self.structure.states, 20.0)
+        return np.r_[low, -wide], np.r_[high, wide]
+
+    def vector(self, point: Array) -> Array:
+        """Return all parameters in the structure's order and units, shape (q,), at unknowns, shape (p,)."""
+        found = dict(self.values) | dict(zip(self.free, point * self.sizes[: len(point)], strict=False))
+        return np.array([found[name] for name in self.structure.parameters])
+
+    def residuals(self, point: Array, *, slopes: bool = True) -> tuple[list[Array], list[Array]]:
+        """Return measured less simulated, and its Jacobian's rows with the sign of the simulation, for each window.
+
+        Args:
+            point: Unknowns in units of their sizes, shape (p,); residuals are in units of the noise, shape (n,) each.
+        """
+        p, n = len(self.free), self.structure.states
+        vector = self.vector(point[:p])
+        delay = (
+            vector[list(self.structure.parameters).index(self.structure.delay)]
+            if self.structure.delay
+            else 0.0
+        )
+        mean, by_delay = self.log.mean_input(self.grid, float(delay))
+        given = np.vstack([np.full_like(mean, self.h), mean, by_delay, np.full_like(mean, delay), self.known])
+        starts = point[p:].reshape(self.windows, n) * self._state_sizes
+        measured = 2 if self.structure.encoder == "motor" and self.structure.gear is not None else 0
+        free = self.free if slopes else ()
+        rest: list[Array] = []
+        rows: list[Array] = []
+        for start, (first, where, matrix) in zip(starts, self.places, strict=True):
+            path = simulate(self.structure, free, start, vector, given[:, first : first + self.length])
+            with np.errstate(all="ignore"):
+                seen = matrix @ path[:, measured : measured + 2].reshape(2 * len(path), -1) / self.log.std  # type: ignore[operator]
+            rest.append(self.log.angle[where] / self.log.std - seen[:, 0])
+            rows.append(seen[:, 1:] * np.r_[self.sizes[:p], self._state_sizes] if slopes else seen[:, :0])
+        return rest, rows
+
+    def normal(self, point: Array, most: float = np.inf) -> Normal:
+        """Return cost and normal equations at unknowns in units of their sizes, shape (p,)."""
+        rest, rows = self.residuals(point)
+        p, n, size = len(self.free), self.structure.states, len(point)
+        cost, gradient, hessian = 0.0, np.zeros(size), np.zeros((size, size))
+        most = RUNAWAY * np.ptp(self.log.angle) / self.log.std
+        for number, (r, j) in enumerate(zip(rest, rows, strict=True)):
+            if not (np.all(np.isfinite(r)) and np.all(np.isfinite(j)) and np.abs(r).max(initial=0.0) < most):
+                return Normal(np.inf, gradient, hessian)
+            where = np.r_[np.arange(p), p + n * number + np.arange(n)]
+            cost += 0.5 * float(r @ r)
+            gradient[where] -= j.T @ r
+            hessian[np.ix_(where, where)] += j.T @ j
+        return Normal(cost, gradient, hessian)
+
+    def begin(self) -> Array:
+        """Return unknowns at the given values and the measured motion, in units of their sizes, shape (p,)."""
+        shared = np.array([self.values[name] for name in self.free]) / self.sizes[: len(self.free)]
+        return np.r_[shared, (self.start_states / self._state_sizes).ravel()]
+
+    def fitted(self, start: Array | None = None, iterations: int = 40, tolerance: float = 1e-6) -> Minimum:
+        """Return the minimum from unknowns in units of their sizes, shape (p,)."""
+        low, high = self.limits()
+        return minimise(
+            self.normal,
+            self.begin() if start is None else start,
+            low,
+            high,
+            iterations=iterations,
+            tolerance=tolerance,
+        )
+
+    def covariance(self, minimum: Minimum) -> Array:
+        """Return the covariance of the free parameters in their units, shape (p, p).
+
+        Residuals are correlated where the equations miss something: their autoregression Ω enters as H⁻¹ Jᵀ Ω J H⁻¹.
+        Parameters on a bound are held; their rows are infinite.
+        """
+        rest, rows = self.residuals(minimum.point)
+        p = len(self.free)
+        moving = ~minimum.at_bound[:p]
+        clean: list[Array] = []
+        for j in rows:  # each window's own first state is taken out
+            shared, own = j[:, :p][:, moving], j[:, p:]
+            clean.append(shared - own @ np.linalg.lstsq(own, shared, rcond=1e-10)[0])
+        whole = np.vstack(clean)
+        scale = np.maximum(np.sqrt((whole**2).sum(axis=0)), 1e-150)
+        left, singular, right = np.linalg.svd(whole / scale, full_matrices=False)
+        sure = singular > 1e-7 * singular[0]
+        ends = np.cumsum([len(r) for r in rest])[:-1]
+        directions = np.split(left[:, sure], ends)
+        noise = residual_noise(rest, directions)
+        inner = sum((u.T @ noise.applied(u) for u in directions), np.zeros((int(sure.sum()),) * 2))
+        back = (right[sure].T / singular[sure]) / scale[:, None]
+        small = back @ inner @ back.T
+        lost = np.abs(right[~sure]).max(axis=0) > 1e-3 if (~sure).any() else np.zeros(len(scale), dtype=bool)
+        small[lost, lost] = np.inf
+        whole_covariance = np.zeros((p, p))
+        whole_covariance[np.ix_(moving, moving)] = small
+        held = np.flatnonzero(~moving)
+        whole_covariance[held, held] = np.inf
+        size = self.sizes[:p]
+        return whole_covariance * np.outer(size, size)
+
+
+def scales_of(log: DrivenLog, structure: Structure, values: Mapping[str, float]) -> Scales:
+    """Return the sizes of a log: motion, inertia, and the torque that its input makes."""
+    amplitude = float(np.ptp(log.angle)) / 2
+    motion = Motion(log)
+    source = structure.source
+    own = {p.name: values[f"{source.name}.{p.name}"] for p in source.parameters}
+    late = motion.input(values.get(structure.delay, 0.0))
+    acted = source.act(NUMPY, Actuation(late, 0.0, motion.angle, motion.rate), own)
+    torque = float(np.quantile(np.abs(motion.filtered(acted)), 0.99)) or 1e-12
+    felt = float(np.median(log.load.inertia)) + values.get("armature", 0.0)
+    inertia = max(felt, LIGHT * torque / float(np.quantile(np.abs(motion.acceleration), 0.99)))
+    return Scales(inertia=inertia, stiffness=torque / amplitude, damping=values.get("damping", 0.0), amplitude=amplitude,
+                  duration=log.duration)  # fmt: skip
+
+
+def size_of(structure: Structure, name: str, scales: Scales) -> float:
+    """Return the size of a parameter in its unit."""
+    own = {f"{part.name}.{p.name}": p.size for part in structure.parts for p in part.parameters}
+    if name in own:
+        return own[name](scales)
+    return {
+        "armature": scales.inertia, "stiffness": scales.stiffness, "damping": scales.stiffness / scales.frequency,
+        "rest_angle": scales.amplitude, "bias": scales.torque, "zero": scales.amplitude,
+    }[name]  # fmt: skip
+
+
+def limits_of(structure: Structure, name: str, scales: Scales) -> tuple[float, float]:
+    """Return the bounds of a parameter in units of its size [1]."""
+    own = {f"{part.name}.{p.name}": (p.low, p.high) for part in structure.parts for p in part.parameters}
+    if name in own:
+        return own[name]
+    known = {
+        "armature": (0.0 if structure.gear is None else 1e-4, 50.0),
+        "stiffness": (-50.0, 500.0),
+        "damping": (0.0, 500.0),
+    }
+    return known.get(name, (-50.0, 50.0))
+
+
+def substeps_of(
+    log: DrivenLog, structure: Structure, values: Mapping[str, float], scales: Scales, *, fine: bool = True
+) -> int:
+    """Return the integration steps a sample: enough for the fastest of motion, servo, spring and damper."""
+    inertia = max(float(np.min(log.load.inertia)) + values["armature"], LIGHT * scales.inertia)
+    rates = [
+        np.sqrt(max(values["stiffness"], 0.0) / inertia),
+        values["damping"] / inertia / 2,
+        scales.frequency,
+    ]
+    own = {p.name: values[f"{structure.source.name}.{p.name}"] for p in structure.source.parameters}
+    if len(own) > 1:
+        gain, derivative = own.values()
+        rates += [np.sqrt(max(gain, 0.0) / inertia), derivative / inertia / 2]
+    geared = GEAR_STEPS * (4 if fine else 1) if structure.gear is not None else 1
+    rubs = any(isinstance(part, TorqueEffect) and part.friction is not None for part in structure.parts)
+    steps = STEPS_PER_RADIAN * (TURNS_FINER if rubs else 1)
+    return int(np.clip(np.ceil(log.step * max(rates) * steps), geared, MOST_STEPS))

@@ -1,0 +1,35 @@
+"""A command that acts late."""
+
+import math
+from typing import Any
+
+from sysid.effects._algebra import Numbers
+from sysid.effects._base import DriveEffect, MujocoSupport, Parameter
+from sysid.effects._mjcf import on_actuators
+
+
+def change(actuator: Any, parameters: Numbers) -> str:
+    """Write the delay, with a buffer that holds its commands at steps down to 0.5 ms."""
+    time = max(parameters["time"], 0.0)
+    if time == 0:
+        return "no delay"
+    actuator.delay, actuator.nsample = time, math.ceil(time / 5e-4) + 2
+    return f"delay {time:.6g} s, in whole steps of the simulation"
+
+
+EFFECT = DriveEffect(
+    name="delay",
+    title="delay of the command",
+    family="delay",
+    parameters=(Parameter("time", "s", lambda s: 1.0 / s.frequency, low=0.0, high=3.0, starts=(0.02, 0.1, 0.3)),),
+    law="u(t) → u(t - T)",
+    source="bus, control period and driver",
+    does="The joint follows late by the same time at every speed; under feedback it also rings.",
+    look_alikes=("armature", "lowpass"),
+    experiment="Command a step and look at the first milliseconds: nothing moves until the delay is over.",
+    mujoco=MujocoSupport(means="delay and nsample of the actuator", since="3.11", warp=False),
+    to_mjcf=on_actuators(change),
+    example=(0.01,),
+    stage=-1,
+    late="time",
+)  # fmt: skip

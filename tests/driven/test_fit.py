@@ -1,0 +1,163 @@
+"""Driven joints: fits of logs whose truth was moved by other code, in plain MuJoCo or by formulas."""
+
+import numpy as np
+import pytest
+from driven_truths import Truth, make, simulate
+
+from sysid.driven.fit import fit, free_of, start_values
+from sysid.driven.joint import Structure
+from sysid.driven.log import DrivenLog, Load, log_of
+from sysid.driven.problem import Problem
+from sysid.effects import drives, effect
+from sysid.errors import SysidError
+from sysid.roll import Roll
+
+
+def driven(truth: Truth, u: np.ndarray, rate: float, noise: float, seed: int = 0) -> DrivenLog:
+    angle = simulate(truth, u, rate)
+    measured = angle + noise * np.random.default_rng(seed).standard_normal(len(u))
+    load = Load(
+        inertia=np.full(len(u), truth.inertia),
+        torque=-truth.weight * np.sin(measured),
+        slope=-truth.weight * np.cos(measured),
+    )
+    return DrivenLog(
+        name="log",
+        time=np.arange(len(u)) / rate,
+        angle=measured,
+        std=noise,
+        input=u,
+        kind=truth.kind,
+        load=load,
+    )
+
+
+def waves(seconds: float, rate: float, size: float) -> np.ndarray:
+    t = np.arange(round(seconds * rate)) / rate
+    return size * (
+        np.sin(2 * np.pi * 0.7 * t)
+        + 0.5 * np.sin(2 * np.pi * 1.9 * t + 1)
+        + 0.2 * np.sin(2 * np.pi * 4.3 * t)
+    )
+
+
+SERVO = {"servo-gains.kp": 20.0, "servo-gains.kd": 0.3}
+
+
+def test_a_servo_joint_is_found_within_its_intervals():
+    truth = Truth(
+        ("friction", "delay"),
+        "command",
+        0.02,
+        0.01,
+        0.15,
+        0.8,
+        kp=20.0,
+        kd=0.3,
+        own={"friction": 0.3, "delay": 0.015},
+    )
+    log = driven(truth, waves(8, 200, 0.4), 200, 4e-4)
+    structure = Structure("command", ("coulomb", "delay"))
+    found = fit(log, structure, SERVO, free_of(structure, structure.effects, {}))
+    for name, value in {
+        "armature": 0.01,
+        "damping": 0.15,
+        "coulomb.torque": 0.3,
+        "delay.time": 0.015,
+        "bias": 0.0,
+    }.items():
+        quantity = found.quantities[name]
+        assert abs(quantity.value - value) < 4 * quantity.std, name
+        assert quantity.std < 0.03 * max(value, 0.3), name
+    assert found.rmse == pytest.approx(4e-4, rel=0.05)
+
+
+def test_a_torque_gives_inertia_and_an_unknown_gain_needs_a_known_load():
+    truth = Truth((), "torque", 0.02, 0.01, 0.15, 0.8)
+    log = driven(truth, waves(8, 200, 0.5), 200, 4e-4)
+    structure = Structure("torque")
+    known = fit(log, structure, {}, free_of(structure, (), {}))
+    assert known.values["armature"] == pytest.approx(0.01, rel=0.03)
+    free = fit(log, structure, {}, free_of(structure, ("torque-constant",), {}))
+    assert free.values["torque-constant.gain"] == pytest.approx(1.0, abs=0.02)
+    assert free.quantities["torque-constant.gain"].std > 0
+
+
+def test_friction_turns_within_a_step():
+    truth = Truth(("friction",), "torque", 0.5, 0.1, 3.0, 10.0, own={"friction": 2.0})
+    log = driven(truth, waves(6, 100, 6.0), 100, 1e-6)
+    structure = Structure("torque", ("coulomb",))
+    values = start_values(structure, {"armature": 0.1, "damping": 3.0, "coulomb.torque": 2.0}, log)
+    worst = []
+    for substeps in (1, 2, 4):
+        problem = Problem(log=log, structure=structure, values=values, free=("armature",), substeps=substeps)
+        begin = problem.begin()
+        begin[1:] = 0.0  # it starts from rest
+        worst.append(np.abs(problem.residuals(begin, slopes=False)[0][0]).max() * 1e-6)
+    assert max(worst) < 4e-4 * np.ptp(
+        log.angle
+    )  # one step a sample is 3 times the error of an impulse at its end
+
+
+@pytest.mark.parametrize("name", [name for name, part in drives().items() if not part.sources])
+def test_sensitivities_are_those_of_the_motion(name):
+    truth = Truth((), "command", 0.02, 0.02, 0.15, 0.8, kp=20.0, kd=0.3)
+    log = driven(truth, waves(2, 100, 0.4), 100, 1e-3)
+    structure = Structure("command", (name,))
+    free = free_of(structure, (name,), {})
+    part = effect(name)
+    given = {f"{name}.{p.name}": 1.37 * x for p, x in zip(part.parameters, part.example, strict=True)}
+    problem = Problem(
+        log=log,
+        structure=structure,
+        values=start_values(structure, {**SERVO, "armature": 0.02, **given}, log),
+        free=free,
+    )
+    point = problem.begin()
+    _, (rows,) = problem.residuals(point)
+    for index in range(len(free)):
+        step = 1e-6 * max(abs(point[index]), 1e-2)
+        ends = []
+        for sign in (1, -1):
+            moved = point.copy()
+            moved[index] += sign * step
+            ends.append(problem.residuals(moved, slopes=False)[0][0])
+        numeric = -(ends[0] - ends[1]) / (2 * step)
+        assert np.abs(numeric - rows[:, index]).max() < 2e-3 * np.abs(rows[:, index]).max() + 1e-3, free[
+            index
+        ]
+
+
+def test_a_held_input_is_late_by_exactly_the_delay():
+    log = DrivenLog(name="", time=np.arange(5.0), angle=np.arange(5.0), std=1.0, input=np.array([0.0, 1, 3, 3, 0]), kind="torque",
+                    load=Load.constant(1.0, 5))  # fmt: skip
+    grid = np.arange(0.0, 5.0)
+    assert log.mean_input(grid, 0.0)[0].tolist() == [0, 1, 3, 3]
+    assert log.mean_input(grid, 0.25)[0].tolist() == [0, 0.75, 2.5, 3]
+    mean, slope = log.mean_input(grid, 0.25)
+    assert np.allclose((log.mean_input(grid, 0.26)[0] - mean) / 0.01, slope)
+
+
+def test_an_input_that_drives_nothing_is_refused():
+    time = np.arange(100.0)
+    roll = Roll(
+        log="x.csv",
+        time=time,
+        roll=np.sin(time),
+        std=np.full(100, 0.1),
+        origin="angle",
+        extra={"tau": np.zeros(100), "gap": np.full(100, np.nan)},
+    )
+    with pytest.raises(SysidError, match="always 0"):
+        log_of(roll, "tau", "torque")
+    with pytest.raises(SysidError, match="holds no number"):
+        log_of(roll, "gap", "torque")
+
+
+def test_effects_that_do_not_go_together_are_refused():
+    with pytest.raises(SysidError, match="one gear"):
+        Structure("torque", ("backlash", "compliance")).checked()
+    with pytest.raises(SysidError, match="driven by a torque"):
+        Structure("torque", ("servo-gains",)).checked()
+    with pytest.raises(SysidError, match="--gains"):
+        start_values(Structure("command"), {}, make(3, ("saturation",))[1])

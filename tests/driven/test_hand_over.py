@@ -1,0 +1,98 @@
+"""What a fit hands over: the next motion, mjlab's actuators, several logs in one table."""
+
+import ast
+import json
+
+import numpy as np
+import pytest
+from driven_truths import Truth, simulate
+
+from sysid.driven.export import handed_over, mjlab_module
+from sysid.driven.fit import fit, free_of
+from sysid.driven.joint import Structure
+from sysid.driven.log import DrivenLog, Load
+from sysid.driven.next_motion import next_motion
+from sysid.driven.runs import agreement
+from sysid.errors import SysidError
+
+GAINS = {"servo-gains.kp": 20.0, "servo-gains.kd": 0.3}
+
+
+def log_of_arm(name: str, friction: float, seed: int) -> DrivenLog:
+    truth = Truth((), "command", 0.02, 0.01, 0.15, 0.8, kp=20.0, kd=0.3, own={"friction": friction})
+    t = np.arange(800) / 200
+    u = 0.3 * np.sin(2 * np.pi * 0.6 * t) + 0.1 * np.sin(2 * np.pi * 2.1 * t + seed)
+    angle = simulate(truth, u, 200) + 5e-4 * np.random.default_rng(seed).standard_normal(800)
+    load = Load(inertia=np.full(800, 0.02), torque=-0.8 * np.sin(angle), slope=-0.8 * np.cos(angle))
+    return DrivenLog(name=name, time=t, angle=angle, std=5e-4, input=u, kind="command", load=load)
+
+
+@pytest.fixture(scope="module")
+def fits():
+    structure = Structure("command", ("coulomb", "delay"))
+    free = free_of(structure, structure.effects, {})
+    logs = [
+        log_of_arm("monday.csv", 0.2, 1),
+        log_of_arm("tuesday.csv", 0.2, 2),
+        log_of_arm("friday.csv", 0.3, 3),
+    ]
+    return [fit(one, structure, GAINS, free) for one in logs]
+
+
+def test_a_parameter_that_differs_between_logs_is_named(fits):
+    found = agreement(fits)
+    assert set(found.differs) == {"coulomb.torque"}
+    same = agreement(fits[:2])
+    assert not same.differs
+    quantity = same.combined.quantities["coulomb.torque"]
+    assert abs(quantity.value - 0.2) < 4 * quantity.std
+    assert quantity.std < min(one.quantities["coulomb.torque"].std for one in fits[:2])
+
+
+def test_the_next_motion_narrows_the_worst_interval_and_stays_in_range(fits):
+    found = next_motion(fits[0])
+    assert found.narrower < 0.7
+    rows = np.loadtxt(found.csv().splitlines()[1:], delimiter=",")
+    assert rows[-1, 0] == pytest.approx(10, abs=0.01)
+    assert np.ptp(rows[:, 1]) <= np.ptp(fits[0].log.angle)
+    with pytest.raises(SysidError, match="Widen the range"):
+        next_motion(fits[0], reach=(0.1, 0.1 + 1e-9))
+
+
+@pytest.fixture
+def json_of_fit(fits, tmp_path):
+    path = tmp_path / "fit.json"
+    path.write_text(json.dumps({"joints": {"elbow": fits[0].to_json()}}))
+    return path
+
+
+def test_training_gets_values_and_ranges(json_of_fit, fits):
+    one = handed_over(json_of_fit)["elbow"]
+    assert one["kp"] == 20.0
+    assert one["friction"] == fits[0].values["coulomb.torque"]
+    assert one["ranges"]["armature"][0] < one["armature"] < one["ranges"]["armature"][1]
+    text = mjlab_module({"elbow": one}, timestep=0.005, source="fit.json")
+    assert {node.targets[0].id for node in ast.parse(text).body if isinstance(node, ast.Assign)} == {
+        "ACTUATORS",
+        "EVENTS",
+    }
+    with pytest.raises(SysidError, match="fit --input"):
+        json_of_fit.write_text("{}")
+        handed_over(json_of_fit)
+
+
+@pytest.mark.train
+@pytest.mark.filterwarnings("ignore")
+def test_mjlab_reads_the_module(json_of_fit):
+    pytest.importorskip("mjlab")
+    joints = handed_over(json_of_fit)
+    space: dict = {}
+    exec(mjlab_module(joints, timestep=0.005, source="fit.json"), space)
+    (one,) = space["ACTUATORS"]
+    assert one.stiffness == joints["elbow"]["kp"]
+    assert one.armature == joints["elbow"]["armature"]
+    assert one.frictionloss == joints["elbow"]["friction"]
+    assert one.viscous_damping == joints["elbow"]["damping"]
+    term = space["EVENTS"]["elbow armature"]
+    assert list(term.params["ranges"]) == joints["elbow"]["ranges"]["armature"]
+    assert term.func.__name__ == "joint_armature"
