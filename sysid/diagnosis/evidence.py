@@ -115,10 +115,10 @@ def items_of(terms: Sequence[Term | None], families: Sequence[str], first: int) 
 
 
 def marginalised(gram: Array, keep: int, deviations: Array) -> tuple[Array, float]:
-    """Return a Gram matrix without its last columns, whose strengths have zero mean and these prior deviations.
+    """Return a Gram matrix without its last columns, whose strengths have zero mean and these prior deviations [1].
 
     Returns:
-        The first `keep` rows and columns, and the log of the factor that all evidences get.
+        The first `keep` rows and columns, shape (keep, keep), and the log of the factor that all evidences get.
     """
     if len(gram) == keep:
         return gram, 0.0
@@ -150,7 +150,7 @@ def solve(problem: Problem, items: Sequence[int]) -> Scored:
 def _closed(gram: Array, columns: npt.NDArray[np.intp], wide: Array) -> tuple[float, Array, Array]:
     """Return the log marginal likelihood, posterior means and covariance of one set of columns."""
     inner = gram[np.ix_(columns, columns)] + np.diag(wide**-2.0)
-    covariance = np.linalg.inv(inner)
+    covariance: Array = np.linalg.inv(inner)
     right = gram[columns, 0]
     mean = covariance @ right
     return float(0.5 * right @ mean - 0.5 * np.linalg.slogdet(inner)[1] - np.log(wide).sum()), mean, covariance

@@ -15,7 +15,7 @@ DECIDED = float(np.log(19.0))
 ANGLES = np.radians([0.5, 1, 2, 3, 5, 7, 10, 15, 20, 30, 45, 60, 90, 120, 150])
 """Release angles that a person can set [rad]."""
 WIDER = 1.5
-"""A release may go so much wider than the widest one in the logs, within the joint's range."""
+"""A release may go so many times wider than the widest one in the logs, within the joint's range."""
 MOST = 5
 """Releases that one is ready to make."""
 

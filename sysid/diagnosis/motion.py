@@ -63,7 +63,7 @@ class Motion:
 
     @property
     def inside(self) -> Mask:
-        """Nodes that belong to a release, shape (r, n)."""
+        """Nodes that belong to a release [1], shape (r, n)."""
         return np.arange(self.reading.shape[1])[None] < self.length[:, None]
 
     @property

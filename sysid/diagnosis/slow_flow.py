@@ -28,7 +28,7 @@ TURNS = 3
 WALKS = (1e-4, 1e-3, 1e-2)
 """Random walk of ln a and of the phase in the square root of a period: what no law explains."""
 LOST = 0.4
-"""Loss of ln a in a cycle above which averaging does not hold."""
+"""Loss of ln a in a cycle [1] above which averaging does not hold."""
 FEWEST_CYCLES = 10
 """Cycles of the shortest decay that has a slow flow."""
 
@@ -84,7 +84,7 @@ def cycles_of(motion: Motion) -> list[Cycles]:
 
 
 def averaged(laws: Laws, subject: Subject, lowest: float) -> tuple[Array, Array, list[Term]]:
-    """Return amplitudes, shape (a,), and ȧ/a and ψ̇ - 1 there, shape (a, 2, c), of the record's effects and of all terms."""
+    """Return amplitudes [1], shape (a,), and ȧ/a and ψ̇ - 1 there, shape (a, 2, c), of the record's effects and of all terms."""
     amplitudes = np.geomspace(lowest, 1.0, AMPLITUDES)
     size = laws.motion.nodes_a_period
     psi = np.arange(TURNS * size) * 2 * np.pi / size
@@ -128,7 +128,7 @@ class Regression:
 
 
 def regression(cycles: Sequence[Cycles], amplitudes: Array, flows: Array) -> Regression:
-    """Return the increments of a decay, and columns of spring, damper and flows, shape (a, 2, m)."""
+    """Return the increments of a decay, and columns of spring, damper and flows [1], shape (a, 2, m)."""
     steps: list[Array] = []
     tables: list[Array] = []
     blocks: list[tuple[slice, Array, Array]] = []
@@ -149,7 +149,7 @@ def regression(cycles: Sequence[Cycles], amplitudes: Array, flows: Array) -> Reg
 
 
 def whitened(problem: Regression, of_amplitude: float, of_phase: float) -> tuple[Array, float]:
-    """Return the Gram matrix of increments and columns, and the log determinant.
+    """Return the Gram matrix of increments and columns [1], shape (1 + m, 1 + m), and the log determinant.
 
     Increments share the errors of the cycles between them, and have a random walk of their own.
 
