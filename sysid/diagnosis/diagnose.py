@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 FITTED = 5
 """Sets of families that are fitted by output error."""
 BENDS = 0.25
-"""Rise of the error beyond the noise up to which a law only bends another one: where none is exact, each may be off by a tenth of
+"""Share by which the error beyond the noise may rise while a law only bends another one: where none is exact, each may be off by a tenth of
 its torque, and two of them by more."""
 EVEN = 0.5
 """Probability from which a family is taken to act."""
