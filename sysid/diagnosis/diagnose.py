@@ -236,7 +236,8 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
     if deviation.effects and verdict.status != "unexplained":
         alike = (*verdict.indistinguishable_from, *((*verdict.effects, *other) for other in deviation.alike))
         effects = (*verdict.effects, *deviation.effects)
-        verdict = replace(verdict, status="missing", effects=effects, indistinguishable_from=alike)
+        families = (*verdict.families, *(effect(name).family for name in deviation.effects))
+        verdict = replace(verdict, status="missing", effects=effects, families=families, indistinguishable_from=alike)
     ordered = sorted({c.effects: c for _, c in reversed(fits)}.values(), key=lambda c: c.score)
     rival = next((c for c in ordered if c.effects != best.effects), None)
     step = ""

@@ -32,9 +32,9 @@ def explanation(result: "Diagnosis") -> str:
     verdict, found = result.verdict, result.posterior
     noise = result.noise.std
     parts: list[str] = []
-    if result.status == "missing" and verdict.families:
+    if result.status == "missing" and result.best.effects:
         parts.append(
-            f"With {_listed(verdict.effects)} the error falls from {result.baseline.rmse / noise:.3g} to {result.best.rmse / noise:.3g} "
+            f"With {_listed(result.best.effects)} the error falls from {result.baseline.rmse / noise:.3g} to {result.best.rmse / noise:.3g} "
             f"times the noise ({percent(result.explained)} of the squared error beyond it)."
         )
     elif result.status == "none-missing":
