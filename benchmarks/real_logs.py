@@ -65,7 +65,9 @@ def ends_well(result: Diagnosis) -> bool:
     return well
 
 
-def learned(releases: Sequence[Release], board: Board, beside: Sequence[str], noise: float) -> tuple[str, str, str]:
+def learned(
+    releases: Sequence[Release], board: Board, beside: Sequence[str], noise: float
+) -> tuple[str, str, str]:
     """Learn a torque beside effects; return error and held-out error over the noise, and the torque in words."""
     try:
         fit = fit_joint(releases, board, [*beside, "learned"])

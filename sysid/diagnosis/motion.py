@@ -73,7 +73,13 @@ class Motion:
 
 
 def motion_of(
-    releases: Sequence[Release], rest: float, noise: float, *, rate: bool, nodes: int = NODES, frequency: float | None = None
+    releases: Sequence[Release],
+    rest: float,
+    noise: float,
+    *,
+    rate: bool,
+    nodes: int = NODES,
+    frequency: float | None = None,
 ) -> Motion:
     """Put the free motion of some releases on a grid.
 

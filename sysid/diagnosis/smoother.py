@@ -73,7 +73,10 @@ class Smoother:
         if contact is not None:
             stopped = transition(stiffness + contact.stiffness, damping + contact.damping, h)
             acts = contact.acts.ravel()[flat][self.pairs - 1]
-            steps = [np.where(acts[(slice(None), *[None] * m.ndim)], s, m) for s, m in zip(stopped, plain, strict=True)]
+            steps = [
+                np.where(acts[(slice(None), *[None] * m.ndim)], s, m)
+                for s, m in zip(stopped, plain, strict=True)
+            ]
         self.moved, self.early, self.late = steps
         root = np.array([[h**3 / 3, h**2 / 2], [h**2 / 2, h]])
         self.white = np.linalg.inv(np.linalg.cholesky(root))
@@ -131,7 +134,9 @@ class Smoother:
         lower = cholesky_banded(band, lower=True, check_finite=False)
         own = float(np.linalg.slogdet(self.white)[1])
         prior = 2 * float(np.log(size).sum()) + len(size) * own - 2 * int(self.first.sum()) * np.log(DIFFUSE)
-        spread = 2 * float(np.log(lower[0]).sum()) - 2 * prior - float(np.log(self.precision[self.reads]).sum())
+        spread = (
+            2 * float(np.log(lower[0]).sum()) - 2 * prior - float(np.log(self.precision[self.reads]).sum())
+        )
         return lower, white, spread
 
     def _pulled(self, impulses: Array) -> tuple[Array, Array]:

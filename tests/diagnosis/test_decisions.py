@@ -21,12 +21,16 @@ from sysid.synth.motion import Condition, simulate
 from sysid.workspace import shipped_data
 
 NOISE = 1e-3
-LARGE, SMALL = (Size(torque_share=t, torque_std=t / 10, energy_share=t, energy_std=t / 10) for t in (0.1, 0.002))
+LARGE, SMALL = (
+    Size(torque_share=t, torque_std=t / 10, energy_share=t, energy_std=t / 10) for t in (0.1, 0.002)
+)
 LAWS = {"friction": "coulomb", "drag": "quadratic-damping", "rest": "offset", "stop": "end-stop"}
 
 
 def found(probability, *families):
-    return Found(families=families, effects=tuple(LAWS[f] for f in families), probability=probability, parameters={})
+    return Found(
+        families=families, effects=tuple(LAWS[f] for f in families), probability=probability, parameters={}
+    )
 
 
 def fit(rmse, parameters, samples=400):
@@ -37,15 +41,28 @@ def fit(rmse, parameters, samples=400):
 def posterior(*sets, sizes=None, nameless=0.0, named=0.1, share=0.005):
     inclusion = {f: sum(s.probability for s in sets if f in s.families) for f in LAWS}
     return SimpleNamespace(
-        sets=sets, sizes=sizes or {}, nameless=nameless, named=named, share=share, by_cycles=False, inclusion=inclusion
+        sets=sets,
+        sizes=sizes or {},
+        nameless=nameless,
+        named=named,
+        share=share,
+        by_cycles=False,
+        inclusion=inclusion,
     )
 
 
 def test_exact_fits_are_weighed_by_chi_square_and_the_price_of_parameters():
-    fits = [(found(0, "friction"), fit(1.0, 5)), (found(0, "friction", "drag"), fit(0.998, 6)), (found(0), fit(1.05, 4))]
+    fits = [
+        (found(0, "friction"), fit(1.0, 5)),
+        (found(0, "friction", "drag"), fit(0.998, 6)),
+        (found(0), fit(1.05, 4)),
+    ]
     chances = weigh(fits, 9)
     n, noise = 400, 0.998
-    logs = [-0.5 * n * (r / noise) ** 2 - 0.5 * p * np.log(n) - k * np.log(8) for r, p, k in ((1, 5, 1), (0.998, 6, 2), (1.05, 4, 0))]
+    logs = [
+        -0.5 * n * (r / noise) ** 2 - 0.5 * p * np.log(n) - k * np.log(8)
+        for r, p, k in ((1, 5, 1), (0.998, 6, 2), (1.05, 4, 0))
+    ]
     expected = np.exp(np.array(logs) - max(logs))
     np.testing.assert_allclose(chances, expected / expected.sum())
     assert np.argmax(chances) == 0
@@ -57,7 +74,11 @@ def test_fits_that_miss_the_noise_are_no_evidence():
 
 
 def test_a_large_effect_is_named_with_its_probability():
-    verdict = decide(posterior(found(0.9, "friction"), found(0.1, "drag"), sizes={"friction": LARGE}), left=0.1, explained=0.99)
+    verdict = decide(
+        posterior(found(0.9, "friction"), found(0.1, "drag"), sizes={"friction": LARGE}),
+        left=0.1,
+        explained=0.99,
+    )
     assert (verdict.status, verdict.effects, verdict.families) == ("missing", ("coulomb",), ("friction",))
     assert verdict.confidence == pytest.approx(0.9)
     assert verdict.indistinguishable_from == (("quadratic-damping",),)
@@ -65,7 +86,9 @@ def test_a_large_effect_is_named_with_its_probability():
 
 def test_an_effect_whose_absence_is_likely_needs_to_explain():
     sets = found(0.8, "friction"), found(0.2)
-    weak, strong = (decide(posterior(*sets, sizes={"friction": LARGE}), left=0.1, explained=e) for e in (0.2, 0.9))
+    weak, strong = (
+        decide(posterior(*sets, sizes={"friction": LARGE}), left=0.1, explained=e) for e in (0.2, 0.9)
+    )
     assert (weak.status, strong.status) == ("none-missing", "missing")
 
 
@@ -80,7 +103,12 @@ def test_what_is_certain_but_small_is_a_hint():
 
 @pytest.mark.parametrize(
     ("nameless", "left", "explained", "status"),
-    [(0.2, 0.1, 0.5, "unexplained"), (0.2, 0.1, 0.999, "missing"), (0.2, 1e-4, 0.0, "missing"), (0.01, 0.1, 0.6, "missing")],
+    [
+        (0.2, 0.1, 0.5, "unexplained"),
+        (0.2, 0.1, 0.999, "missing"),
+        (0.2, 1e-4, 0.0, "missing"),
+        (0.01, 0.1, 0.6, "missing"),
+    ],
 )
 def test_a_torque_without_a_name_is_unexplained_while_the_fit_leaves_it(nameless, left, explained, status):
     sets = posterior(found(0.99, "friction"), sizes={"friction": LARGE}, nameless=nameless)
@@ -88,14 +116,33 @@ def test_a_torque_without_a_name_is_unexplained_while_the_fit_leaves_it(nameless
 
 
 def releases(inertia=8.7e-3, stiffness=14.677, damping=0.04, friction=0.0):
-    law = TrueLaw(inertia=inertia, stiffness=stiffness, damping=damping, gravity=0.0, static_friction=friction, friction=friction)
+    law = TrueLaw(
+        inertia=inertia,
+        stiffness=stiffness,
+        damping=damping,
+        gravity=0.0,
+        static_friction=friction,
+        friction=friction,
+    )
     time, rng, made = np.arange(0.0, 1.5, 2e-3), np.random.default_rng(2), []
     for number, angle in enumerate((0.19, -0.15, 0.11), start=1):
         start = Condition(np.array([angle, 0.0, 0.0, 0.0, 0.0]), Modes().regions(law, angle))
         samples, _ = simulate(law, start, 0.0, float(time[-1]), time)
         roll = samples[:, 0] + NOISE * rng.standard_normal(len(time))
         std = np.full(len(time), NOISE)
-        made.append(Release(log="made", number=number, time=time, roll=roll, std=std, origin="angle", rest=0.0, hold=1.0, end="log"))
+        made.append(
+            Release(
+                log="made",
+                number=number,
+                time=time,
+                roll=roll,
+                std=std,
+                origin="angle",
+                rest=0.0,
+                hold=1.0,
+                end="log",
+            )
+        )
     return made
 
 

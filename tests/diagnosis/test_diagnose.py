@@ -80,7 +80,16 @@ def test_json_has_the_binding_fields(hidden):
     content = json.loads(json.dumps(to_json(hidden), allow_nan=False))
     assert {"board", "logs", "noise_floor_rad", "baseline", "candidates", "verdict"} <= set(content)
     assert set(content["baseline"]) == {"rmse_rad", "heldout_rmse_rad"}
-    assert set(content["verdict"]) >= VERDICT | {"families", "explained", "matters", "remainder", "hints", "sets", "inclusion", "sizes"}
+    assert set(content["verdict"]) >= VERDICT | {
+        "families",
+        "explained",
+        "matters",
+        "remainder",
+        "hints",
+        "sets",
+        "inclusion",
+        "sizes",
+    }
     first = content["candidates"][0]
     assert set(first) == {"effects", "rmse_rad", "heldout_rmse_rad", "score", "parameters"}
     assert set(first["parameters"]["coulomb.torque"]) >= {"value", "std", "ci95", "unit"}
@@ -97,7 +106,9 @@ def test_numbers_that_json_cannot_hold_are_null(hidden):
 def test_what_is_printed_says_verdict_and_next_command(hidden):
     text = hidden.report()
     assert text.startswith("Result: coulomb is missing (confidence ")
-    assert "fit pink_hidden.csv --board pink --effect coulomb" in text.replace(str(shipped_data() / "decays") + "/", "")
+    assert "fit pink_hidden.csv --board pink --effect coulomb" in text.replace(
+        str(shipped_data() / "decays") + "/", ""
+    )
     many = replace(hidden, candidates=hidden.candidates * 9)
     assert len(repr(hidden)) < len(many.report()) > 2000 > len(repr(many))
     assert many.report().startswith(repr(many).removesuffix("\n…"))
@@ -106,7 +117,9 @@ def test_what_is_printed_says_verdict_and_next_command(hidden):
 
 def test_what_the_record_has_is_not_missing_any_more():
     known = BoardEffect("coulomb", {"torque": Quantity(0.15, 0.01, "N*m")})
-    result = diagnose(Recording.read(shipped_data() / "decays" / "pink_hidden.csv"), replace(PINK, effects=(known,)))
+    result = diagnose(
+        Recording.read(shipped_data() / "decays" / "pink_hidden.csv"), replace(PINK, effects=(known,))
+    )
     assert result.status == "none-missing", result
     assert all("coulomb" not in c.effects for c in result.candidates)
 

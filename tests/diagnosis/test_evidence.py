@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from sysid.diagnosis.evidence import MOST_DEVIATIONS, STRENGTH, Item, Problem, grow, marginalised, search, single, solve
+from sysid.diagnosis.evidence import (
+    MOST_DEVIATIONS,
+    STRENGTH,
+    Item,
+    Problem,
+    grow,
+    marginalised,
+    search,
+    single,
+    solve,
+)
 
 FREE, POSITIVE = 0, 1
 
@@ -25,7 +35,8 @@ def item(family, *columns, sign=FREE):
 def integral(problem, columns, signs, wide):
     """Return the log of ∫ exp(b'c - c'Gc/2) p(c) dc over the strengths that are possible, on a grid."""
     axes = [
-        np.linspace(0 if s else -MOST_DEVIATIONS * w, MOST_DEVIATIONS * w, 161) for s, w in zip(signs, wide, strict=True)
+        np.linspace(0 if s else -MOST_DEVIATIONS * w, MOST_DEVIATIONS * w, 161)
+        for s, w in zip(signs, wide, strict=True)
     ]
     grids = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     gram = problem.gram[np.ix_(columns, columns)]
@@ -53,7 +64,11 @@ def test_two_columns_beside_each_other_are_integrated():
     problem = problem_of(4, [0, 0, 0.3, -0.2], items)
     problem.gram[1:3] = problem.gram[:, 1:3] = 0.0
     found = solve(problem, (0, 1))
-    expected = integral(problem, [3, 4], [0, 0], [STRENGTH] * 2) + 2 * problem.log_odds + sum(i.log_share for i in items)
+    expected = (
+        integral(problem, [3, 4], [0, 0], [STRENGTH] * 2)
+        + 2 * problem.log_odds
+        + sum(i.log_share for i in items)
+    )
     assert found.log_evidence == pytest.approx(expected, abs=2e-3)
 
 

@@ -32,7 +32,11 @@ def column(swing, name, shape=()):
 def si(swing):
     motion, smoothed, _ = swing
     a, w = motion.amplitude, motion.frequency
-    return smoothed.angle[0] * a, smoothed.rate[0] * a * w, np.arange(smoothed.angle.shape[1]) * motion.step / w
+    return (
+        smoothed.angle[0] * a,
+        smoothed.rate[0] * a * w,
+        np.arange(smoothed.angle.shape[1]) * motion.step / w,
+    )
 
 
 def test_dry_friction_and_cubic_stiffness(swing):
@@ -46,7 +50,7 @@ def test_dry_friction_and_cubic_stiffness(swing):
 
 
 def test_dry_friction_is_smeared_by_how_well_the_rate_is_known(swing):
-    motion, smoothed, laws = swing
+    _, smoothed, laws = swing
     vague = known_motion(smoothed.angle, smoothed.rate)
     object.__setattr__(vague, "rate_variance", np.full(smoothed.angle.shape, 0.1**2))
     (term,) = laws.terms(vague, {"coulomb": effect("coulomb")}, {})
@@ -74,7 +78,15 @@ def driven(swing, start, rate):
     """Return a state that the motion drives from its hold, by an integrator of its own, shape (n,)."""
     x, _, time = si(swing)
     speed = np.gradient(x, time)
-    found = solve_ivp(lambda t, z: rate(np.interp(t, time, speed), z), (0, time[-1]), [start], "LSODA", time, rtol=1e-8, atol=1e-11)
+    found = solve_ivp(
+        lambda t, z: rate(np.interp(t, time, speed), z),
+        (0, time[-1]),
+        [start],
+        "LSODA",
+        time,
+        rtol=1e-8,
+        atol=1e-11,
+    )
     return found.y[0]
 
 
@@ -97,8 +109,14 @@ def test_bouc_wen_is_driven_by_the_motion(swing):
 def test_parameters_are_sorted_by_what_they_do(swing):
     scales = swing[2].scales
     stop, arm = split(effect("end-stop"), scales), split(effect("viscoelastic"), scales)
-    assert ([p.name for p in stop.strengths], [p.name for p in stop.shapes]) == (["stiffness", "damping"], ["angle"])
-    assert ([p.name for p in arm.strengths], [p.name for p in arm.shapes]) == (["stiffness"], ["time_constant"])
+    assert ([p.name for p in stop.strengths], [p.name for p in stop.shapes]) == (
+        ["stiffness", "damping"],
+        ["angle"],
+    )
+    assert ([p.name for p in arm.strengths], [p.name for p in arm.shapes]) == (
+        ["stiffness"],
+        ["time_constant"],
+    )
     values = shape_values(arm.shapes[0], scales, 7)
     np.testing.assert_allclose(np.diff(np.log(values)), np.log(values[1] / values[0]))
     finer = Shape((1.0,), 0.5, ((0.0, 2.0),)).finer()
@@ -121,7 +139,7 @@ def test_an_effect_of_ones_own_file_is_a_candidate(swing, tmp_path, monkeypatch)
 
 
 def test_the_record_says_what_a_candidate_is_not(swing):
-    motion, smoothed, laws = swing
+    _, smoothed, laws = swing
     (torque,) = laws.recorded(smoothed, [(effect("coulomb"), {"torque": 0.03})])
     np.testing.assert_allclose(torque, 0.03 * np.sign(smoothed.rate) / laws.unit)
     assert "coulomb" not in candidates(["coulomb"])

@@ -29,7 +29,9 @@ def test_averaged_laws_are_those_of_krylov_and_bogoliubov(name):
     strength = term.unit[0] * a ** sum(power) * w ** power[1] / (INERTIA * w**2 * a)
     for channel, exact in enumerate(EXACT[name]):
         expected = exact(amplitudes, strength)
-        np.testing.assert_allclose(term.columns[:, channel, 0], expected, atol=4e-3 * max(np.abs(expected).max(), strength))
+        np.testing.assert_allclose(
+            term.columns[:, channel, 0], expected, atol=4e-3 * max(np.abs(expected).max(), strength)
+        )
 
 
 @pytest.mark.parametrize(
@@ -60,7 +62,9 @@ def test_increments_are_whitened_by_the_errors_that_neighbours_share():
     step, expected, determinant = np.diff(cycles.time), 0.0, 0.0
     for increments, walk in zip(flow.increments, (1e-3, 1e-2), strict=True):
         difference = np.diff(np.eye(len(cycles.std)), axis=0)
-        covariance = difference @ np.diag(cycles.std**2) @ difference.T + np.diag(walk**2 * step / (2 * np.pi))
+        covariance = difference @ np.diag(cycles.std**2) @ difference.T + np.diag(
+            walk**2 * step / (2 * np.pi)
+        )
         expected += increments @ np.linalg.solve(covariance, increments)
         determinant += np.linalg.slogdet(covariance)[1]
     assert gram[0, 0] == pytest.approx(expected)

@@ -18,30 +18,28 @@ class Dense:
     def __init__(self, motion, local, contact=None):
         h, rows = motion.step, []
         root = np.array([[h**3 / 3, h**2 / 2], [h**2 / 2, h]])
-        blocks, offset, total = [], 0, int(motion.length.sum())
+        offset, total = 0, int(motion.length.sum())
         self.covariance = np.zeros((2 * total, 2 * total))
-        self.moves, self.parts = [], []
+        self.moves = []
         for r, n in enumerate(motion.length):
-            cov = np.eye(2) * DIFFUSE**2
-            chain = [np.eye(2)]
             block = np.zeros((2 * n, 2 * n))
-            block[:2, :2] = cov
+            block[:2, :2] = np.eye(2) * DIFFUSE**2
             for j in range(1, n):
-                acts = contact is not None and contact.acts[r, j - 1]
-                a = np.array(
-                    [[0, 1], [-K - acts * (contact.stiffness if acts else 0), -D - acts * (contact.damping if acts else 0)]]
-                )
+                k, d = K, D
+                if contact is not None and contact.acts[r, j - 1]:
+                    k, d = K + contact.stiffness, D + contact.damping
+                a = np.array([[0.0, 1.0], [-k, -d]])
                 f = expm(a * h)
                 block[2 * j : 2 * j + 2, : 2 * j] = f @ block[2 * j - 2 : 2 * j, : 2 * j]
                 block[: 2 * j, 2 * j : 2 * j + 2] = block[2 * j : 2 * j + 2, : 2 * j].T
                 noise = 2 * np.pi * MEMORY * (SHARE * K * local[r, j]) ** 2 * root
-                block[2 * j : 2 * j + 2, 2 * j : 2 * j + 2] = f @ block[2 * j - 2 : 2 * j, 2 * j - 2 : 2 * j] @ f.T + noise
+                block[2 * j : 2 * j + 2, 2 * j : 2 * j + 2] = (
+                    f @ block[2 * j - 2 : 2 * j, 2 * j - 2 : 2 * j] @ f.T + noise
+                )
                 self.moves.append((offset + j, a, f))
             self.covariance[2 * offset : 2 * (offset + n), 2 * offset : 2 * (offset + n)] = block
             rows += [(r, j) for j in range(n)]
             offset += n
-            del chain, blocks
-            blocks = []
         self.rows, self.h = rows, h
         self.reads = [i for i, (r, j) in enumerate(rows) if np.isfinite(motion.variance[r, j])]
         self.seen = np.zeros((len(self.reads), 2 * total))
@@ -99,7 +97,7 @@ def test_states_are_the_gaussian_posterior_under_a_torque(case):
 
 
 def test_gram_matrix_is_that_of_whitened_reading_torque_and_sensor(case):
-    motion, _, torque, dense, smoother = case
+    _, _, torque, dense, smoother = case
     sensed = np.random.default_rng(4).normal(size=(smoother.size, 1))
     smoother.prepare(smoother.flat(torque)[:, None], sensed)
     gram, _ = smoother.gram(SHARE)

@@ -338,7 +338,9 @@ def test_static_friction_is_found_beside_the_sliding_one(pink, truth):
 
 
 def test_sliding_friction_is_found_where_a_damper_and_a_wide_stribeck_speed_mimic_it(tmp_path, pink):
-    light = pink.with_tilt(damping=Quantity(0.0095, 2e-4, "N*m*s/rad"), stiffness=Quantity(9.67, 0.1, "N*m/rad"))
+    light = pink.with_tilt(
+        damping=Quantity(0.0095, 2e-4, "N*m*s/rad"), stiffness=Quantity(9.67, 0.1, "N*m/rad")
+    )
     sensor = Sensor(noise=5.2e-4)
     options = SynthOptions(angles=(-0.14, 0.118, -0.079), sensor=sensor)
     synthesise(light, {"stribeck": (0.0043, 0.0097, 1.2)}, options).save(tmp_path / "log.csv")
