@@ -19,8 +19,7 @@ from suite import command_line
 from sysid.board import load_board
 from sysid.diagnosis.diagnose import Diagnosis, diagnose
 from sysid.effects import catalogue
-from sysid.logs import read_roll
-from sysid.releases import find_releases
+from sysid.recording import Recording
 
 ROOT = Path(__file__).parents[1]
 
@@ -47,10 +46,9 @@ def line(name: str, result: Diagnosis, right: bool, expected: str, cpu: float) -
     alike = (
         " ~ " + "; ".join(",".join(g) for g in v.indistinguishable_from) if v.indistinguishable_from else ""
     )
-    after = v.error_after / result.noise.std
     return (
         f"{'ok ' if right else 'BAD'} {name:34s} {expected:24s} {said}{alike} | confidence {v.confidence:.2f} | error/noise "
-        f"{v.error_before / result.noise.std:.2f} -> {after:.3f} | explained {v.explained:.2f} | {cpu:.1f} s CPU"
+        f"{result.baseline.rmse / result.noise.std:.2f} -> {result.best.rmse / result.noise.std:.3f} | explained {result.explained:.2f} | {cpu:.1f} s CPU"
     )
 
 
@@ -62,7 +60,7 @@ def foreign(folder: Path, board_name: str, only: str, part: slice) -> None:
         if only not in name:
             continue
         begin = time.process_time()
-        result = diagnose(find_releases(read_roll(folder / f"{name}.csv")), board)
+        result = diagnose(Recording.read(folder / f"{name}.csv"), board)
         wanted = {kinds(group) for group in (truth["effects"], *truth["also"])}
         right = bool(wanted & set(verdicts(result)))
         hits += right

@@ -20,8 +20,15 @@ from sysid.board import Board, board_to_toml
 from sysid.effects import catalogue
 from sysid.quantity import Quantity
 from sysid.synth import SynthOptions, synthesise
-from sysid.synth.sensors import DIALECTS, Sensor
+from sysid.synth.sensors import Sensor
 
+LANGUAGES = (
+    ("time", "angle"), ("Zeit", "Winkel"), ("tempo", "angolo"), ("temps", "angle"), ("tiempo", "ángulo"), ("время", "угол"),
+    ("时间", "角度"), ("czas", "kąt"),
+)  # fmt: skip
+"""Words for time and angle."""
+SHARES = {"angle": 0.3, "angle-deg": 0.2, "gyro": 0.15, "imu": 0.15, "phyphox": 0.1, "sensor-logger": 0.1}
+"""Of the dialects of a joint that turns."""
 SHIPPED = Path(__file__).parents[1] / "data"
 Random = np.random.Generator
 
@@ -71,7 +78,7 @@ def log_with_truth(rng: Random, folder: Path, board: Board, *, quick: bool = Fal
     duration = float(np.clip(rng.uniform(3.5, 6) / (zeta * omega), 1.0, 6.0 if quick else 25.0))
     count = 2 if quick else int(rng.integers(2, 5))
     angles = tuple(float(a) for a in rng.uniform(0.06, 0.19, count) * rng.choice([-1, 1], count))
-    dialect = rng.choice(DIALECTS, p=[0.4, 0.2, 0.1, 0.1, 0.1, 0.1])
+    dialect = str(rng.choice(list(SHARES), p=list(SHARES.values())))
     sensor = Sensor(
         noise=math.radians(math.exp(rng.uniform(math.log(0.02), math.log(0.3)))),
         quantisation=math.radians(rng.choice([0.0, 0.0, 0.01, 0.05])),
@@ -99,8 +106,9 @@ def _dressed(rng: Random, time: Any, angle: Any) -> bytes:
     clock, tick = (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9))[rng.integers(4)]
     begin = rng.choice([0.0, 13.84, 1.7e9])
     stamps = [f"{t:.9f}" if clock == "s" else str(round(t * tick)) for t in (begin + time)]
-    names = (f"time_{clock}", f"time ({clock})", f"t [{clock}]")[rng.integers(3)], (
-        f"roll_{unit}", f"roll ({unit})", f"angle [{unit}]")[rng.integers(3)]  # fmt: skip
+    words = LANGUAGES[rng.integers(len(LANGUAGES))]
+    names = (f"{words[0]}_{clock}", f"{words[0]} ({clock})", f"t [{clock}]")[rng.integers(3)], (
+        f"roll_{unit}", f"{words[1]} ({unit})", f"{words[1]} [{unit}]")[rng.integers(3)]  # fmt: skip
     sep, decimal = ((",", "."), (";", ","), ("\t", "."), (";", "."), (" ", "."))[rng.integers(5)]
     if sep == " ":
         names = (f"time_{clock}", f"roll_{unit}")
@@ -108,6 +116,15 @@ def _dressed(rng: Random, time: Any, angle: Any) -> bytes:
     if rng.random() < 0.2:  # three stand-ins for no measurement
         for row in rng.choice(len(cells), 3, replace=False):
             cells[row][1] = "-9999"
+    if rng.random() < 0.1:
+        cells.reverse()  # newest row first
+    if rng.random() < 0.2:  # what a motor's logger writes beside the motion
+        names = (*names, *(f"{name}{'' if sep == ' ' else ' (A)'}" for name in ("battery",)), "temperature")
+        cells = [[*row, "11.7", f"{30 + rng.normal(0, 0.1):.2f}"] for row in cells]
+    if rng.random() < 0.1:  # a bob that a video tracker followed
+        x, y = 0.3 + 0.42 * np.sin(angle), 0.1 - 0.42 * np.cos(angle)
+        names, unit = (names[0], "x", "y"), "m"
+        cells = [[s, f"{a:.6g}", f"{b:.6g}"] for s, a, b in zip(stamps, x, y, strict=True)]
     lines = [sep.join(names), *(sep.join(cell.replace(".", decimal) for cell in row) for row in cells)]
     text = ("\n", "\r\n")[rng.integers(2)].join(lines) + "\n"
     data = text.encode(("utf-8", "utf-8-sig", "utf-16")[rng.integers(3)])

@@ -151,6 +151,7 @@ def visibility(truth: Truth, seed: int, std: float, effects: Sequence[str]) -> f
     from tempfile import TemporaryDirectory
 
     from sysid.diagnosis.search import Search
+
     from sysid.fitting.initial_state import fit_initial_states
     from sysid.fitting.records import make_records
     from sysid.fitting.search import scales_of

@@ -19,10 +19,10 @@ from policy_runtime.evaluation.plain import Protocol, policy_named, protocol_wor
 from policy_runtime.evaluation.recording import Recording
 from policy_runtime.evaluation.result import TIME_LIMIT
 from policy_runtime.evaluation.statistics import proportion
-from reports.paper.parts import text
 from sim.skate.arrays import wrap_angle
 from sim.skate.cycle.clock import STILL_SPEED
 from sim.skate.world.terrain import STEP_LENGTH, STEPS
+from sysid.text import in_brackets as text
 from sysid.workspace import Workspace
 
 ROOT = Path(__file__).parents[1]

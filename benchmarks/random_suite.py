@@ -17,12 +17,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from random_truths import STIFFNESS, Case, Motion, draw, move, read, sizes, visible, weight, write
 from suite import Row, command_line, run_suite
+from sysid.diagnosis.judgement import CALIBRATION
+from sysid.diagnosis.search import Search
 
 from sysid.board import Board, load_board
 from sysid.diagnosis.diagnose import diagnose
-from sysid.diagnosis.judgement import CALIBRATION
 from sysid.diagnosis.report import fittable
-from sysid.diagnosis.search import Search
 from sysid.effects import effect
 from sysid.fitting.records import make_records, signal_of
 from sysid.fitting.search import scales_of

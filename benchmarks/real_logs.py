@@ -18,10 +18,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from foreign_logs import options_of, verdicts
 from pages import table, write_between
+from sysid.diagnosis.remedy import described, tables
 
 from sysid.board import load_board
 from sysid.diagnosis.diagnose import Diagnosis, diagnose
-from sysid.diagnosis.remedy import described, tables
 from sysid.diagnosis.report import fittable
 from sysid.errors import SysidError
 from sysid.logs import read_roll

@@ -18,7 +18,6 @@ import numpy as np
 from hidden_truths import VISIBLE
 from pages import table, write_between
 from suite import Row, command_line
-
 from sysid.diagnosis.importance import ENERGY, SIGNAL, TORQUE
 from sysid.diagnosis.judgement import CALIBRATION, calibrated, log_odds
 

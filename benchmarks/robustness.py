@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from pages import table, write_result
+from paper.figures import map_figure
 
 from policy_runtime.evaluation.metrics import METRICS
 from policy_runtime.evaluation.plain import Protocol, evaluate_policy, riders
@@ -25,9 +26,8 @@ from policy_runtime.evaluation.result import TIME_LIMIT
 from policy_runtime.evaluation.statistics import proportion
 from policy_runtime.evaluation.stress import Stress
 from policy_runtime.evaluation.suite import SUITE
-from reports.figures.paper import map_figure
 from reports.figures.ride import suite_figure
-from reports.paper.parts import text
+from sysid.text import in_brackets as text
 from sysid.workspace import Workspace
 
 ROOT = Path(__file__).parents[1]

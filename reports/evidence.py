@@ -31,13 +31,13 @@ class LogFile:
     path: str
     """As it was named."""
     found: Path | None
-    """Where it is now; None if it is gone."""
+    """Present path; None if it is gone."""
     digest: str
-    """SHA-256 of what is there now, else the recorded one."""
+    """SHA-256 of the present file, or the recorded one if it is gone."""
     state: str
     """In words: as fitted, changed, gone, or not part of the fit."""
     truth: dict[str, Any] | None = None
-    """What a synthetic log was made from, if it says so beside it."""
+    """Truth of a synthetic log, from the file beside it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +122,7 @@ def _digest(path: Path) -> str:
 
 
 def _truth(path: Path) -> dict[str, Any] | None:
-    """Return what lies beside a synthetic log about its truth."""
+    """Return the truth that lies beside a synthetic log."""
     beside = path.with_suffix(".truth.json")
     try:
         content: Any = json.loads(regular(beside).read_text(encoding="utf-8"))

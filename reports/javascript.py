@@ -35,7 +35,7 @@ def javascript(function: Any, name: str) -> str:
     offsets = [0]
     for index in range(function.n_out()):
         offsets.append(offsets[-1] + function.numel_out(index))
-    # Where each structural nonzero of an output is in its dense form, column by column.
+    # Index of each structural nonzero of an output in its dense form, column by column.
     places = [list(map(int, function.sparsity_out(index).find())) for index in range(function.n_out())]
     for k in range(function.n_instructions()):
         code = function.instruction_id(k)

@@ -30,7 +30,7 @@ STORIES = {
         "check data/decays/black.csv --board black",
     ),
 }
-"""What is done to each board before its report: one with an effect to find, one with nothing to find."""
+"""Commands before each report: one board has an effect to find, the other has none."""
 
 
 def make_reports() -> None:

@@ -103,7 +103,7 @@ class Playground:
 def playground(
     evidence: Evidence, diagnosis: LastDiagnosis | None, current: str = "the record"
 ) -> Playground | None:
-    """Return a board's playground; None where its law stands for a simulator's step, which no slider changes.
+    """Return a board's playground; None for a law that stands for a simulator's step.
 
     The law that was compared is called `current`; the last diagnosis adds the effects that were tried.
     """
@@ -207,7 +207,7 @@ def _vanishes(part: Effect) -> bool:
 
 
 def _amounted(part: Effect) -> TorqueEffect:
-    """Return an effect with one parameter more, which multiplies what it does."""
+    """Return an effect with one more parameter: a factor of its torque."""
     assert isinstance(part, TorqueEffect)
     friction, modifies = part.friction, part.modifies
 
@@ -287,7 +287,7 @@ def _sliders(board: Board, structure: Structure, presets: Sequence[Preset], ampl
 def _release(
     evidence: Evidence, structure: Structure, index: int, time: Array, signal: Array, width: int, ratio: float
 ) -> dict[str, Any]:
-    """Return the samples of one release for the page: means of `width` neighbours, and what they scatter about them."""
+    """Return the samples of one release for the page: means of `width` neighbours, and their scatter."""
     release, simulated = evidence.releases[index], evidence.comparison.releases[index]
     used = len(time) // width * width
     means = [part[:used].reshape(-1, width).mean(axis=1) for part in (time, signal, simulated.residual)]
@@ -309,7 +309,7 @@ def _release(
 
 
 def _packed(values: Array) -> dict[str, Any]:
-    """Return numbers as what they differ from a straight line by, in single precision and base 64."""
+    """Return numbers as their differences from a straight line, in single precision and base 64."""
     line = np.linspace(values[0], values[-1], len(values))
     left = (values - line).astype("<f4")
     return {"from": float(values[0]), "to": float(values[-1]), "left": b64encode(left.tobytes()).decode()}

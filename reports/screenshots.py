@@ -1,4 +1,4 @@
-"""Pictures of recordings and pages: a viewer and a browser without a window, asked for what they show."""
+"""Pictures of recordings and pages, by a viewer and a browser without a window."""
 
 import os
 import shutil
@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
 
 PATIENCE = 60.0
-"""For a viewer to start [s]."""
+"""For a viewer to start, and for its picture to settle [s]: a choice, ten times what a busy machine took."""
+PAUSE = 1.0
+"""Between two pictures that are compared [s]."""
 MENU_BAR = 37
 """Height of the viewer's menu bar [px]."""
 
@@ -73,18 +75,34 @@ def recording_picture(viewer: "ViewerClient", recording: Path, time_s: float) ->
 
     Args:
         viewer: From `headless_viewer`.
-        time_s: Where to put the time cursor [s].
+        time_s: Time of the cursor [s].
+
+    Raises:
+        SysidError: The viewer does not answer, or its picture does not settle.
     """
     import cv2
     import numpy as np
 
-    viewer.open(str(recording.resolve()))
-    time.sleep(2.0)  # opening answers before everything is laid out
-    viewer.set_time("t", duration=time_s, play_state="paused")
-    time.sleep(2.0)
-    shot = cv2.imdecode(np.frombuffer(viewer.take_screenshot(), np.uint8), cv2.IMREAD_COLOR)
-    assert shot is not None
-    return cv2.imencode(".png", shot[MENU_BAR:])[1].tobytes()
+    def picture() -> np.ndarray:
+        shot = cv2.imdecode(np.frombuffer(viewer.take_screenshot(), np.uint8), cv2.IMREAD_COLOR)
+        if shot is None:
+            raise RuntimeError("the viewer sent no picture")
+        return shot[MENU_BAR:]
+
+    deadline = time.monotonic() + PATIENCE
+    try:
+        viewer.open(str(recording.resolve()))
+        before, last = picture(), None
+        while time.monotonic() < deadline:  # opening answers before everything is laid out
+            time.sleep(PAUSE)
+            viewer.set_time("t", duration=time_s, play_state="paused")
+            shot = picture()
+            if last is not None and np.array_equal(shot, last) and not np.array_equal(shot, before):
+                return cv2.imencode(".png", shot)[1].tobytes()
+            last = shot
+    except (RuntimeError, ConnectionError, TimeoutError, OSError) as error:
+        raise SysidError(f"the Rerun viewer does not answer: {error}") from error
+    raise SysidError(f"the Rerun viewer was still drawing {recording} after {PATIENCE:g} s.")
 
 
 def page_picture(page: Path, picture: Path, size: tuple[int, int] = (1000, 1400)) -> None:

@@ -1,8 +1,7 @@
-"""The story of a board in four panels, as data: how it decayed and how the law has it, what was missing, what helped, and why.
+"""The story of a joint as data: the decay and its law, the missing torque, the errors of the models, the candidates.
 
-A board's record as it stood is compared with its releases, and so is the law with what was missing. Between the two lies the
-torque that the effects make, the ladder of errors, and the candidates that were ranked. What is drawn is decided and
-tested here; `reports.figures.story` draws it.
+Two laws are compared with the releases: the record as it stood, and the law with the missing effects. `reports.figures.story`
+draws the result.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,9 +14,9 @@ import numpy as np
 from reports.evidence import Evidence, LastDiagnosis
 from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
-from sysid.comparison.force_surface import TorqueProfile
+from sysid.comparison.force_surface import MissingTorque, TorqueProfile, missing_torque
 from sysid.comparison.release import ComparedRelease
-from sysid.diagnosis.report import TIED
+from sysid.diagnosis.report import TIE as TIED
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.fitting.ladder import PLAIN
@@ -93,16 +92,16 @@ class Story:
 
     board: str
     effects: tuple[str, ...]
-    """What the law after has more than spring and damper, or more than the record."""
+    """Effects that the law after has beyond the record, or beyond spring and damper."""
     labels: tuple[str, str]
     """Of the law before and after."""
     before: Comparison | None
-    """None where there was no other law, or it runs away from a measured release."""
+    """None if there was no other law, or its motion grows without bound."""
     after: Comparison
     shown: int
     """Which release is drawn: the one that the law before misses most."""
     over_rate: Missing | None
-    """None where the sampling is too slow, or the rate was measured."""
+    """None where the sampling is too slow."""
     over_angle: Missing | None
     steps: tuple[Step, ...]
     ranked: tuple[Ranked, ...]
@@ -118,7 +117,7 @@ class Story:
 
     @property
     def release(self) -> str:
-        """What the drawn release is called."""
+        """Name of the drawn release."""
         return release_name(self.after, self.shown)
 
     @property
@@ -142,8 +141,8 @@ class Story:
         if chosen.score == 0:
             return "the best"
         if chosen.score <= TIED:
-            return "the simplest not told from the best"
-        return "the simplest; none is exact" if chosen.effects else "nothing more is sure, or matters"
+            return "the simplest that ties with the best"
+        return "the simplest of several" if chosen.effects else "nothing more is sure, or matters"
 
 
 def times(error: float) -> str:
@@ -170,16 +169,18 @@ def tell(
     ranked: Sequence[Ranked] = (),
     is_dated: bool = False,
     label: str = "",
+    missing: MissingTorque | None = None,
 ) -> Story:
     """Compare two laws of a board with recordings, and say what lies between them.
 
     Args:
-        effects: What `after` has more.
+        effects: Effects that `after` has beyond `before`.
         steps: The ladder between the two laws.
         heldout: Error of the law after on releases that were left out, in multiples of the noise.
         ranked: The candidates of a diagnosis, best first.
         is_dated: Whether that diagnosis is of an earlier record.
         label: Of the law after, where its effects do not say it.
+        missing: Torque of the effects as a posterior knows it; from the derivatives of the signal, if left out.
 
     Raises:
         SysidError: The law after cannot be compared with these releases.
@@ -191,7 +192,7 @@ def tell(
         former = None
     floor = latter.noise.std
     worst = latter if former is None else former
-    over_rate, over_angle = _missing(data, board, latter, effects)
+    over_rate, over_angle = _missing(latter, effects, missing)
     label = label or _added(tuple(effects))
     laws = [(STOOD, former)] if former is not None else []
     laws += [(label, latter)]
@@ -222,23 +223,21 @@ def tell(
 
 
 def _missing(
-    data: Data, board: Board, after: Comparison, effects: Sequence[str]
+    after: Comparison, effects: Sequence[str], missing: MissingTorque | None
 ) -> tuple[Missing | None, Missing | None]:
-    """Return what a law without the effects lacks, with all its other numbers as they are: component plus residual."""
+    """Return the torque of some effects plus the residual torque, over rate and over angle."""
     law = after.law
     torques = tuple(name for name in effects if effect(name).role == "torque")
-    without = replace(law, effects=tuple(item for item in law.effects if item[0] not in torques))
-    try:
-        missing = after.missing if without == law else compare(data, board, law=without).missing
-    except SysidError:  # the effect was all that held the joint
-        return None, None
+    each = [_torque(law, torques, release) for release in after.releases]
+    if missing is None:
+        missing = missing_torque(after.releases, law, each) if torques else after.missing
     if missing is None:
         return None, None
-    tilt = np.concatenate([r.roll for r in after.releases]) - law.rest_angle
+    angle = np.concatenate([r.roll for r in after.releases]) - law.rest_angle
     rate = np.concatenate([r.rate for r in after.releases])
-    torque = np.concatenate([_torque(law, torques, r) for r in after.releases])
+    torque = np.concatenate(each)
     over_rate = Missing(missing.over_rate, *_averaged(rate, torque))
-    return over_rate, Missing(missing.over_angle, *_averaged(tilt, torque))
+    return over_rate, Missing(missing.over_angle, *_averaged(angle, torque))
 
 
 def _torque(law: JointLaw, names: Sequence[str], release: ComparedRelease) -> Array:
@@ -256,32 +255,36 @@ def _averaged(at: Array, torque: Array) -> tuple[Array, Array]:
 
 
 def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
-    """Return the story of a diagnosis with its recordings: the record as it stood, and with what is missing."""
-    problem, floor = found.best.problem, found.noise.std
-    chosen = chosen_effects(found, board)
+    """Return the story of a diagnosis with its recordings: the record as it stood, and with the missing effects."""
+    floor = found.noise.std
+    chosen = found.best.effects
     tried = {candidate.effects: candidate for candidate in (*found.candidates, found.baseline)}
     halves = [(name,) for name in chosen if len(chosen) > 1 and (name,) in tried]
     between = [(), *([min(halves, key=lambda names: tried[names].score)] if halves else [])] if chosen else []
-    held = {names: None if c.heldout_rmse is None else c.heldout_rmse / floor for names, c in tried.items()}
+    held = {names: c.heldout_rmse / floor for names, c in tried.items()}
     return tell(
-        found.recordings,
+        found.recordings or found.releases,
         board,
         before=JointLaw.from_board(board),
-        after=JointLaw.from_vector(problem.structure, problem.vector_of(found.best.parameters)),
+        after=found.best.fit.law,
         effects=chosen,
         steps=[Step(_added(names), tried[names].rmse / floor, held[names]) for names in between],
         heldout=held.get(chosen),
-        ranked=ranked([(c.effects, c.score, c.score_std) for c in found.candidates], chosen),
+        ranked=ranked([(c.effects, c.score, 0.0) for c in found.candidates], chosen),
     )
 
 
 def for_report(found: "Diagnosis", board: Board) -> dict[str, Any]:
     """Return what a report needs of a diagnosis besides its JSON: its record, and the model behind its verdict."""
-    parameters = {name: {"value": float(value)} for name, value in found.best.parameters.items()}
+    law = found.best.fit.law
+    parameters = {
+        name: {"value": float(value)}
+        for name, value in zip(law.structure.parameters, law.vector, strict=True)
+    }
     return {
         "record": board.digest,
-        "best": {"effects": list(chosen_effects(found, board)), "parameters": parameters},
-        "score_std": [candidate.score_std for candidate in found.candidates],
+        "best": {"effects": list(found.best.effects), "parameters": parameters},
+        "score_std": [0.0 for _ in found.candidates],
     }
 
 
@@ -319,12 +322,6 @@ def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story
         evidence.releases, board, before=evidence.stood, after=after, effects=effects, steps=steps, heldout=heldout,
         ranked=models, is_dated=diagnosis is not None and not diagnosis.is_current, label=label,
     )  # fmt: skip
-
-
-def chosen_effects(found: "Diagnosis", board: Board) -> tuple[str, ...]:
-    """Return the effects that the verdict's model has beyond the record."""
-    own = {part.name for part in board.effects}
-    return tuple(name for name in found.best.effects if name not in own)
 
 
 def _added(effects: tuple[str, ...]) -> str:

@@ -1,4 +1,4 @@
-"""A board as an MJCF file: readable, with where each number comes from and what it costs."""
+"""A board as a readable MJCF file: comments state the source of each number and its error."""
 
 import re
 from collections.abc import Sequence
@@ -21,20 +21,20 @@ Kind = Literal["bench", "scene"]
 """The clamped free-decay rig, or the free board with trucks and wheels on the ground."""
 
 FINE_STEP = 0.001
-"""Up to this step a bench is written with its physical parameters [s]: its decay is off by 0.7 % (pink) and 1.1 % (black), within
-the gate's 2 %; at twice the step it would be 2.2 %."""
+"""Largest step for which a bench is written with its physical parameters [s]. Its decay is off by 0.7 % (pink) and 1.1 % (black);
+at twice the step black exceeds the gate's 2 %."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mjcf:
-    """The file and what a user should know of it."""
+    """The file, and notes for the user."""
 
     xml: str
     compensation: Compensation
-    """What was written instead of the record's numbers, and both errors."""
+    """The written parameters and both errors."""
     export: Export
     substitutes: tuple[str, ...] = ()
-    """For each effect that MuJoCo cannot hold: what stands for it."""
+    """The substitute of each effect that MuJoCo lacks."""
 
 
 def default_export(kind: Kind, timestep: float) -> Export:
@@ -45,14 +45,9 @@ def default_export(kind: Kind, timestep: float) -> Export:
 
 
 def board_mjcf(
-    board: Board,
-    kind: Kind,
-    *,
-    timestep: float = 0.005,
-    integrator: str = "implicitfast",
-    export: Export | None = None,
-    coupling: Coupling = "equality",
-) -> Mjcf:
+    board: Board, kind: Kind, *, timestep: float = 0.005, integrator: str = "implicitfast",
+    export: Export | None = None, coupling: Coupling = "equality",
+) -> Mjcf:  # fmt: skip
     """Write a board as MJCF, for MuJoCo 3.11 and newer.
 
     Args:
@@ -81,7 +76,7 @@ def board_mjcf(
 
 
 def _commented(spec: mujoco.MjSpec, comments: Sequence[tuple[str, Sequence[str]]]) -> str:
-    """Write the spec, each comment above the element that it speaks of."""
+    """Write the spec, each comment above its element."""
     spec.compile()
     xml = spec.to_xml()
     for pattern, lines in comments:
@@ -97,7 +92,7 @@ def _commented(spec: mujoco.MjSpec, comments: Sequence[tuple[str, Sequence[str]]
 def _comments(
     board: Board, done: Compensation, kind: Kind, export: Export, coupling: Coupling
 ) -> list[tuple[str, list[str]]]:
-    """Return for each kind of element a pattern of its line, and what to say above it."""
+    """Return a pattern of each commented line, and the comment above it."""
     written = done.board
     head = [
         f"Board '{board.name}': {board.description}. Source: {board.source}.",
@@ -111,8 +106,8 @@ def _comments(
     inertia = [f"Measured: roll inertia {_text(board.inertia)} ({board.inertia.method})."]
     if kind == "scene" and coupling == "equality":
         inertia.append(
-            f"Of what is written, {reflected_inertia(board):.3g} kg·m² are the trucks' and wheels', which steer as "
-            "the deck tilts; the rest is the deck's own."
+            f"{reflected_inertia(board):.3g} kg·m² of it belong to trucks and wheels, which steer as the deck tilts; the rest is "
+            "the deck's own."
         )
     tilt = [
         f"Measured: stiffness {_text(board.tilt['stiffness'])}, damping {_text(board.tilt['damping'])}, "
@@ -144,8 +139,8 @@ def _comments(
             f"{error:.1e} rad within the tilt range."
         ]),
         (r"^([ \t]*)<body name=\"front_truck\"", [
-            f"Trucks and wheels: {100 * STEERED_SHARE:g} % of their mass steers, the rest is in the body 'board'; what they "
-            "add to the measured roll inertia must not count twice."
+            f"Trucks and wheels: {100 * STEERED_SHARE:g} % of their mass steers, the rest is in the body 'board'. The measured roll "
+            "inertia holds their share already."
         ]),
         *comments,
     ]  # fmt: skip

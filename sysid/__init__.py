@@ -1,6 +1,6 @@
 """Find out why a MuJoCo joint does not behave like the real one, and correct it.
 
-Ten names are the public API; everything else can be imported from its module, and may move. Each is loaded when it
+Twelve names are the public API; everything else can be imported from its module, and may move. Each is loaded when it
 is first used, so that `import sysid` costs nothing.
 """
 
@@ -10,7 +10,6 @@ TYPE_CHECKING = False  # as in `typing`, whose import would take longer than all
 if TYPE_CHECKING:
     from typing import Any
 
-    from sysid.board import Board
     from sysid.comparison.compare import compare
     from sysid.diagnosis.diagnose import diagnose
     from sysid.effects import Effect
@@ -18,12 +17,14 @@ if TYPE_CHECKING:
     from sysid.fit_mjcf import fit
     from sysid.free_decay import fit_decay
     from sysid.joint import simulate
+    from sysid.loop import Board, Joint, report
     from sysid.quantity import Quantity
     from sysid.recording import Recording
 
 __all__ = [
     "Board",
     "Effect",
+    "Joint",
     "Quantity",
     "Recording",
     "SysidError",
@@ -31,12 +32,14 @@ __all__ = [
     "diagnose",
     "fit",
     "fit_decay",
+    "report",
     "simulate",
 ]
 
 _HOMES = {
-    "Board": "sysid.board",
+    "Board": "sysid.loop",
     "Effect": "sysid.effects",
+    "Joint": "sysid.loop",
     "Quantity": "sysid.quantity",
     "Recording": "sysid.recording",
     "SysidError": "sysid.errors",
@@ -44,6 +47,7 @@ _HOMES = {
     "diagnose": "sysid.diagnosis.diagnose",
     "fit": "sysid.fit_mjcf",
     "fit_decay": "sysid.free_decay",
+    "report": "sysid.loop",
     "simulate": "sysid.joint",
 }
 """The module that each name is loaded from."""

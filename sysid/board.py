@@ -1,11 +1,12 @@
 """The board record: measurements in, MJCF numbers derived; one TOML file a board.
 
-The record holds what was measured with its uncertainty, what was fitted from which logs, whether
-the simulator passed the comparison, and one history line a refit.
+The record holds measurements with uncertainties, fitted numbers and their logs, the verdict of `check`, and one history line per
+refit.
 """
 
 import hashlib
 import math
+import sys
 import tomllib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,8 +16,9 @@ from typing import Any, Self
 import tomlkit
 
 from sysid.errors import SysidError, did_you_mean
-from sysid.files import shipped_data, write_atomically
+from sysid.files import read_small, shipped_data, write_atomically
 from sysid.quantity import Quantity, slide_unit
+from sysid.shown import MOST_SHOWN, Shown
 
 SCHEMA = 1
 """Version of the record's format; another one is refused."""
@@ -38,34 +40,25 @@ TILT_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad
 """`range` is the largest tilt to either side; `rest_angle` is a roll (right edge down is positive)."""
 DECAY_UNITS = {"period": "s", "first_peak": "rad", "second_peak": "rad"}
 MAY_LACK = ("stiffness", "damping")
-"""What a joint may do without: gravity pulls a pendulum back, and dry friction alone stops a servo."""
+"""Quantities that may be 0: gravity pulls a pendulum back, and dry friction alone stops a servo."""
 ROLLING_UNITS = {"deceleration": "m/s^2"}
-"""Loss of speed at 1 m/s on level ground, whoever rides."""
+"""Loss of speed at 1 m/s on level ground."""
 PUBLISHED_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad"}
 
 OPTIONAL = {
     "geometry": GEOMETRY_UNITS, "mass": MASS_UNITS, "decay": DECAY_UNITS, "rolling": ROLLING_UNITS,
     "published": PUBLISHED_UNITS,
 }  # fmt: skip
-"""Sections that a record may do without."""
-TOLD = ("fit", "check", "model")
-"""Sections that tell what was done."""
+"""Optional sections."""
+TOLD = {"fit": "fit", "check": "last_check", "model": "model"}
+"""Sections that commands write, and the fields that hold them."""
 TOLD_NUMBERS = {"rmse_before", "rmse", "heldout_rmse", "noise_floor", "nrmse", "tolerance"}
-"""What commands read of a fit, of a check and of the history."""
-MAX_NUMBER = 1e300
-"""Above, a number counts as infinite [1]."""
-PHYSICAL = {
-    "m": (1e-4, 10.0),
-    "kg": (1e-4, 1e3),
-    "kg*m^2": (1e-9, 1e3),
-    "rad": (1e-6, math.pi),
-    "s": (1e-3, 100.0),
-    "m/s^2": (1e-5, 10.0),
-    "N*m/rad": (1e-6, 1e6),
-    "N*m*s/rad": (1e-9, 1e5),
-}
-"""Smallest and largest size of a record's quantities by unit: from a watch's balance wheel to a lorry's axle. Outside,
-a simulation takes for ever or divides by nothing."""
+"""Numbers that commands read from these sections and from the history."""
+PHYSICAL = (1e-9, 1e6)
+"""Smallest and largest size of a record's quantities [SI unit], from a watch's balance wheel to a lorry's axle. A simulation of other
+sizes runs forever or divides by zero."""
+FINEST = 1e-4
+"""Smallest length [m] and mass [kg] of a record."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +72,9 @@ class BoardEffect:
     """The file that it needs, where it is an effect of the user's own."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Board:
-    """Everything known of one board."""
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Board(Shown):
+    """The record of one board or joint."""
 
     name: str
     description: str
@@ -89,19 +82,19 @@ class Board:
     geometry: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
     mass: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
     inertia: Quantity
-    """Roll inertia of what turns with the deck, about the tilt axis [kg*m^2]."""
+    """Inertia of the moved bodies about the axis [kg*m^2]."""
     tilt: Mapping[str, Quantity]
     decay: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
-    """The free decay that stiffness and damping were derived from, where no log was fitted yet."""
+    """The free decay that gave stiffness and damping before a fit."""
     rolling: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
-    """Rolling resistance, where it was measured."""
+    """Measured rolling resistance."""
     published: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
-    """Stiffness and damping as the source itself prints them; for comparison, never used."""
+    """Stiffness and damping as printed by the source, for comparison only."""
     effects: tuple[BoardEffect, ...] = ()
     fit: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    check: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    last_check: Mapping[str, Any] = field(default_factory=dict[str, Any])
     model: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    """The MuJoCo model whose joint it is, and the pose: file, joint, keyframe, pose, free, payload."""
+    """The MuJoCo model of the joint, and its pose: file, joint, keyframe, pose, free, payload."""
     history: tuple[Mapping[str, Any], ...] = ()
 
     @classmethod
@@ -122,6 +115,34 @@ class Board:
         """Write the record into a TOML file, in one step: a crash at any moment leaves an old one whole."""
         save_board(self, Path(path))
 
+    def brief(self) -> str:
+        """Return name, inertia, stiffness, damping, effects, and whether it passed the check."""
+        k, d = self.tilt["stiffness"], self.tilt["damping"]
+        numbers = [f"I = {self.inertia}", *([] if self.is_unmeasured else [f"k = {k}", f"d = {d}"])]
+        parts = [
+            f"{part.name} ({', '.join(f'{name} {q}' for name, q in fitted[:MOST_SHOWN])})"
+            if fitted
+            else part.name
+            for part in self.effects
+            for fitted in [[(name, q) for name, q in part.parameters.items() if q.value]]
+        ]
+        state = (
+            "passed"
+            if self.passed
+            else "out of date"
+            if self.check_is_stale
+            else "not passed"
+            if self.last_check
+            else "not run"
+        )
+        lines = [
+            f"{type(self).__name__} {self.name}: {self.description}",
+            f"  {', '.join(numbers)}",
+            *(f"  + {part}" for part in parts[:MOST_SHOWN]),
+            f"  check: {state}",
+        ]
+        return "\n".join(lines)
+
     @property
     def stiffness(self) -> float:
         """Linear tilt stiffness k [N*m/rad]."""
@@ -139,24 +160,24 @@ class Board:
 
     @property
     def is_unmeasured(self) -> bool:
-        """Whether it holds no number of the tilt joint yet: then its rest angle of 0 is none either."""
+        """Whether no parameter of the joint has been measured."""
         return self.stiffness == 0 == self.damping and not self.fit
 
     @property
     def passed(self) -> bool:
         """Whether `check` accepted the board as it is recorded now."""
-        return bool(self.check.get("passed", False)) and not self.check_is_stale
+        return bool(self.last_check.get("passed", False)) and not self.check_is_stale
 
     @property
     def check_is_stale(self) -> bool:
         """Whether the record has changed since it was checked: another fit, or an edit by hand."""
-        return bool(self.check) and self.check.get("digest") != self.digest
+        return bool(self.last_check) and self.last_check.get("digest") != self.digest
 
     @property
     def digest(self) -> str:
-        """SHA-256 of everything that a check judges: geometry, masses, inertia, tilt joint and effects."""
+        """SHA-256 of geometry, masses, inertia, tilt joint and effects, which a check judges."""
         judged = replace(
-            self, description="", source="", decay={}, published={}, fit={}, check={}, history=()
+            self, description="", source="", decay={}, published={}, fit={}, last_check={}, history=()
         )
         return hashlib.sha256(board_to_toml(judged).encode()).hexdigest()
 
@@ -164,7 +185,7 @@ class Board:
         """Check that the record describes the whole board, geometry and masses included.
 
         Raises:
-            SysidError: Geometry or masses are missing; the message says what they are needed for.
+            SysidError: Geometry or masses are missing; the message names the purpose.
         """
         if self.model:
             raise SysidError(
@@ -179,7 +200,7 @@ class Board:
 
     @property
     def options(self) -> tuple[str, ...]:
-        """How the command line names the joint, and the files of the user's own effects that its law needs."""
+        """Options of the command line that name the joint and the files of its own effects."""
         needed = [
             word
             for part in self.effects
@@ -203,18 +224,18 @@ class Board:
 
     @property
     def slides(self) -> bool:
-        """Whether the joint slides: its units are then m, N/m and kg."""
+        """Whether the joint is prismatic: its units are then m, N/m and kg."""
         return self.inertia.unit == "kg"
 
     def experiment(self, name: str, widest: float = math.inf) -> str:
-        """Return the experiment that tells an effect from its look-alikes, with releases in the joint's own unit, up to `widest` [rad]."""
+        """Return the experiment that distinguishes an effect, with releases in the joint's unit up to `widest` [rad]."""
         from sysid.effects import effect
 
         return effect(name).experiment_on(slides=self.slides, widest=min(widest, self.tilt["range"].value))
 
     @property
     def error_unit(self) -> str:
-        """Unit of the errors of its fits: of the signal that they were fitted to."""
+        """Unit of the errors of its fits: the unit of the fitted signal."""
         unit = str(self.fit.get("unit", "rad"))
         return slide_unit(unit) if self.slides else unit
 
@@ -225,23 +246,34 @@ class Board:
             return {name: replace(q, unit=slide_unit(q.unit)) for name, q in quantities.items()}
 
         return replace(
-            self,
-            inertia=replace(self.inertia, unit="kg"),
-            tilt=turned(self.tilt),
+            self, inertia=replace(self.inertia, unit="kg"), tilt=turned(self.tilt),
             effects=tuple(replace(part, parameters=turned(part.parameters)) for part in self.effects),
-        )
+        )  # fmt: skip
 
     def checked(self, entry: Mapping[str, Any]) -> Self:
-        """Return a copy with the verdict of a check; it counts as long as what was judged stays unchanged."""
-        return replace(self, check={**entry, "digest": self.digest})
+        """Return a copy with the verdict of a check, valid until the judged numbers change."""
+        return replace(self, last_check={**entry, "digest": self.digest})
 
     def with_tilt(self, **quantities: Quantity) -> Self:
         """Return a copy with some quantities of the tilt joint replaced."""
         return replace(self, tilt={**self.tilt, **quantities})
 
 
+def require_record(board: object) -> None:
+    """Accept the record of a joint.
+
+    Raises:
+        SysidError: It is something else.
+    """
+    if not isinstance(board, Board):
+        raise SysidError(
+            f"a {type(board).__name__} is no joint. A joint is sysid.Joint.load('pink'), "
+            "sysid.Joint.from_mjcf('robot.xml', 'knee') or sysid.Joint.new('rig', '0.0087±0.0001')."
+        )
+
+
 def boards_folder(workspace: Path) -> Path:
-    """Return where a workspace keeps the records of its boards."""
+    """Return the folder of a workspace's records."""
     return workspace / "data" / "boards"
 
 
@@ -252,7 +284,7 @@ def record_names(workspace: Path) -> list[str]:
 
 
 def find_record(name: str, workspace: Path) -> Path:
-    """Return the record that a name means: the workspace's, else the shipped one.
+    """Return the file of a record: the workspace's, else the shipped one.
 
     Raises:
         SysidError: There is no board of that name.
@@ -270,7 +302,7 @@ def find_record(name: str, workspace: Path) -> Path:
 
 
 def load_named(name: str, workspace: Path) -> Board:
-    """Read the record that a name means, which is no path.
+    """Read a record by its name.
 
     Raises:
         SysidError: There is no such board, or its record is not valid.
@@ -286,11 +318,11 @@ def load_board(path: Path) -> Board:
     """Read and validate one board record.
 
     Raises:
-        SysidError: The file is missing, is not TOML, or a field is missing, unknown, of the wrong
-            kind or in the wrong unit; the message names file, field and what was expected.
+        SysidError: The file is missing or not TOML, or a field is missing, unknown, of the wrong kind or in the wrong unit. The
+            message names file, field and the expected value.
     """
     try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+        raw = tomllib.loads(read_small(path))
     except (OSError, UnicodeDecodeError) as error:
         raise SysidError(f"{path}: cannot read the board record ({error}).") from error
     except (tomllib.TOMLDecodeError, RecursionError) as error:
@@ -301,7 +333,7 @@ def load_board(path: Path) -> Board:
 def save_board(board: Board, path: Path) -> None:
     """Write the record in one step: a crash at any moment leaves the old file whole."""
     text = board_to_toml(board)
-    _Reader(path).board(tomllib.loads(text))  # never write what could not be read back
+    _Reader(path).board(tomllib.loads(text))  # a written record can be read back
     write_atomically(path, text, is_record=True)
 
 
@@ -328,7 +360,7 @@ def board_to_toml(board: Board) -> str:
             table["parameters"] = _quantities(effect.parameters)
             effects.append(table)
         document["effect"] = effects
-    for name, content in (("model", board.model), ("fit", board.fit), ("check", board.check)):
+    for name, content in (("model", board.model), ("fit", board.fit), ("check", board.last_check)):
         if content:
             document[name] = dict(content)
     if board.history:
@@ -356,7 +388,7 @@ def _fields(quantity: Quantity) -> dict[str, float | str]:
 
 @dataclass(frozen=True, slots=True)
 class _Reader:
-    """Turns raw TOML into a Board; knows the file for its messages."""
+    """Turns raw TOML into a Board; the path is for messages."""
 
     path: Path
 
@@ -385,14 +417,18 @@ class _Reader:
                 self._told(f"history[{i}]", line) for i, line in enumerate(self._tables(raw, "history"))
             ),
             **{name: self._quantities(raw, name, units) for name, units in OPTIONAL.items() if name in raw},
-            **{name: self._told(name, self._table(raw, name)) for name in TOLD if name in raw},
+            **{
+                field: self._told(name, self._table(raw, name)) for name, field in TOLD.items() if name in raw
+            },
         )
 
     def _told(self, where: str, raw: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return a table that tells what was done; it may hold anything, but what commands read is of its kind."""
+        """Return a table that commands wrote; the fields that they read have the right kind."""
         for key in TOLD_NUMBERS & raw.keys():
             number = raw[key]
-            whole = isinstance(number, int) and not isinstance(number, bool) and abs(number) < MAX_NUMBER
+            whole = (
+                isinstance(number, int) and not isinstance(number, bool) and abs(number) < sys.float_info.max
+            )
             if not whole and not isinstance(number, float):
                 raise SysidError(f"{self.path}: field '{where}.{key}' is {number!r}; expected a number.")
         arrays: dict[str, tuple[type, str]] = {"effects": (str, "names of effects")}
@@ -417,7 +453,7 @@ class _Reader:
     def _effect(self, where: str, raw: Mapping[str, Any], unit_of: Callable[[str], str]) -> BoardEffect:
         """Read one effect, its parameters in the catalogue's order and in the units of the record's kind of joint.
 
-        One that is not in the catalogue stays as it is.
+        An effect that is not in the catalogue is kept unchanged.
         """
         from sysid.effects import catalogue
 
@@ -459,8 +495,8 @@ class _Reader:
             number: Any = raw.get(key)
             if isinstance(number, bool) or not isinstance(number, int | float):
                 raise SysidError(f"{self.path}: field '{where}.{key}' is {number!r}; expected a number.")
-            # TOML's whole numbers have no end.
-            numbers[key] = float(number) if abs(number) < MAX_NUMBER else math.inf
+            # TOML's whole numbers may exceed a float.
+            numbers[key] = float(number) if abs(number) < sys.float_info.max else math.inf
         if raw.get("unit") != unit and not (unit is None and isinstance(raw.get("unit"), str)):
             raise SysidError(f"{self.path}: field '{where}.unit' is {raw.get('unit')!r}; expected {unit!r}.")
         if not 0 <= numbers["std"] < math.inf:
@@ -468,12 +504,13 @@ class _Reader:
         if not math.isfinite(numbers["value"]) or (positive and numbers["value"] <= 0):
             kind = "a positive number" if positive else "a finite number"
             raise SysidError(f"{self.path}: field '{where}.value' is {numbers['value']}; expected {kind}.")
-        least, most = PHYSICAL.get(str(unit), (0.0, math.inf))
-        size = abs(numbers["value"])
-        if (positive and size < least) or size > most:
+        (least, most), size = PHYSICAL, abs(numbers["value"])
+        least = FINEST if unit in ("m", "kg") else least
+        most = math.pi if unit == "rad" else most
+        if unit is not None and ((positive and size < least) or size > most):
             raise SysidError(
-                f"{self.path}: field '{where}.value' is {numbers['value']:g} {unit}; expected {least:g} to {most:g}, as of "
-                "anything that a hand can rock. Is it in another unit?"
+                f"{self.path}: field '{where}.value' is {numbers['value']:g} {unit}; expected {least:g} to {most:.4g}. Is it in "
+                "another unit?"
             )
         return Quantity(numbers["value"], numbers["std"], str(raw["unit"]))
 

@@ -42,8 +42,19 @@ def needs_extra(extra: str, what: str, otherwise: str = "") -> Generator[None]:
         yield
     except ImportError as error:
         raise SysidError(
-            f"{what} needs an extra: pip install 'husky-sysid[{extra}]' (missing: {error.name}). {otherwise}".rstrip()
+            f"{what} needs an extra: {install_extra(extra)} (missing: {error.name}). {otherwise}".rstrip()
         ) from error
+
+
+def install_extra(extra: str) -> str:
+    """Return the command that installs an extra of this package where it was installed from: a checkout, or a wheel."""
+    from pathlib import Path
+
+    root = Path(__file__).resolve().parents[1]
+    if (root / "pyproject.toml").is_file():
+        where = "." if root == Path.cwd() else str(root)
+        return f"pip install -e '{where}[{extra}]'"
+    return f"pip install 'WHEEL[{extra}]', with the wheel that husky-sysid was installed from"
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -16,8 +16,10 @@ from sysid.errors import SysidError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+MAX_TEXT = 4 << 20
+"""Longest text that is read as a record or a manifest [bytes]."""
 RECORDS = "data/boards/*.toml"
-"""Where a workspace keeps the records of its boards."""
+"""Records of boards in a workspace."""
 
 
 def shipped_data() -> Path:
@@ -38,13 +40,24 @@ def regular(path: Path) -> Path:
     return path
 
 
+def read_small(path: Path, encoding: str = "utf-8") -> str:
+    """Return the text of a file that people write by hand, such as a record or a manifest.
+
+    Raises:
+        OSError: It cannot be read, or is larger than 4 MiB: a thousand refits fill a tenth of that.
+    """
+    if regular(path).stat().st_size > MAX_TEXT:
+        raise OSError(errno.EFBIG, "more than 4 MiB: too long for a text typed by hand", str(path))
+    return path.read_text(encoding=encoding)
+
+
 @contextmanager
 def atomic_path(path: Path, *, is_record: bool = False) -> Generator[Path]:
     """Yield a temporary path beside `path`, and rename it to `path` only if the block succeeds.
 
     For writers that want a file name (matplotlib, Rerun, video). The suffix is kept, because some
-    of them choose the format by it. A link stays a link: what it points to is replaced. A device or a pipe is no
-    file that could be replaced: what was written is copied into it.
+    of them choose the format by it. A link stays a link: its target is replaced. A device or a pipe cannot be
+    replaced: the content is copied into it.
 
     Args:
         is_record: It is a board's record; nothing else is written in place of one.
@@ -82,7 +95,7 @@ def atomic_path(path: Path, *, is_record: bool = False) -> Generator[Path]:
 
 
 def require_writable(path: Path) -> None:
-    """Make sure, before minutes are spent on what it shall hold, that a file can be written; nothing is made.
+    """Check that a file can be written, before minutes are spent on its content; create nothing.
 
     Raises:
         SysidError: It is a folder, or its folder cannot be made or written to.
@@ -113,8 +126,8 @@ def _unwritable(path: Path, error: OSError | RuntimeError) -> SysidError:
 def locked(path: Path, *, patience: float = 60.0) -> Generator[None]:
     """Hold the right to read and rewrite a file that other processes rewrite too.
 
-    The lock lies in the folder of temporary files and ends with the process; its file goes before it is let go, so that
-    who waits finds it gone and makes a new one.
+    The lock lies in the folder of temporary files and ends with the process. Its file is deleted before the release,
+    so that the next process makes a new one.
 
     Args:
         path: The file; need not exist.
@@ -146,7 +159,7 @@ def refuse_other_kind(output: Path, *endings: str) -> None:
     """Refuse to write over a file of another kind: a log whose name was typed for that of a model.
 
     Raises:
-        SysidError: A file of this name is there, and its name has none of the endings of what is written.
+        SysidError: A file of this name exists, and its ending is another.
     """
     if output.is_file() and output.suffix.lower() not in endings:
         raise SysidError(
@@ -168,7 +181,7 @@ def refuse_overwriting(inputs: Iterable[Path], outputs: Mapping[str, Path | None
     read = [path for path in inputs if path.exists()]
     for option, output in outputs.items():
         if output is None or not output.exists():
-            continue  # what is not there yet cannot be lost
+            continue  # nothing there yet to lose
         for path in read:
             inside = path.is_dir() and output.resolve().is_relative_to(path.resolve())
             if inside or output.samefile(path):

@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sysid.board import Board
+from sysid.board import Board, require_record
 from sysid.decay.plausibility import amplitude_warnings, period_warnings, refuse_period
 from sysid.effects import effect
 from sysid.effects._base import TorqueEffect
@@ -29,7 +29,8 @@ from sysid.progress import stage
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Release
-from sysid.text import WIDTH, quantity_frame
+from sysid.shown import MOST_SHOWN, Shown
+from sysid.text import WIDTH, count, quantity_frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,8 +39,8 @@ CONTRADICTED = 16.0
 """Rise of χ² from which logs contradict what a record says of an effect: four standard deviations."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fit:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Fit(Shown):
     """A joint fitted to recordings, and the record that it makes."""
 
     joint: JointFit
@@ -137,6 +138,18 @@ class Fit:
         require_usable(self.joint, self.before)
         return updated_board(self.before, self.joint, logs, heldout=self.heldout_rmse)
 
+    def brief(self) -> str:
+        """Return the law, its quantities, and the error over the noise."""
+        values = [f"  {name} {quantity}" for name, quantity in self.quantities.items()]
+        lines = [
+            f"Fit of {self.before.name} to {count(len(self.releases), 'release')}: {self.status}",
+            f"  {self.law}",
+            *values[:MOST_SHOWN],
+            *([f"  and {len(values) - MOST_SHOWN} more"] if len(values) > MOST_SHOWN else []),
+            f"  error / noise {self.rmse / self.noise.std:.3g}",
+        ]
+        return "\n".join(lines)
+
     def report(self, width: int = WIDTH) -> str:
         """Return what `husky-sysid fit` prints, in tables of at most `width` characters."""
         return fit_report.report(self, width)
@@ -220,7 +233,8 @@ def fit(
     Raises:
         SysidError: An effect that free decays cannot identify, no convergence, or a period that nothing has.
     """
-    recordings, releases, weak = unpack(data)
+    recordings, releases, weak = unpack(data, whole=True)
+    require_record(board)
     check_effects(effects, [part.name for part in board.effects])
     kept = tuple(part.name for part in board.effects if not plain or effect(part.name).is_known)
     options = FitOptions(

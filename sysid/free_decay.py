@@ -1,80 +1,68 @@
-"""Free decay: logarithmic decrement, damping ratio, frequencies, stiffness and damping.
+"""Free decay: one linear law fitted to whole releases, and the judgement whether that law holds.
 
-Three ways side by side: the whole trace (the result), the line through all peaks, and the classic two
-peaks. Where they disagree, or the trace is not a linear decay, a warning names the likely reason.
+`decay`, `live`, `batch`, the library and the report all show the `FreeDecay` that `fit_decay` returns.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sysid.board import Board
 from sysid.decay import report as decay_report
-from sysid.decay.linear_fit import BEST_SENSOR, TraceFit, decay_basis, fit_traces
-from sysid.decay.misfit import inflate_covariance, over_noise, stated_noise
-from sysid.decay.nonlinearity import Nonlinearity, find_nonlinearities
+from sysid.decay.coast_down import fit_coast_down, spins_down
+from sysid.decay.doubt import SURE, Judgement, judged, sensor_noise
+from sysid.decay.linear_fit import BEST_SENSOR, TraceFit, decay_basis, fit_traces, rates
 from sysid.decay.numbers import DecayNumbers as DecayNumbers
 from sysid.decay.numbers import decay_from_peaks as decay_from_peaks
-from sysid.decay.numbers import decay_numbers, numbers_from_decrement
-from sysid.decay.peaks import Peak, PeakLine, find_peaks, fit_peak_line
+from sysid.decay.numbers import decay_numbers, without
+from sysid.decay.peaks import Peak, find_peaks
 from sysid.decay.peaks import log_decrement_two_peaks as log_decrement_two_peaks
 from sysid.decay.plausibility import amplitude_warnings, period_warnings, record_warnings
 from sysid.errors import SysidError
-from sysid.noise.floor import NoiseFloor, noise_floor
-from sysid.noise.whiteness import ljung_box
-from sysid.quantity import Quantity, slide_unit
+from sysid.noise.floor import NoiseFloor
+from sysid.quantity import Quantity, t95
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Array, Release, shown
+from sysid.shown import Shown
 from sysid.text import WIDTH, Display, count, display, quantity_frame
 
 if TYPE_CHECKING:
     import pandas as pd
 
-DISAGREEMENT_STDS = 2.58
-"""Two estimates disagree from this many standard deviations of their difference on (1 % by chance)."""
-MIN_DECREMENT_DIFFERENCE = 0.005
-"""Two decrements this close, relatively, are never said to disagree: a local cubic is no closer."""
-ABOVE_NOISE = 1.15
-"""Residuals above this multiple of the noise floor are looked at."""
-FEW_IN_PERIOD = 5.0
-"""Samples a period below which a hand may pass for a swing: of 36 simulated logs of three releases with 2.6 to 4, six were not told apart, of 36
-with 5 to 8 none."""
-WORTH_NAMING = 0.007
-"""Misfit below this share of the amplitude is not worth a warning."""
+PENDULUM = 0.3
+"""Angle from which a pendulum's law is tried [rad]: there gravity's sine is 1.5 % below its tangent, and the period 0.6 % longer."""
+FIXED = 0.25
+"""Relative deviation of ω_n from which the decay does not fix it: the 95 % interval of k is then as wide as k."""
+SMALL_SHARE = 0.1
+"""Share of a log in free decay below which the command warns: most of the log was something else."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FreeDecay:
-    """Result of `fit_decay`: stiffness, damping and frequencies of a board, from its free decays."""
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class FreeDecay(Shown):
+    """Result of `fit_decay`: stiffness, damping and frequencies of a joint, from its free decays."""
 
     releases: tuple[Release, ...]
     """The free decays; a gyro's roll without its drift."""
     numbers: DecayNumbers
-    """The result: from the whole traces."""
+    """From the whole traces."""
     trace: TraceFit
+    """The fit."""
+    judgement: Judgement
+    """Whether a linear law holds."""
     peaks: tuple[tuple[Peak, ...], ...]
-    """Usable peaks of each release."""
-    line: PeakLine | None
-    """The line through all peaks; None where noise leaves no second one."""
-    from_line: DecayNumbers | None
+    """Turning points of each release that stand above the noise."""
     two_peaks: Quantity | None
     """The classic δ of two peaks of the first release that has them."""
     rest_angles: tuple[Quantity, ...]
     """Rest angle of each release [rad]."""
     floor: NoiseFloor
-    """Sensor noise of what the trace was fitted to."""
-    nonlinearities: tuple[Nonlinearity, ...]
-    """Deviations from a linear decay that peaks and rest levels show."""
-    wider: float
-    """Factor by which intervals are widened for a residual beyond the noise; 1 where it may be noise."""
-    over_noise: float
-    """Residual over the sensor's noise [1]; of the rate, where the roll was made from one."""
-    linear: bool
-    """Whether a linear decay explains the traces to the noise or a negligible residual, with one rest level."""
-    warnings: tuple[str, ...]
+    """Sensor noise of the fitted signal."""
+    others: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
+    """Numbers of a joint that does not oscillate: stiffness_over_damping, or damping_over_inertia and friction_over_inertia."""
+    warnings: tuple[str, ...] = ()
     """Problems of the logs and of the decay, and contradictions to the board's record."""
     recordings: tuple[Recording, ...] = ()
     """The logs, where they were given whole."""
@@ -102,27 +90,40 @@ class FreeDecay:
         return math.isfinite(self.numbers.inertia.value)
 
     @property
-    def known(self) -> bool:
-        """Whether the interval of ω_n², and so of k/I, is narrower than its value."""
-        omega = self.numbers.omega_n
-        return omega.ci95[1] - omega.value < omega.value / 2
+    def linear(self) -> bool:
+        """Whether a linear law holds, and the log could have shown otherwise."""
+        return self.judgement.status == "linear"
 
     @property
     def status(self) -> str:
-        """Whether the decay is 'linear' or 'not linear'."""
-        return "linear" if self.linear else "not linear"
+        """Whether the decay is 'linear', 'not linear', or the log 'cannot tell'."""
+        return self.judgement.status
+
+    def brief(self) -> str:
+        """Return the law, the quantities and whether the decay is linear."""
+        numbers = (
+            f"{name} {quantity}" for name, quantity in self.numbers.items() if math.isfinite(quantity.value)
+        )
+        of = f" of {self.board}" if self.board else ""
+        lines = [
+            f"FreeDecay{of}: {count(len(self.releases), 'release')}, {self.status}",
+            f"  {decay_report.equation(self)}",
+            *(f"  {line}" for line in numbers),
+            f"  {decay_report.verdict(self)}",
+        ]
+        return "\n".join(lines)
 
     def report(self, width: int = WIDTH) -> str:
-        """Return what `husky-sysid decay` prints, in tables of at most `width` characters."""
+        """Return the text of `husky-sysid decay`, in tables of at most `width` characters."""
         return decay_report.report(self, width)
 
     def to_json(self) -> dict[str, Any]:
-        """Return what `husky-sysid decay --json` writes: SI, radians, each quantity with its 95 % interval."""
+        """Return the content of `husky-sysid decay --json`: SI, radians, each quantity with its 95 % interval."""
         return decay_report.to_json(self)
 
     def to_dataframe(self) -> "pd.DataFrame":
         """Return one row a quantity: value, std, low and high end of the 95 % interval, unit, how."""
-        return quantity_frame(dict(self.numbers.items()))
+        return quantity_frame(dict(self.numbers.items()) | dict(self.others))
 
 
 NO_INERTIA = Quantity(math.nan, math.nan, "kg*m^2", "not given")
@@ -139,115 +140,132 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
         board: The record; gives the inertia where that is left out, and is compared with the decay.
 
     Raises:
-        SysidError: The decays hold too little to say anything, or do not look like a decay at all.
+        SysidError: The releases are too short, no decay, or driven.
     """
     recordings, releases, weak = unpack(data)
-    if board is None:
+    if inertia is None:
         slides = all(release.slides for release in releases)
-        decay = _fit(releases, inertia or (replace(NO_INERTIA, unit="kg") if slides else NO_INERTIA))
-        doubts = (*amplitude_warnings(releases, None), *decay.warnings)
-    else:
-        odd = amplitude_warnings(releases, board)
-        decay = _fit(releases, inertia or board.inertia)
-        log = ", ".join(dict.fromkeys(release.log for release in releases))
-        doubts = (
-            *odd,
-            *decay.warnings,
-            *period_warnings(decay.numbers.omega_n.value, board, log=log),
-            *record_warnings(
-                decay.numbers,
-                board,
-                log=log,
-                linear=decay.linear,
-                one_sided=len({release.side for release in releases}) == 1,
-            ),
+        inertia = (
+            board.inertia if board is not None else replace(NO_INERTIA, unit="kg" if slides else "kg*m^2")
         )
+    turns = spins_down(releases)
+    odd = [] if turns else amplitude_warnings(releases, board)
+    decay = _spun_down(releases, inertia) if turns else _fitted(releases, inertia)
+    doubts = [*odd, *_warnings(decay)]
+    if board is not None and decay.trace.law != "none":
+        log = ", ".join(dict.fromkeys(release.log for release in releases))
+        one_sided = len({release.side for release in releases}) == 1
+        doubts += period_warnings(decay.trace.omega_n, board, log=log)
+        doubts += record_warnings(decay.numbers, board, log=log, linear=decay.linear, one_sided=one_sided)
     return replace(
         decay,
-        warnings=(*reading_warnings(recordings), *weak, *doubts),
+        warnings=(*reading_warnings(recordings), *_shares(recordings), *weak, *doubts),
         recordings=recordings,
         board=None if board is None else board.name,
     )
 
 
-def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
-    """Fit a linear decay to all releases together, three ways."""
+def _fitted(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
+    """Fit one law with a restoring torque to all releases together."""
     trace = fit_traces(releases)
-    floor = noise_floor(releases, rate=trace.signal == "rate")
+    if max(release.amplitude for release in releases) > PENDULUM and not releases[0].slides:
+        other = fit_traces(releases, "pendulum", near=trace)
+        trace = other if other.noise < trace.noise else trace
     _refuse_nonsense(releases, trace)
-    trace, wider = inflate_covariance(trace, floor)
-    freedom, method = trace.degrees_of_freedom, f"whole trace of {count(len(releases), 'release')}"
-    numbers = decay_numbers(
-        trace.omega_n,
-        trace.damping_ratio,
-        trace.covariance,
-        inertia,
-        degrees_of_freedom=freedom,
-        method=method,
-    )
+    floor = sensor_noise(trace)
     steady, rests, noise = _rest_angles(releases, trace, floor)
+    levels = [_with_zero(rest, release) for rest, release in zip(rests, releases, strict=True)]
+    trace, judgement = judged(trace, floor, steady, levels if trace.signal == "roll" else [])
+    numbers, others = _numbers(trace, inertia, f"whole trace of {count(len(releases), 'release')}")
     peaks = [
         find_peaks(release, rest.value, trace.omega_n, numbers.omega_d.value, noise)
         if trace.damping_ratio < 1
         else []
         for release, rest in zip(steady, rests, strict=True)
     ]
-    line = fit_peak_line(peaks, [rest.std for rest in rests])
-    levels = [_with_zero(rest, release) for rest, release in zip(rests, releases, strict=True)]
-    levels = levels if trace.signal == "roll" else []
-    nonlinearities = tuple(find_nonlinearities(steady, peaks, noise, levels))
-    from_line = None
-    if line is not None:
-        from_line = numbers_from_decrement(
-            line.log_decrement, line.period, inertia, degrees_of_freedom=line.degrees_of_freedom,
-            method=line.log_decrement.method,
-        )  # fmt: skip
     pairs = (log_decrement_two_peaks(group, rest.std) for group, rest in zip(peaks, rests, strict=True))
-    ratio = over_noise(releases, trace, floor)
-    linear = _is_linear(trace, floor, ratio) and not any(
-        found.hidden_by_linear_fit for found in nonlinearities
-    )
-    decay = FreeDecay(
+    return FreeDecay(
         releases=tuple(steady),
         numbers=numbers,
         trace=trace,
+        judgement=judgement,
         peaks=tuple(tuple(group) for group in peaks),
-        line=line,
-        from_line=from_line,
         two_peaks=next((delta for delta in pairs if delta is not None), None),
         rest_angles=tuple(rests),
         floor=floor,
-        nonlinearities=nonlinearities,
-        wider=wider,
-        over_noise=ratio,
-        linear=linear,
-        warnings=(),
+        others=others,
     )
-    return replace(decay, warnings=tuple(_warnings(decay)))
+
+
+def _spun_down(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
+    """Fit a joint without a spring."""
+    found = fit_coast_down(releases)
+    floor = sensor_noise(found.trace)
+    ratio = found.trace.noise / floor.std
+    judgement = judged_coast_down(ratio)
+    numbers = decay_numbers(1.0, 1.0, np.zeros((2, 2)), inertia)
+    names = [name for name, _ in numbers.items() if name not in ("inertia", "damping")]
+    numbers = without(numbers, names, "no restoring torque")
+    damping = found.damping_rate.value * inertia.value
+    share = found.damping_rate.std / found.damping_rate.value
+    std = damping * math.hypot(share, inertia.std / inertia.value)
+    numbers = replace(numbers, damping=Quantity(damping, std, numbers.damping.unit, "coast-down"))
+    return FreeDecay(
+        releases=tuple(releases), numbers=numbers, trace=found.trace, judgement=judgement, peaks=tuple(() for _ in releases),
+        two_peaks=None, rest_angles=tuple(Quantity(r.rest, math.nan, "rad", "where it stopped") for r in releases), floor=floor,
+        others={"damping_over_inertia": found.damping_rate, "friction_over_inertia": found.friction_rate},
+    )  # fmt: skip
+
+
+def judged_coast_down(ratio: float) -> Judgement:
+    """Judge a coast-down by its residual over the noise."""
+    from sysid.decay.doubt import ABOVE_NOISE
+
+    if ratio < ABOVE_NOISE:
+        return Judgement("linear", "", ratio, 1.0, ())
+    return Judgement("not linear", "damping and dry friction leave a shape, see the picture", ratio, 1.0, ())
+
+
+def _numbers(trace: TraceFit, inertia: Quantity, method: str) -> tuple[DecayNumbers, dict[str, Quantity]]:
+    """Return the numbers that a fit fixes, and k/d where the joint hardly oscillates."""
+    omega, zeta, tau = trace.omega_n, trace.damping_ratio, float(trace.poles[1])
+    jacobian = np.array([[-omega / 2, 0.0], [-zeta / 2, omega / 2]])
+    freedom = trace.degrees_of_freedom
+    covariance = np.asarray(jacobian @ trace.covariance @ jacobian.T, dtype=np.float64)
+    numbers = decay_numbers(omega, zeta, covariance, inertia, degrees_of_freedom=freedom, method=method)
+    if zeta < 1:
+        return numbers, {}
+    std = math.sqrt(trace.covariance[1, 1]) / tau**2
+    half = t95(freedom) * std
+    others = {
+        "stiffness_over_damping": Quantity(1 / tau, std, "1/s", method, (1 / tau - half, 1 / tau + half))
+    }
+    if math.sqrt(trace.covariance[0, 0]) / 2 < FIXED:
+        return numbers, others
+    open_ones = ("omega_n", "damping_ratio", "stiffness", "damping")
+    return without(numbers, open_ones, "not fixed: the fast start was not seen"), others
 
 
 def _refuse_nonsense(releases: Sequence[Release], trace: TraceFit) -> None:
-    """Refuse where the numbers would mean nothing."""
+    """Refuse releases whose numbers would mean nothing."""
     log = releases[0].log
     if trace.explained < 0.5:
-        step = float(np.median(np.concatenate([np.diff(release.time) for release in releases])))
-        in_period = 2 * math.pi / (trace.omega_n * step)
-        slow = (
-            f"It has {in_period:.2g} samples a period, too few to tell a hand from a swing: record faster, or one release a log. "
-            if in_period < FEW_IN_PERIOD
-            else ""
-        )
         raise SysidError(
-            f"{log}: a linear decay explains only {100 * max(0.0, trace.explained):.0f} % of the motion after the "
-            f"release. {slow}Where something else moves the joint, mark the free part of the log (--from, --to, --release). "
-            "Where it swings freely, it is far from linear, as against a stop: `husky-sysid diagnose` names the cause."
+            f"{log}: a linear decay explains only {100 * max(0.0, trace.explained):.0f} % of the motion after the release. "
+            "If something else moves the joint, mark the free part of the log (--from, --to, --release). If it swings "
+            "freely, it is far from linear, as against a stop: `husky-sysid diagnose` names the cause."
         )
-    spread = math.sqrt(trace.covariance[0, 0]) / trace.omega_n
-    if not spread < 0.25:
+    tau, std = float(trace.poles[1]), math.sqrt(trace.covariance[1, 1])
+    if tau < (SURE if any(release.driven_until for release in releases) else -SURE) * std:
+        growth = 100 * math.expm1(-math.pi * tau * trace.omega_n)
         raise SysidError(
-            f"{log}: the free motion is too short or too strongly damped to tell its frequency "
-            f"({trace.omega_n:.3g} rad/s ± {200 * spread:.0f} %). Record faster, tip the deck further, or give "
-            "more releases."
+            f"{log}: the swings change by {growth:+.2g} % a period, to the end: something drives the joint. Stop the drive and let it swing, or "
+            "mark the free part of the log (--from, --to)."
+        )
+    if trace.damping_ratio < 1 and not math.sqrt(trace.covariance[0, 0]) / 2 < FIXED:
+        raise SysidError(
+            f"{log}: the free motion is too short to tell its frequency ({trace.omega_n:.3g} rad/s ± "
+            f"{100 * math.sqrt(trace.covariance[0, 0]):.0f} %). Record faster, tip the deck further, or give more releases."
         )
 
 
@@ -257,13 +275,13 @@ def _rest_angles(
     """Return the releases without drift, their rest angles and the noise of their roll [rad]."""
     if trace.signal == "roll":
         rests = [Quantity(f.level, f.level_std, "rad", "whole trace") for f in trace.releases]
-        finest = BEST_SENSOR * max(release.amplitude for release in releases)
-        return list(releases), rests, max(finest, stated_noise(trace, floor))
+        return list(releases), rests, max(BEST_SENSOR * max(r.amplitude for r in releases), floor.std)
     steady: list[Release] = []
     rests: list[Quantity] = []
     variance = 0.0
     for release, fitted in zip(releases, trace.releases, strict=True):
-        roll = release.roll - fitted.level * (release.time - release.time[0])
+        drift = fitted.level if release.measured == "rate" else 0.0
+        roll = release.roll - drift * (release.time - release.time[0])
         begin = int(np.searchsorted(release.time, fitted.trace.time[0]))
         rest, std, residual = _level(release.time[begin:], roll[begin:], trace)
         variance += float(np.mean(residual**2)) / len(releases)
@@ -273,15 +291,14 @@ def _rest_angles(
 
 
 def _with_zero(rest: Quantity, release: Release) -> Quantity:
-    """Return a rest angle [rad] as well as it is known beside those of other releases: where the sensor's zero wanders, no better than that."""
+    """Return a rest angle [rad] with the deviation that it has beside those of other releases: the sensor's zero may wander."""
     zero = float(np.median(release.std)) if release.zero == "drifting" else 0.0
     return replace(rest, std=math.hypot(rest.std, zero))
 
 
 def _level(time: Array, roll: Array, trace: TraceFit) -> tuple[float, float, Array]:
     """Return the rest angle of an integrated rate, its std and the residual, the poles being known."""
-    a = trace.omega_n * trace.damping_ratio
-    u, v = decay_basis(time - time[0], a, trace.omega_n**2 - a * a)
+    u, v = decay_basis(time - time[0], *rates(trace.poles))
     basis = np.column_stack([u, v, np.ones_like(time)])
     inverse = np.asarray(np.linalg.pinv(basis), dtype=np.float64)
     coefficients = inverse @ roll
@@ -289,118 +306,37 @@ def _level(time: Array, roll: Array, trace: TraceFit) -> tuple[float, float, Arr
     return float(coefficients[2]), float(np.std(residual)) * float(np.linalg.norm(inverse[2])), residual
 
 
-def _is_linear(trace: TraceFit, floor: NoiseFloor, ratio: float) -> bool:
-    """Whether what the fit leaves is noise, or too small to matter."""
-    size = max(float(np.abs(fitted.modelled - fitted.level).max()) for fitted in trace.releases)
-    misfit = math.sqrt(max(0.0, trace.noise**2 - stated_noise(trace, floor) ** 2))
-    statistic, degrees = ljung_box([fitted.residual for fitted in trace.releases])
-    white = statistic < degrees + 6.0 * math.sqrt(2.0 * degrees)
-    return white or ratio < ABOVE_NOISE or misfit < WORTH_NAMING * size
+def _shares(recordings: Sequence[Recording]) -> list[str]:
+    """Return a warning for each log of which hardly anything is free decay."""
+    warnings: list[str] = []
+    for recording in recordings:
+        if recording.used < SMALL_SHARE:
+            warnings.append(
+                f"{recording.path}: {100 * recording.used:.1f} % of the log is free decay. Is a release missing? Mark it with --release"
+            )
+    return warnings
 
 
 def _warnings(decay: FreeDecay) -> list[str]:
-    texts = (
-        _not_known(decay),
-        _not_linear(decay),
-        _drift(decay),
-        _disagreement(decay),
-        _damping_regime(decay),
-    )
-    warnings = [text for text in texts if text]
+    warnings: list[str] = []
+    if decay.status == "not linear":
+        warnings.append(
+            f"a linear law does not hold: {decay.judgement.reason}. k and d are a compromise over the amplitudes seen"
+        )
+    if decay.status == "cannot tell":
+        warnings.append(
+            f"the log does not show whether the law is linear: {decay.judgement.reason}. Let go from farther, or record more "
+            "releases to both sides"
+        )
+    if decay.linear and decay.numbers.damping_ratio.ci95[0] <= 0:
+        warnings.append(
+            f"the damping may be zero (ζ = {decay.numbers.damping_ratio}): record longer, or more releases"
+        )
     for release in decay.releases:
-        cycles = (release.time[-1] - release.start) / (2 * math.pi / decay.trace.omega_n)
-        if release.end != "rest" and cycles < 1:
+        cycles = (release.time[-1] - release.start) * decay.trace.omega_n / (2 * math.pi)
+        if release.end != "rest" and cycles < 1 and decay.trace.law != "none":
             warnings.append(
                 f"the release at {shown(release.start)} is {'stopped' if release.end == 'caught' else 'cut off'} after "
                 f"{cycles:.2f} of a period: its intervals are wide"
             )
     return warnings
-
-
-def _not_known(decay: FreeDecay) -> str | None:
-    if decay.known:
-        return None
-    return (
-        f"the interval of the frequency ({decay.numbers.omega_n}) makes that of k wider than k itself: the log does not "
-        "tell it. Is it the right column (--column) and the right part (--from, --to)? Else record faster, or more releases"
-    )
-
-
-def _not_linear(decay: FreeDecay) -> str | None:
-    if decay.linear:
-        return None
-    unit = slide_unit if decay.slides else str
-    unit = unit("rad" if decay.trace.signal == "roll" else "rad/s")
-    reasons = (
-        "; ".join(found.told for found in decay.nonlinearities) or "the residual has a shape, see the picture"
-    )
-    if any(found.hidden_by_linear_fit for found in decay.nonlinearities):
-        return (
-            f"a linear decay is the wrong model, although its residual is only {decay.trace.noise:.2g} {unit} at a noise "
-            f"of {decay.floor.std:.2g} {unit}: {reasons}. A rest angle for each release hides this in the fit, so k and d "
-            "can be wrong by far more than their intervals; `diagnose` tells the causes apart"
-        )
-    return (
-        f"a linear decay is not the whole story: it leaves {decay.trace.noise:.2g} {unit} where the sensor's noise "
-        f"is {decay.floor.std:.2g} {unit}. {reasons[0].upper()}{reasons[1:]}. k and d are a compromise over the "
-        "amplitudes seen; `diagnose` tells the causes apart"
-    )
-
-
-def _drift(decay: FreeDecay) -> str | None:
-    """Say that the sensor's zero moves where a linear decay is right otherwise."""
-    drift = next((found for found in decay.nonlinearities if found.sign == "moving level"), None)
-    if drift is None or not decay.linear:
-        return None
-    return f"{drift.told}. Each release is fitted with its own rest angle, so k and d do not depend on it"
-
-
-def _disagreement(decay: FreeDecay) -> str | None:
-    """Compare δ of the line through the peaks with δ of the whole trace."""
-    if decay.line is None:
-        return None
-    one, other = decay.line.log_decrement, decay.numbers.log_decrement
-    apart = abs(one.value - other.value)
-    if not apart > max(
-        DISAGREEMENT_STDS * math.hypot(one.std, other.std), MIN_DECREMENT_DIFFERENCE * other.value
-    ):
-        return None
-    return (
-        f"δ from the peaks ({one}) and from the whole trace ({other}) disagree by more than their intervals. "
-        f"Likely: {_why(decay)}"
-    )
-
-
-def _why(decay: FreeDecay) -> str:
-    if decay.nonlinearities:
-        return decay.nonlinearities[0].told
-    used = [
-        (group, rest) for group, rest in zip(decay.peaks, decay.rest_angles, strict=True) if len(group) > 1
-    ]
-    last, rest = used[0][0][-1], used[0][1]
-    clear = last.amplitude / math.hypot(last.std, rest.std)
-    if len(used[0][0]) <= 3 and clear < 20:
-        return (
-            f"the last of {len(used[0][0])} peaks stands only {clear:.0f} standard deviations above the noise, and "
-            "all of δ hangs on it; trust the whole trace"
-        )
-    if any(release.end == "caught" for release in decay.releases):
-        return "something stopped the deck (a hand, friction) before the end that was found; shorten it with --to"
-    if len(used[0][0]) <= 3:
-        return (
-            "the first peak is not on the line, because the deck was not let go cleanly or the law is not linear "
-            "at large angles"
-        )
-    return "the rest angle moves during the decay, or the law is not linear; see the log-amplitude line"
-
-
-def _damping_regime(decay: FreeDecay) -> str | None:
-    zeta = decay.numbers.damping_ratio
-    if zeta.value >= 1:
-        return (
-            f"overdamped (ζ = {zeta}): nothing oscillates, so there is no decrement and no period. k and d come from "
-            "the shape of the return alone"
-        )
-    if zeta.ci95[0] <= 0 and decay.linear:  # of another law it is an average, however long the log is
-        return f"the damping cannot be told from zero (ζ = {zeta}): record longer, or more releases"
-    return None

@@ -1,9 +1,10 @@
-"""Roll inertia of a deck about its tilt axis, measured or reckoned in several ways, and their combination.
+"""Roll inertia of a deck about its tilt axis, by several methods, and their combination.
 
-A free decay yields k/I and d/I only; the roll inertia is what turns them into k and d. Every method
-here returns it with its uncertainty, propagated to first order from inputs taken as independent.
-Distances are from the tilt axis, in the plane across the deck. Mass m [kg], lengths [m], the distance e of the centre of
-mass from the tilt axis [m], period T of a full swing to and fro [s], ω [rad/s], stiffness [N*m/rad], gravity g [m/s^2].
+A free decay gives k/I and d/I only; the inertia turns them into k and d. Every method returns it with its uncertainty,
+propagated to first order from independent inputs. Distances are from the tilt axis, in the plane across the deck.
+
+Symbols: mass m [kg], lengths [m], distance e of the centre of mass from the tilt axis [m], period T of a full swing [s],
+ω [rad/s], stiffness [N*m/rad], gravity g [m/s^2].
 """
 
 import math
@@ -19,18 +20,18 @@ from sysid.quantity import Quantity, propagate
 
 UNIT = "kg*m^2"
 GRAVITY = Quantity(9.80665, 0.013, "m/s^2")
-"""Standard gravity; the deviation spans what places on Earth differ by."""
+"""Standard gravity, with the standard deviation over places on Earth."""
 ON_AXIS = Quantity(0.0, 0.0, "m")
 TURNED = ("stiffness", "damping")
-"""Of the tilt joint, what goes with the inertia."""
+"""Quantities of the tilt joint that scale with the inertia."""
 AGREEMENT = 0.05
-"""Below this probability of their scatter, methods are said to disagree."""
+"""Significance level at which methods disagree [1]."""
 
 
 def cuboid(mass: Quantity, width: Quantity, height: Quantity, distance: Quantity = ON_AXIS) -> Quantity:
     """Return the inertia of a uniform cuboid, w across the deck, h high: m (w² + h²) / 12 + m e².
 
-    Without `distance` this is the published way (HUSKY, RSS 2026, appendix H).
+    Without `distance` it is the published method (HUSKY, RSS 2026, appendix H).
     """
     inputs = (mass, width, height, distance)
     return propagate(lambda m, w, h, e: m * (w**2 + h**2) / 12 + m * e**2, inputs, UNIT, "uniform cuboid")
@@ -65,17 +66,13 @@ def parts(inertias: Sequence[Quantity]) -> Quantity:
 
 
 def bifilar(
-    mass: Quantity,
-    separation: Quantity,
-    length: Quantity,
-    period: Quantity,
-    distance: Quantity = ON_AXIS,
+    mass: Quantity, separation: Quantity, length: Quantity, period: Quantity, distance: Quantity = ON_AXIS,
     gravity: Quantity = GRAVITY,
-) -> Quantity:
+) -> Quantity:  # fmt: skip
     """Return the inertia of a deck that twists on two parallel strings L long and s apart, its roll axis vertical.
 
-    I = m g s² T² / (16 π² L), about the vertical through the centre of mass, which hangs midway; then
-    moved to the tilt axis by m e². Small twists: at 10° the period is 0.2 % long.
+    About the vertical through the centre of mass, midway between the strings, I = m g s² T² / (16 π² L). The tilt axis adds m e².
+    For small twists: at 10° the period is 0.2 % long.
     """
 
     def about_axis(m: float, s: float, length: float, t: float, e: float, g: float) -> float:
@@ -112,8 +109,8 @@ def compound(
 ) -> Quantity:
     """Return the inertia of a deck that swings as a pendulum about an axis parallel to its roll axis.
 
-    About the pivot, l from the centre of mass, I = m g l T₀² / 4π², about the centre of mass m l² less, about the tilt
-    axis m e² more. T₀ = T / (1 + θ²/16) takes the finite amplitude θ out, its mean over the timed cycles.
+    About the pivot, l from the centre of mass, I = m g l T₀² / 4π². The centre of mass has m l² less, the tilt axis m e² more
+    than that. T₀ = T / (1 + θ²/16) corrects for the mean amplitude θ of the timed cycles.
 
     Raises:
         SysidError: The period is too short for the pivot's distance: less than a point mass needs.
@@ -128,8 +125,8 @@ def compound(
     if result.value - mass.value * distance.value**2 <= 0:
         shortest = 2 * math.pi * math.sqrt(pivot.value / gravity.value)
         raise SysidError(
-            f"a pendulum {pivot.value:g} m below its pivot swings no faster than {shortest:.3f} s, the measured "
-            f"period is {period.value:.3f} s; check the distance to the centre of mass and the count of cycles."
+            f"a pendulum {pivot.value:g} m below its pivot has a period of at least {shortest:.3f} s. The measured "
+            f"period is {period.value:.3f} s: check the distance to the centre of mass and the count of cycles."
         )
     return result
 
@@ -145,9 +142,8 @@ def added_mass(
 ) -> Quantity:
     """Return the inertia from two decays, without and with a known mass on the deck.
 
-    The spring is the same, I ω₁² = k and (I + ΔI) ω₂² = k − m g z, so
-    I = (ΔI ω₂² + m g z) / (ω₁² − ω₂²) with ΔI = m (y² + z²) + I_own about its own centre. Half of the mass is y to the
-    left and half to the right, z above the tilt axis; ω are undamped natural frequencies.
+    The spring is the same: I ω₁² = k and (I + ΔI) ω₂² = k − m g z. So I = (ΔI ω₂² + m g z) / (ω₁² − ω₂²), with
+    ΔI = m (y² + z²) + I_own. Half of the mass is y to the left and half to the right, z above the tilt axis.
 
     Raises:
         SysidError: The frequency did not fall, or less than three of its standard deviations.
@@ -165,8 +161,8 @@ def added_mass(
         )
     if fall <= 0 or fall < 3 * blur:
         raise SysidError(
-            f"the added mass lowers the natural frequency by {fall:.3g} ± {1.96 * blur:.2g} rad/s, too little to "
-            "tell an inertia from. Put more mass further out, or record more releases."
+            f"the added mass lowers the natural frequency by {fall:.3g} ± {1.96 * blur:.2g} rad/s, too little for an "
+            "inertia. Put more mass further out, or record more releases."
         )
     inputs = (bare, loaded, mass, offset, height, own, gravity)
     return propagate(about_axis, inputs, UNIT, "two decays with a known added mass")
@@ -181,18 +177,18 @@ class Combination:
     chi_square: float
     degrees_of_freedom: int
     p_value: float
-    """How often methods that are all right would scatter at least so much."""
+    """Probability of at least this scatter among correct methods [1]."""
     pulls: Mapping[str, float]
     """Each method's distance from the mean of the others, in standard deviations."""
 
     @property
     def agree(self) -> bool:
-        """Whether the scatter is within what the deviations allow."""
+        """Whether the scatter agrees with the deviations."""
         return self.p_value >= AGREEMENT
 
     @property
     def odd_one(self) -> str | None:
-        """The method that stands out from the others, where they disagree and one can be named."""
+        """The method farthest from the others, where at least three disagree."""
         if self.agree or len(self.pulls) < 3:
             return None
         return max(self.pulls, key=lambda name: abs(self.pulls[name]))
@@ -222,24 +218,21 @@ def combine(estimates: Mapping[str, Quantity]) -> Combination:
     p_value = float(chdtrc(freedom, chi_square))
     widen = math.sqrt(chi_square / freedom) if p_value < AGREEMENT else 1.0
     method = f"weighted mean of {', '.join(names)}" + (", which disagree" if widen > 1 else "")
-    # Mean and variance of the others, without computing each from scratch.
+    # Mean and variance of the other methods.
     others = np.sum(weights) - weights
     without = (np.sum(weights * values) - weights * values) / others
     pulls = (values - without) / np.sqrt(1 / weights + 1 / others)
     return Combination(
         inertia=Quantity(mean, widen / math.sqrt(float(np.sum(weights))), UNIT, method),
-        chi_square=chi_square,
-        degrees_of_freedom=freedom,
-        p_value=p_value,
+        chi_square=chi_square, degrees_of_freedom=freedom, p_value=p_value,
         pulls=dict(zip(names, pulls.tolist(), strict=True)),
-    )
+    )  # fmt: skip
 
 
 def with_inertia(board: Board, inertia: Quantity) -> Board:
     """Return the board with another roll inertia about the tilt axis [kg*m^2] and the same motion.
 
-    A decay fixes the ratios k/I, d/I and torque/I, so everything of the joint that is in N*m or kg*m^2 goes
-    with the inertia; what a check said of the old record is dropped.
+    A decay fixes k/I, d/I and torque/I, so all numbers in N*m or kg*m^2 scale with the inertia. The old check is dropped.
     """
     if board.decay and not board.fit:
         data = board.decay
@@ -251,7 +244,7 @@ def with_inertia(board: Board, inertia: Quantity) -> Board:
         BoardEffect(e.name, {key: _rescaled(q, board.inertia, inertia) for key, q in e.parameters.items()})
         for e in board.effects
     )
-    return replace(board.with_tilt(**tilt), inertia=inertia, effects=effects, check={})
+    return replace(board.with_tilt(**tilt), inertia=inertia, effects=effects, last_check={})
 
 
 def _rescaled(quantity: Quantity, old: Quantity, new: Quantity) -> Quantity:
@@ -260,7 +253,7 @@ def _rescaled(quantity: Quantity, old: Quantity, new: Quantity) -> Quantity:
     value = quantity.value * new.value / old.value
     if quantity.value == 0:
         return Quantity(0.0, quantity.std * new.value / old.value, quantity.unit)
-    # The old inertia's share leaves the relative variance and the new one's enters it.
+    # The new inertia's relative variance replaces the old one's.
     relative = (quantity.std / quantity.value) ** 2 - (old.std / old.value) ** 2
     relative = max(relative, 0.0) + (new.std / new.value) ** 2
     return Quantity(value, abs(value) * math.sqrt(relative), quantity.unit)

@@ -1,21 +1,26 @@
 """A recording: one log's roll, the releases in it, and the notes and warnings of reading it."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.files import sha256
-from sysid.logs.read import read_roll
+from sysid.logs.memory import table_of_arrays, table_of_frame
+from sysid.logs.read import read_roll, roll_of_table
 from sysid.logs.table.options import LogOptions
 from sysid.releases.clear import clear_of_noise
+from sysid.releases.extrema import half_cycles_of, smooth_signal
 from sysid.releases.find import find_releases
 from sysid.releases.phases import Phase, log_phases
 from sysid.roll import Release, Roll, shown
-from sysid.text import display
+from sysid.shown import MOST_SHOWN, Shown
+from sysid.text import count, display
 from sysid.video.options import VideoOptions
 
 if TYPE_CHECKING:
@@ -28,9 +33,9 @@ FOREIGN_ZERO_RATIO = 3.0
 tilts a joint by hand goes through a good part of what it can do."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Recording:
-    """A log or film of a rocking board, read."""
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Recording(Shown):
+    """A log or film of a joint that was let go, read."""
 
     roll: Roll
     """Roll against time, the whole log."""
@@ -85,6 +90,84 @@ class Recording:
         return cls.of(roll, start=start, stop=stop, release=release, keep_zero=keep_zero)
 
     @classmethod
+    def from_arrays(
+        cls,
+        time: npt.ArrayLike,
+        *,
+        angle: npt.ArrayLike | None = None,
+        rate: npt.ArrayLike | None = None,
+        unit: str | None = None,
+        name: str = "",
+        keep_outliers: bool = False,
+        start: float | None = None,
+        stop: float | None = None,
+        release: Sequence[float] = (),
+        keep_zero: bool = False,
+    ) -> Self:
+        """Take a log from arrays and find the releases in it.
+
+        Args:
+            time: Time of each sample [s], shape (n,).
+            angle: Angle of the joint, or position of a slide, in `unit`, shape (n,).
+            rate: Its rate in `unit`, shape (n,), where a gyro measured that and no angle.
+            unit: 'rad', 'deg', 'm' or 'mm'; of a rate 'rad/s', 'deg/s' or 'm/s'. SI if left out.
+            name: Name of the log, for tables and messages.
+            keep_outliers: Keep lone samples far beside their neighbours, which are left out.
+            start: Ignore the log before this time [s].
+            stop: Ignore the log after this time [s].
+            release: Times at which the joint was let go [s], instead of finding them.
+            keep_zero: Count the angle from the log's own zero, however far beside it the joint rests.
+
+        Raises:
+            SysidError: The arrays do not fit together, or no free decay is in them.
+        """
+        table = table_of_arrays(time, angle=angle, rate=rate, unit=unit, name=name)
+        roll = roll_of_table(table, LogOptions(keep_outliers=keep_outliers, start=start, stop=stop))
+        return cls.of(roll, start=start, stop=stop, release=release, keep_zero=keep_zero)
+
+    @classmethod
+    def from_dataframe(
+        cls,
+        frame: "pd.DataFrame",
+        *,
+        column: str | None = None,
+        unit: str | None = None,
+        axis: str | None = None,
+        rate: float | None = None,
+        time_column: str | None = None,
+        source: str = "auto",
+        name: str = "",
+        start: float | None = None,
+        stop: float | None = None,
+        release: Sequence[float] = (),
+        keep_zero: bool = False,
+    ) -> Self:
+        """Take a log from a data frame; columns, units and axes are inferred as those of a file.
+
+        Args:
+            frame: Columns of numbers; its index counts as a column unless it only numbers the rows.
+            column: Column with the angle or rate.
+            unit: Its unit ('deg', 'rad/s', ...).
+            axis: Sensor axis that points forward ('x', '-y', ...), or the angle to take ('roll', ...).
+            rate: Sampling rate [Hz], where there is no column of time.
+            time_column: Column with the time.
+            source: Which sensor to use, where there are several.
+            name: Name of the log, for tables and messages.
+            start: Ignore the log before this time [s].
+            stop: Ignore the log after this time [s].
+            release: Times at which the joint was let go [s], instead of finding them.
+            keep_zero: Count the angle from the log's own zero, however far beside it the joint rests.
+
+        Raises:
+            SysidError: It is no data frame, holds no motion, or no free decay is in it.
+        """
+        options = LogOptions(
+            column=column, unit=unit, axis=axis, rate=rate, time_column=time_column, source=source, start=start, stop=stop,
+        )  # fmt: skip
+        roll = roll_of_table(table_of_frame(frame, name), options)
+        return cls.of(roll, start=start, stop=stop, release=release, keep_zero=keep_zero)
+
+    @classmethod
     def of(
         cls,
         roll: Roll,
@@ -93,16 +176,18 @@ class Recording:
         stop: float | None = None,
         release: Sequence[float] = (),
         keep_zero: bool = False,
+        rest: float = 0.0,
     ) -> Self:
         """Find the releases in a roll that is in memory.
 
-        An encoder counts from wherever it was mounted: where the joint rests far beside that zero, roll is counted from the rest.
+        An encoder counts from wherever it was mounted: where the log's rest is far beside the joint's, roll is counted from the joint's rest.
 
         Args:
             start: Ignore the log before this time [s].
             stop: Ignore the log after this time [s].
             release: Times at which the deck was let go [s], instead of finding them.
             keep_zero: Count roll from the log's own zero all the same.
+            rest: Where the joint rests, as its record or model states [rad or m]; an angle gets the whole turns that bring it nearest.
 
         Raises:
             SysidError: No free decay is in it.
@@ -114,27 +199,37 @@ class Recording:
             for given, one in zip(sorted(release), found, strict=False)
             if one.hold and one.start - given > EARLY_RELEASE_SHARE * one.hold
         )
-        recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held)), releases=found)
-        return recording if keep_zero else recording._from_rest()
+        driven = tuple(
+            f"something drives it until {shown(one.driven_until)}: free from then on"
+            for one in found
+            if one.driven_until
+        )
+        recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held, *driven)), releases=found)
+        turn = 0.0 if roll.slides else math.tau * round((rest - recording._rest) / math.tau)
+        recording = recording._shifted(turn) if turn else recording
+        return recording if keep_zero else recording._about(rest)
 
-    def _from_rest(self) -> Self:
-        """Return the recording with roll counted from where the joint rests, if the log's own zero has nothing to do with it."""
-        rest = float(np.median([release.rest for release in self.releases]))
-        widest = max(release.amplitude for release in self.releases)
-        if self.roll.zero != "known" or abs(rest) <= FOREIGN_ZERO_RATIO * widest:
+    @property
+    def _rest(self) -> float:
+        return float(np.median([release.rest for release in self.releases]))
+
+    def _shifted(self, by: float, **changes: Any) -> Self:
+        """Return the recording with every roll larger by a constant [rad or m]."""
+        releases = tuple(_moved(release, by, **changes) for release in self.releases)
+        return replace(self, roll=replace(self.roll, roll=self.roll.roll + by, **changes), releases=releases)
+
+    def _about(self, rest: float) -> Self:
+        """Return the recording with roll counted from the joint's rest, if the log's zero is not the joint's."""
+        own, widest = self._rest, max(release.amplitude for release in self.releases)
+        if self.roll.zero != "known" or abs(own - rest) <= FOREIGN_ZERO_RATIO * widest:
             return self
         show = display(is_rate=False, slides=self.roll.slides)
         said = (
-            f"the joint rests at {show.scale * rest:+.4g}{show.unit}, and its widest swing is {show(widest, 2)}: that zero is the "
+            f"the joint rests at {show.scale * own:+.4g}{show.unit}, and its widest swing is {show(widest, 2)}: that zero is the "
             "sensor's. Roll is counted from the rest; --keep-zero leaves it as it is"
         )
-        roll = replace(
-            self.roll, roll=self.roll.roll - rest, zero="constant", warnings=(*self.roll.warnings, said)
-        )
-        releases = (
-            replace(r, roll=r.roll - rest, rest=r.rest - rest, zero="constant") for r in self.releases
-        )
-        return replace(self, roll=roll, releases=tuple(releases))
+        found = self._shifted(rest - own, zero="constant")
+        return replace(found, roll=replace(found.roll, warnings=(*found.roll.warnings, said)))
 
     @property
     def path(self) -> Path:
@@ -152,9 +247,38 @@ class Recording:
         return self.roll.warnings
 
     @property
+    def used(self) -> float:
+        """Share of the motion in the log that is free decay [1]: of the way that the joint goes."""
+        signal = smooth_signal(self.roll.time, self.roll.roll, float(np.median(self.roll.std)))
+        free, whole = 0.0, 0.0
+        for swing in half_cycles_of(signal):
+            middle = float(signal.time[(swing.left + swing.reached) // 2])
+            whole += swing.size
+            free += swing.size * any(r.start <= middle <= r.time[-1] for r in self.releases)
+        return free / whole if whole > 0 else 1.0
+
+    @property
     def phases(self) -> tuple[Phase, ...]:
         """Phases of the log, without gaps: rest, held, free, caught."""
         return tuple(log_phases(self.roll, self.releases))
+
+    def brief(self) -> str:
+        """Return the log's name, its samples, and its releases."""
+        roll = self.roll
+        show = display(is_rate=False, slides=roll.slides)
+        each = [
+            f"{shown(one.start)} from {show.scale * (one.roll[0] - one.rest):+.3g}{show.unit}"
+            for one in self.releases
+        ]
+        more = len(each) - MOST_SHOWN
+        lines = [
+            f"Recording {roll.log}: {roll.origin}, {len(roll.time)} samples at {roll.sampling_rate:.4g} Hz, "
+            f"{count(len(each), 'release')}",
+            *(f"  let go at {text}" for text in each[:MOST_SHOWN]),
+            *([f"  and {more} more"] if more > 0 else []),
+            *([f"  {count(len(self.warnings), 'warning')}: see .warnings"] if self.warnings else []),
+        ]
+        return "\n".join(lines)
 
     def to_dataframe(self) -> "pd.DataFrame":
         """Return the roll as a table: time_s, roll_rad, roll_std_rad."""
@@ -165,25 +289,57 @@ class Recording:
         )
 
 
-Data = Recording | Release | Iterable[Recording | Release]
-"""What every verb takes: a recording, several, or releases."""
+def _moved(release: Release, by: float, **changes: Any) -> Release:
+    whole = None if release.whole is None else _moved(release.whole, by, **changes)
+    return replace(release, roll=release.roll + by, rest=release.rest + by, whole=whole, **changes)
 
 
-def unpack(data: Data) -> tuple[tuple[Recording, ...], list[Release], list[str]]:
-    """Return the recordings in what a verb was given, all releases that stand clear of their noise, and what is said of the others.
+Data = Recording | Release | str | Path | Iterable[Recording | Release | str | Path]
+"""Measured decays, as every verb takes them: a recording, a release, the path of a log, or several of these."""
+
+
+def unpack(data: Data, *, whole: bool = False) -> tuple[tuple[Recording, ...], list[Release], list[str]]:
+    """Return the recordings in given data, all releases that stand clear of their noise, and a remark on each other one.
+
+    Args:
+        data: As a verb takes it.
+        whole: Whether releases begin at the hold, also where a law that is not linear bends their start.
 
     Raises:
-        SysidError: There is none, or a measurement was given twice.
+        SysidError: There is none, a measurement was given twice, or something is no measurement.
     """
-    items = [data] if isinstance(data, Recording | Release) else list(data)
+    items = _measured(data)
     recordings = tuple(item for item in items if isinstance(item, Recording))
     refuse_duplicates(recording.path for recording in recordings)
     releases: list[Release] = []
     for item in items:
         releases += item.releases if isinstance(item, Recording) else [item]
+    if whole:
+        releases = [release.whole or release for release in releases]
     if not releases:
         raise SysidError("no release was given. Let the deck go and record until it rests.")
     return recordings, *clear_of_noise(releases)
+
+
+def _measured(data: Data) -> list[Recording | Release]:
+    """Return what a verb was given as recordings and releases; paths are read.
+
+    Raises:
+        SysidError: Something is no measurement.
+    """
+    items: list[Recording | Release] = []
+    given: list[Any] = list(data) if isinstance(data, Iterable) and not isinstance(data, str) else [data]
+    for item in given:
+        if isinstance(item, str | Path):
+            items.append(Recording.read(item))
+        elif isinstance(item, Recording | Release):
+            items.append(item)
+        else:
+            raise SysidError(
+                f"a {type(item).__name__} is no measurement. The log comes first: a Recording (Recording.read, .from_arrays, "
+                ".from_dataframe), one of its releases, or the path of a log; the joint comes second."
+            )
+    return items
 
 
 def reading_warnings(recordings: Sequence[Recording]) -> tuple[str, ...]:

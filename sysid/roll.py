@@ -7,7 +7,7 @@ turns about -x (γ = -roll), and that sign flips in `sim/skate` only.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,7 @@ def shown(time: float) -> str:
 Rows = slice | npt.NDArray[np.bool_] | npt.NDArray[np.intp]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False, weakref_slot=True)
 class Signal:
     """Roll against time, with what whoever uses it must know of the sensor that it came from."""
 
@@ -58,21 +58,33 @@ class Signal:
         """Whether it is the position of a slide [m], as the unit of the log says."""
         return self.origin in ("position", "speed")
 
+    def __repr__(self) -> str:
+        """Return the kind, the log, and how many samples of what."""
+        span = f"{shown(float(self.time[0]))} to {shown(float(self.time[-1]))}" if len(self.time) else "empty"
+        return f"<{type(self).__name__} of {self.log}: {self.origin}, {len(self.time)} samples, {span}>"
+
     def __getitem__(self, rows: Rows) -> Self:
         """Return these samples of every array."""
-        names = ("time", "roll", "std", "rate", "rate_std", "own_std")
-        arrays = ((name, getattr(self, name)) for name in names)
-        return replace(self, **{name: array[rows] for name, array in arrays if array is not None})
+        names = ("time", "roll", "std", "rate", "rate_std", "own_std", "free")
+        arrays = ((name, getattr(self, name, None)) for name in names)
+        parts: dict[str, Any] = {name: array[rows] for name, array in arrays if array is not None}
+        if extra := getattr(self, "extra", None):
+            parts["extra"] = {name: column[rows] for name, column in extra.items()}
+        return replace(self, **parts)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Roll(Signal):
     """One log's roll."""
 
+    free: npt.NDArray[np.bool_] | None = None
+    """Whether no motor, brake or hand acts, as a column of the log says, shape (n,); None without such a column."""
     notes: tuple[str, ...] = ()
     """What was inferred while reading (column, unit, sampling rate, clock repairs), for people."""
     warnings: tuple[str, ...] = ()
     """Problems of the log, in words."""
+    extra: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    """Other columns of the log by name, shape (n,) each, in the log's units: those of `LogOptions.also`."""
 
     @property
     def sampling_rate(self) -> float:
@@ -80,7 +92,7 @@ class Roll(Signal):
         return float(1.0 / np.median(np.diff(self.time)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Release(Signal):
     """One free decay: the part of a log between the release and rest, catch or the log's end."""
 
@@ -98,6 +110,11 @@ class Release(Signal):
     known: Mapping[str, float] = field(default_factory=dict[str, float])
     """Parameters that differ from the record in this release, by the names of the joint's parameters: the inertia [kg*m^2] and the weight of a
     robot's joint in the pose, and with the load, of this release."""
+
+    driven_until: float | None = None
+    """Until when something drove the joint before this release [s]; None where nothing did."""
+    whole: "Release | None" = None
+    """The same from the hold on, where a hand, or a law that is not linear, bends its start; None where nothing does."""
 
     @classmethod
     def of(

@@ -1,5 +1,6 @@
 """Tables and small words of a report: plain text, the same in a terminal, a pipe and a notebook."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -48,7 +49,7 @@ def quantity_frame(quantities: "Mapping[str, Quantity]") -> "pd.DataFrame":
 
 @dataclass(frozen=True, slots=True)
 class Display:
-    """Unit and scale in which a roll or its rate is displayed; of a slide, its position or speed."""
+    """Unit and scale in which a position or its rate is displayed."""
 
     name: str
     unit: str
@@ -61,12 +62,12 @@ class Display:
         return f"{self.name} [{self.unit.strip()}]"
 
     def __call__(self, value: float, digits: int = 4) -> str:
-        """Return a roll [rad] or rate [rad/s] in `unit`."""
+        """Return a position [rad or m] or rate [rad/s or m/s] in `unit`."""
         return f"{self.scale * value:.{digits}g}{self.unit}"
 
 
-def display(*, is_rate: bool, slides: bool = False, angle: str = "roll") -> Display:
-    """Return how a roll, called `angle`, or its rate, is shown; of a slide, in mm and m/s."""
+def display(*, is_rate: bool, slides: bool = False, angle: str = "angle") -> Display:
+    """Return how a position, called `angle`, or its rate is shown: in degrees and rad/s; of a slide in mm and m/s."""
     if slides:
         return Display("speed", " m/s", 1.0) if is_rate else Display("position", " mm", 1e3)
     return Display("rate", " rad/s", 1.0) if is_rate else Display(angle, "°", DEGREES)
@@ -87,6 +88,14 @@ def linear_law(inertia: float, damping: float, stiffness: float, rest: float) ->
     leading = "φ̈" if inertia == 1 else f"{short(inertia)} φ̈"
     spring = f" + {stiffness:.4g} {roll}" if stiffness else ""
     return f"{leading} + {short(damping)} φ̇{spring}"
+
+
+def in_brackets(quantity: "Quantity") -> str:
+    """Return a value with its 95 % interval, e.g. '0.812 [0.790, 0.833]'; '–' if it is not known."""
+    if not math.isfinite(quantity.value):
+        return "–"
+    low, high = quantity.ci95
+    return f"{quantity.value:.3f} [{low:.3f}, {high:.3f}]" if math.isfinite(low) else f"{quantity.value:.3f}"
 
 
 def count(number: int, noun: str) -> str:

@@ -1,7 +1,7 @@
 """Roll of the deck from a film taken from behind.
 
-Something on the deck is followed (`sysid.video.trackers`). From then on all is one: points in pictures, freed of
-lens, camera shake and rolling shutter, and the angle of a body that turns about an axis seen at a slant.
+Something on the deck is followed (`sysid.video.trackers`). All trackers give points in pictures. These are freed of lens, camera shake and rolling shutter, and give the
+angle of a body that turns about an axis seen at a slant.
 """
 
 from contextlib import closing
@@ -26,22 +26,22 @@ MIN_FRAMES_PER_PERIOD = 8
 SLOW_RATE, SLOW_PERIOD = 31.0, 0.6
 """Slow motion plays at 30 frames/s [Hz] or less, and makes a board of 0.1 to 0.3 s swing slower than this [s]."""
 RATES = (60, 120, 240)
-"""What phones film at [frames/s]."""
+"""Frame rates of phones [frames/s]."""
 
 
 def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
     """Read the roll of a board from a film.
 
-    Roll zero is the picture's horizontal where what is followed shows it, or where the body rests at the end.
+    Roll zero is the picture's horizontal if the target shows it, else the rest at the end of the film.
     Times are the container's, counted from the film's first frame; of one another, they are when the sensor read the board.
 
     Args:
         path: Film taken from behind the board, one uncut take.
-        options: What is not to be inferred.
+        options: Options that overrule inference.
 
     Raises:
-        SysidError: The file is not a film, is damaged, cut or too large; no board is found in it; or
-            it has fewer than 8 frames for each period of the oscillation.
+        SysidError: The file is not a film, is damaged, cut or too large. No board is found in it. It has fewer than 8 frames a
+            period.
     """
     from sysid.video.film.camera import lens_of
     from sysid.video.film.frames import open_clip
@@ -63,7 +63,7 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
 
 
 def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOptions) -> "tuple[Roll, Rows]":
-    """Turn what was followed in a film into roll [rad]; return it and the row of its track of each sample, shape (n,).
+    """Return the roll of a target [rad], and the row of its track of each sample, shape (n,).
 
     Raises:
         SysidError: There are fewer than 8 frames for each period of the oscillation.
@@ -74,7 +74,7 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
 
     target, track, found = followed.target, followed.track, followed.found
     time = View(track, lens.straighten, clip.row_share).time(found.camera_state.readout)
-    shaken = track.shake.std if track.shake.significant else np.zeros(len(found.std))
+    shaken = track.shake.std
     std = np.hypot(found.std, shaken)
     own = np.hypot(found.own, shaken)
     sign = -1.0 if options.front else 1.0
@@ -85,8 +85,7 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
     time, angle, std, own = (one[rows] for one in (time, angle, std, own))
     if (ramp := speed_ramp(time, angle, std)) is not None:
         raise SysidError(
-            f"{clip.path}: at {ramp:.2f} s the swing goes on at another pace at once: parts of the film play faster or slower "
-            "than others (a speed ramp of slow motion). Give the film as the camera took it, not as it was edited."
+            f"{clip.path}: the frame rate changes at {ramp:.2f} s (edited slow motion?). Give the film as the camera took it."
         )
     rate = 1 / float(np.median(np.diff(track.time)))
     pace = frames_per_period(time, angle, std) if followed.turns else np.inf  # noise has no period
@@ -105,18 +104,18 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
         notes.append(f"frames: {np.sum(lone)} that those before and after do not bear out are left out")
     if not followed.turns:
         warnings.append(
-            f"what is followed turns by {np.degrees(np.ptp(angle)):.2g}° in all, less than a release or than its noise: these "
-            "angles are no measurement of a board. Look at --overlay; then give the board's region with --roi, or film a release"
+            f"the target turns by {np.degrees(np.ptp(angle)):.2g}° in all, less than a release or than its noise: no measurement of a "
+            "board. Look at --overlay. Then give the board's region with --roi, or film a release"
         )
     if len(lost := np.delete(track.time, seen)):
         warnings.append(
-            f"{len(lost)} of {len(track.time)} frames, between {lost[0]:.4g} and {lost[-1]:.4g} s, show too little of what is followed "
-            "and are left out; look at --overlay for what hides it"
+            f"{len(lost)} of {len(track.time)} frames, between {lost[0]:.4g} and {lost[-1]:.4g} s, show too little of the target "
+            "and are left out; --overlay shows the reason"
         )
     if options.rate is None and rate < SLOW_RATE and SLOW_PERIOD < pace / rate < np.inf:
         warnings.append(
-            f"it plays at {rate:.3g} frames/s and swings in {pace / rate:.2g} s, slower than a board: if it was filmed in "
-            "slow motion, give the rate at which it was filmed, as --rate 240"
+            f"it plays at {rate:.3g} frames/s and swings in {pace / rate:.2g} s, slower than a board. Of slow motion "
+            "give the true rate, as --rate 240"
         )
     roll = Roll(
         log=str(clip.path),

@@ -13,6 +13,8 @@ import pytest
 if not os.environ.get("DISPLAY") and ctypes.util.find_library("EGL"):
     os.environ.setdefault("MUJOCO_GL", "egl")
 
+os.environ.pop("COLUMNS", None)  # how wide tables are must not depend on who runs the tests
+
 
 @pytest.fixture(scope="session")
 def real_logs() -> Path:

@@ -6,12 +6,14 @@ where the line ends with `# exit N`. A block directly under `<!-- not run: reaso
 
 What is quoted: lines under a command in its console block, block quotes and ```text blocks below that block. Each of
 their lines must be in what the block's commands printed, in that order; how lines are wrapped and how tables are drawn
-does not count.
+does not count. Numbers may differ by a twentieth: digits behind that are the noise of a processor.
 
 What is left behind: nothing that git would see in a clone but files that a command line names. README and tutorial
 leave nothing at all outside `runs/`, which git ignores.
 """
 
+import ast
+import json
 import os
 import re
 import shutil
@@ -21,7 +23,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+import jsonschema
 import pytest
+from command_line import husky
+from quoted import missing
 
 ROOT = Path(__file__).parents[1]
 FIRST = (ROOT / "README.md", ROOT / "docs" / "tutorial.md")
@@ -103,22 +108,6 @@ def run(command: Command, folder: Path) -> subprocess.CompletedProcess[str]:
         capture_output=True, text=True, cwd=folder, timeout=TIMEOUT, check=False,
         env={**os.environ, "HUSKY_PYTHON": sys.executable, "COLUMNS": "160"},
     )  # fmt: skip
-
-
-def plain(text: str) -> str:
-    """Return the words of a text without what draws tables, and without Markdown's rules between their rows."""
-    return " ".join(re.sub(r"[│┃|]|-{3,}", " ", text).split())
-
-
-def missing(quoted: tuple[str, ...], printed: str) -> list[str]:
-    """Return the quoted lines that are not in what was printed, each looked for after the one before."""
-    printed, lost = plain(printed), []
-    for line in filter(None, map(plain, quoted)):
-        before, found, after = printed.partition(line)
-        printed = after if found else before
-        if not found:
-            lost.append(line)
-    return lost
 
 
 def files(folder: Path) -> dict[Path, bytes]:
@@ -238,3 +227,91 @@ def test_the_runner_can_fail(tmp_path: Path) -> None:
     assert file.endswith("writes boards.txt")
     (tmp_path / "boards.txt").unlink()
     assert "boards.txt" not in "".join(faults(wrong, tmp_path))
+
+
+PAGES = sorted(
+    {ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "SKILL.md", *(ROOT / "docs").glob("**/*.md")}
+)
+LINK = re.compile(r"\[(?:[^][]|\[[^]]*\])*\]\((?P<to>[^)\s]+)\)")
+FENCE = re.compile(r"^```.*?^```", re.M | re.S)
+
+
+def anchors(text: str) -> set[str]:
+    """Return the names of a page's headings, as they are linked to."""
+    headings = re.findall(r"^#+ +(.+?) *$", FENCE.sub("", text), re.M)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_links_lead_somewhere(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    for match in LINK.finditer(FENCE.sub("", text)):
+        path, _, anchor = match["to"].partition("#")
+        if "://" in path:
+            continue
+        target = (page.parent / path).resolve() if path else page
+        assert target.exists(), match["to"]
+        if anchor:
+            assert anchor in anchors(target.read_text(encoding="utf-8")), match["to"]
+
+
+def test_every_page_of_the_site_is_there() -> None:
+    listed = set(re.findall(r": ([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.M))
+    pages = {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").glob("**/*.md")}
+    assert {"index.md", "contributing.md", "record.md"} <= listed
+    assert listed <= pages | {"index.md", "contributing.md"}
+
+
+@pytest.mark.slow
+def test_the_site_is_built_by_one_command(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-d", str(tmp_path)],
+        cwd=ROOT, capture_output=True, text=True, check=False, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "api.html").read_text(encoding="utf-8")
+    assert "from_arrays" in page
+    assert "Half-width of the 95 % interval" in page
+    assert "The loop" in (tmp_path / "index.html").read_text(encoding="utf-8")
+
+
+def sentences() -> list[str]:
+    """Return every text in the product's code; `{}` stands for what is filled in."""
+    found: list[str] = []
+    for file in (
+        file for package in ("sysid", "sim", "policy_runtime") for file in (ROOT / package).rglob("*.py")
+    ):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.JoinedStr):
+                found.append(
+                    "".join(part.value if isinstance(part, ast.Constant) else "{}" for part in node.values)
+                )
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                found.append(node.value)
+    return found
+
+
+def test_troubleshooting_quotes_real_messages() -> None:
+    page = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([^`]+)` \|", page, re.M)
+    assert len(rows) > 15
+    known = sentences()
+    assert [row for row in rows if not any(row in text for text in known)] == []
+
+
+@pytest.mark.slow
+def test_results_are_as_the_schema_says(tmp_path: Path) -> None:
+    schema = json.loads((ROOT / "docs" / "schema.json").read_text())
+    jsonschema.Draft202012Validator.check_schema(schema)
+    log = str(ROOT / "data" / "decays" / "pink_hidden.csv")
+    for command, arguments in (
+        ("decay", (log,)), ("compare", (log,)), ("diagnose", (log,)), ("fit", (log, "--effect", "coulomb")),
+        ("check", ()), ("mjcf", ("-o", str(tmp_path / "board.xml"))),
+    ):  # fmt: skip
+        result = tmp_path / f"{command}.json"
+        done = husky(command, *arguments, "--board", "pink", "--workspace", tmp_path, "--json", result)
+        assert done.returncode == 0, done.stderr
+        jsonschema.validate(
+            json.loads(result.read_text()), {"$ref": f"#/$defs/{command}", "$defs": schema["$defs"]}
+        )
+        assert f"| `{command}` |" in (ROOT / "docs" / "json.md").read_text()

@@ -9,15 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import husky
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from sysid import inertia
 from sysid.board import Board, BoardEffect
 from sysid.errors import SysidError
-from sysid.experiments.static_tilt import TiltTest, Weighing, static_tilt
-from sysid.quantity import Z95, Quantity, error_budget, parse_quantity, propagate
+from sysid.experiments.static_tilt import Weighing, static_tilt
+from sysid.quantity import Quantity, parse_quantity
 from sysid.workspace import Workspace
 
 G = inertia.GRAVITY.value
@@ -59,12 +57,6 @@ def test_quantity_text(text: str, unit: str, value: float, half: float) -> None:
 def test_text_that_is_no_positive_mass(text: str) -> None:
     with pytest.raises(SysidError, match=r"--mass is '.*'; expected"):
         parse_quantity(text, "kg", "--mass")
-
-
-@given(value=st.floats(1e-6, 1e6), half=st.floats(1e-6, 1e6))
-def test_quantity_text_round_trip(value: float, half: float) -> None:
-    quantity = parse_quantity(f"{value!r}±{half!r}", "kg")
-    assert (quantity.value, quantity.std) == pytest.approx((value, half / Z95))
 
 
 # --- each method -------------------------------------------------------------------------------
@@ -139,13 +131,6 @@ def test_compound_pendulum_from_the_exact_motion(amplitude: float) -> None:
         assert inertia.compound(*given_).value > 1.04 * true
 
 
-def test_torsional_swing() -> None:
-    result = inertia.torsional(q(0.05, 0, "N*m/rad"), q(2 * math.pi * math.sqrt(8.7e-3 / 0.05), 0, "s"))
-    assert result.value == pytest.approx(8.7e-3)
-    with pytest.raises(SysidError, match="--mass"):
-        inertia.torsional(q(0.05, 0, "N*m/rad"), q(1, 0, "s"), distance=q(0.1, 0, "m"))
-
-
 @pytest.mark.parametrize("height", [0.0, 0.03, -0.02])
 def test_added_mass_recovers_the_inertia(height: float) -> None:
     true, stiffness, mass, offset = 8.7e-3, 14.684, 0.8, 0.08
@@ -183,39 +168,6 @@ def test_static_tilt_recovers_stiffness_and_its_interval_holds() -> None:
     covered = [t.stiffness.ci95[0] < 14.684 < t.stiffness.ci95[1] for t in tests]
     assert 0.93 < np.mean(covered) < 0.995  # a little wide: where the scatter is larger, it counts
     assert np.mean([t.chi_square for t in tests]) == pytest.approx(4, rel=0.1)
-
-
-def test_gravity_is_common_to_all_readings() -> None:
-    """However many readings: what is wrong with g is wrong with k."""
-    readings = weighings(14.684, 0.0, np.random.default_rng(0), 1e-5)
-    loose = static_tilt(readings, gravity=q(G, 0.1, "m/s^2")).stiffness
-    assert loose.std / loose.value == pytest.approx(0.1 / G, rel=0.05)
-    assert (loose.ci95[1] - loose.value) / Z95 == pytest.approx(loose.std, rel=0.05)
-
-
-def test_static_tilt_without_uncertainties_goes_by_the_scatter() -> None:
-    rng = np.random.default_rng(3)
-    hits = []
-    for _ in range(400):
-        bare = [
-            Weighing(
-                mass=replace(r.mass, std=0), offset=replace(r.offset, std=0), roll=replace(r.roll, std=0)
-            )
-            for r in weighings(14.684, 0.0, rng, 2e-3)
-        ]
-        low, high = static_tilt(bare).stiffness.ci95
-        hits.append(low < 14.684 < high)
-    assert 0.92 < np.mean(hits) < 0.98
-
-
-def test_static_tilt_and_a_decay_give_the_inertia() -> None:
-    test = TiltTest(
-        stiffness=q(14.684, 0.1, "N*m/rad"), rest=q(0, 0, "rad"), chi_square=1.0, degrees_of_freedom=4,
-        residuals=(),
-    )  # fmt: skip
-    result = test.inertia(q(41.083, 0.1, "rad/s"))
-    assert result.value == pytest.approx(8.70e-3, rel=1e-4)
-    assert result.std / result.value == pytest.approx(math.hypot(0.1 / 14.684, 2 * 0.1 / 41.083), rel=1e-6)
 
 
 def test_static_tilt_refusals() -> None:
@@ -288,27 +240,10 @@ def test_uncertainty_agrees_with_monte_carlo(name: str) -> None:
     assert result.value == pytest.approx(np.mean(draws), abs=0.1 * result.std)
 
 
-@pytest.mark.parametrize("name", METHODS)
-def test_error_budget_is_whole_and_ranked(name: str) -> None:
-    method, inputs = METHODS[name]
-    budget = error_budget(method, inputs)
-    assert sum(budget.values()) == pytest.approx(1)
-    assert list(budget.values()) == sorted(budget.values(), reverse=True)
-    assert set(inputs) <= set(budget)
-    halved = {**inputs, (worst := next(iter(budget))): replace(inputs[worst], std=inputs[worst].std / 2)}
-    expected = math.sqrt(1 - 0.75 * budget[worst]) * method(**inputs).std
-    assert method(**halved).std == pytest.approx(expected, rel=1e-6)
-
-
-def test_propagation_of_a_product() -> None:
-    result = propagate(lambda a, b: a * b, (q(3, 0.1, "m"), q(0, 0.2, "m")), "m^2", "")
-    assert (result.value, result.std) == pytest.approx((0, 0.6))
-
-
 @pytest.mark.parametrize(
     ("method", "change", "match"),
     [
-        ("compound", {"period": q(0.5, 0.01, "s")}, "swings no faster than"),
+        ("compound", {"period": q(0.5, 0.01, "s")}, "has a period of at least"),
         ("added-mass", {"loaded": q(41.2, 0.1, "rad/s")}, "too little"),
         ("added-mass", {"loaded": q(41.0, 0.1, "rad/s")}, "too little"),
     ],
@@ -317,11 +252,6 @@ def test_measurements_that_hold_no_inertia_are_refused(method: str, change: dict
     function, inputs = METHODS[method]
     with pytest.raises(SysidError, match=match):
         function(**{**inputs, **change})
-
-
-def test_no_parts() -> None:
-    with pytest.raises(SysidError, match="no parts"):
-        inertia.parts([])
 
 
 # --- combination -------------------------------------------------------------------------------
@@ -346,18 +276,6 @@ def test_the_method_that_stands_out_is_named_and_widens() -> None:
     two = inertia.combine({"a": sound["a"], "wrong": q(9.5e-3, 1e-4, "kg*m^2")})
     assert not two.agree
     assert two.odd_one is None
-
-
-def test_agreement_is_refused_as_often_as_it_says() -> None:
-    rng = np.random.default_rng(1)
-    stds = (1e-4, 2e-4, 3e-4, 1e-4)
-    refused = [
-        not inertia.combine(
-            {str(i): q(8e-3 + s * rng.standard_normal(), s, "kg*m^2") for i, s in enumerate(stds)}
-        ).agree
-        for _ in range(2000)
-    ]
-    assert np.mean(refused) == pytest.approx(inertia.AGREEMENT, abs=0.015)
 
 
 @pytest.mark.parametrize("std", [0.0, math.inf, math.nan])
@@ -386,7 +304,7 @@ def test_new_inertia_keeps_the_motion(pink: Board) -> None:
 
 def test_new_inertia_of_a_fitted_board_scales_torques_and_drops_the_check(pink: Board) -> None:
     fitted = replace(
-        pink.with_tilt(stiffness=q(15.0, 0.3, "N*m/rad")), fit={"rmse": 1e-3}, check={"passed": True},
+        pink.with_tilt(stiffness=q(15.0, 0.3, "N*m/rad")), fit={"rmse": 1e-3}, last_check={"passed": True},
         inertia=q(8.7e-3, 1e-4, "kg*m^2"),
         effects=(
             BoardEffect("stribeck", {"torque": q(0.1, 0.01, "N*m"), "velocity": q(0.5, 0.1, "rad/s")}),
@@ -400,7 +318,7 @@ def test_new_inertia_of_a_fitted_board_scales_torques_and_drops_the_check(pink: 
     assert new.effects[0].parameters["torque"].value == pytest.approx(0.2)
     assert new.effects[0].parameters["velocity"] == q(0.5, 0.1, "rad/s")
     assert new.effects[1].parameters["torque"].std == pytest.approx(0.02)
-    assert new.check == {}
+    assert new.last_check == {}
 
 
 # --- the command -------------------------------------------------------------------------------
@@ -442,16 +360,6 @@ def test_save_puts_the_inertia_into_the_workspace(tmp_path: Path) -> None:
     result = husky("inertia", "cuboid", *COMMANDS["cuboid"], "--save", "pnk", cwd=tmp_path)
     assert result.returncode == 1
     assert "Did you mean 'pink'" in result.stderr
-
-
-def test_results_feed_each_other_as_files(tmp_path: Path) -> None:
-    decay = {"omega_n": {"value": 41.1, "std": 0.1, "unit": "rad/s"}}
-    (tmp_path / "bare.json").write_text(json.dumps(decay))
-    added = ("added-mass", "--bare", "bare.json", *COMMANDS["added-mass"][2:])
-    assert husky("inertia", *added, "--json", "added.json", cwd=tmp_path).returncode == 0
-    result = husky("inertia", "combine", "added=added.json", "cuboid=0.0087±0.0002", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    assert "the methods" in result.stdout + result.stderr
 
 
 def test_two_synthetic_decays_and_a_known_mass_tell_the_true_inertia(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("sysid", "sim", "policy_runtime", "reports")
-OF_THEMSELVES = {"support", "golden", "data"}
+OF_THEMSELVES = {"support", "data"}
 """Folders of tests that belong to no package."""
 
 

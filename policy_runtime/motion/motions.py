@@ -80,7 +80,7 @@ def load_motion(path: Path) -> Motion:
         raise SysidError(
             f"{path}: cannot be read ({error.strerror or error}). Expected a .npy motion."
         ) from error
-    except (ValueError, EOFError) as error:
+    except Exception as error:  # whatever a damaged header makes NumPy raise
         raise SysidError(f"{path}: not a NumPy array file (.npy) of numbers.") from error
     if not isinstance(table, np.ndarray) or table.dtype.kind != "f" or table.ndim != 2:
         kind = f"{table.dtype} of shape {table.shape}" if isinstance(table, np.ndarray) else "an archive"

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LADDER = ("#CC79A7", "#009E73", "#D55E00", "#8C6BB1")
-"""Simpler models; none is near the blue of the board's own law, light or dark."""
+"""Colours of simpler models, far from the blue of the board's law in light and dark."""
 WIDTH = 4.4
-"""Width of a figure [inch]: on a phone its type of 10 points is then 11 px high, and on a desk two stand side by side."""
+"""Width of a figure [inch]: type of 10 points is 11 px high on a phone, and two figures fit side by side on a desk."""
 
 
 def release_figure(evidence: Evidence, number: int) -> "Figure":

@@ -35,7 +35,7 @@ def bode_figure(board: Board, width: float) -> "Figure":
     )
     figure = Figure(figsize=(width, 3.6), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True)
-    show = display(is_rate=False, slides=board.slides, angle="tilt")
+    show = display(is_rate=False, slides=board.slides)
     gain = f"{show.name} [{show.unit.strip()}/{'N' if board.slides else '(N·m)'}]"
     curves = (show.scale * np.abs(responses), np.degrees(np.angle(responses)))
     for panel, values, label in zip(axes, curves, (gain, "phase [°]"), strict=True):

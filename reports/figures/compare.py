@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BACKBONE = {"period": "period [s]", "damping_ratio": "damping ratio"}
-"""What a backbone shows, and how an axis names it."""
+"""Columns of a backbone, and the labels of their axes."""
 MOST = 4
 """Releases drawn; more would be too small to read."""
 
@@ -83,7 +83,7 @@ def profiles(missing: MissingTorque, *, slides: bool) -> list[tuple[TorqueProfil
     """Return a missing torque over rate and over tilt, and how each of these is shown."""
     return [
         (missing.over_rate, display(is_rate=True, slides=slides)),
-        (missing.over_angle, display(is_rate=False, slides=slides, angle="tilt")),
+        (missing.over_angle, display(is_rate=False, slides=slides)),
     ]
 
 

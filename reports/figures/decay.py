@@ -72,7 +72,7 @@ def draw_log(axes: "Axes", roll: Roll, decay: FreeDecay) -> "Axes":
 def draw_traces(axes: "Axes", decay: FreeDecay) -> "Axes":
     """Draw every decay from its release on, with the fitted linear decay and its envelope."""
     scale, unit = _unit(decay)
-    decay_rate = decay.trace.omega_n * decay.trace.damping_ratio
+    decay_rate = decay.trace.decay_rate
     shown, height = _shown(decay), 0.0
     largest = max(decay.trace.releases, key=lambda fitted: float(np.ptp(fitted.modelled)))
     # Rest levels that differ are the sign of friction, and not to be hidden by shifting each to zero.
@@ -98,12 +98,13 @@ def draw_traces(axes: "Axes", decay: FreeDecay) -> "Axes":
     axes.set_ylim(-1.15 * height, 1.15 * height)
     axes.legend(loc="upper right", ncols=3, handlelength=1.6, columnspacing=1.2)
     numbers = decay.numbers
+    known = {"ωₙ": numbers.omega_n, "ζ": numbers.damping_ratio} | dict(
+        zip(("k/d",), decay.others.values(), strict=False)
+    )
     if decay.linear:
-        axes.set_title(f"ωₙ = {numbers.omega_n}    ζ = {numbers.damping_ratio}")
+        axes.set_title("    ".join(f"{name} = {q}" for name, q in known.items() if math.isfinite(q.value)))
     else:
-        axes.set_title(
-            "✗ not a linear decay: the line is the nearest one, its k and d are not the joint's", color=BAD
-        )
+        axes.set_title(f"✗ {decay.status}: the line is the nearest linear decay", color=BAD)
     return axes
 
 
@@ -138,7 +139,7 @@ def draw_peak_line(axes: "Axes", decay: FreeDecay) -> "Axes":
         axes.set_axis_off()
         return axes
     scale = decay.position.scale
-    slope = None if decay.line is None else -decay.line.log_decrement.value / 2
+    slope = -decay.numbers.log_decrement.value / 2
     for i, group in used:
         number = np.array([peak.number for peak in group])
         amplitude = scale * np.array([peak.amplitude for peak in group])
@@ -146,9 +147,14 @@ def draw_peak_line(axes: "Axes", decay: FreeDecay) -> "Axes":
         error = np.minimum(2 * std, 0.98 * amplitude)
         label = "peaks ±2σ" if i == used[0][0] else None
         axes.errorbar(number, amplitude, yerr=error, fmt="o", ms=3.5, color=REAL, elinewidth=0.8, label=label)
-        if decay.line is not None and slope is not None and len(group) > 1:
-            line = scale * np.exp(decay.line.intercepts[i] + slope * number)
-            axes.plot(number, line, color=SIM, lw=1.0, label=label and "line through the peaks")
+        # The trace gives the slope, and the widest peak, which noise moves least, the height.
+        axes.plot(
+            number,
+            amplitude[0] * np.exp(slope * (number - number[0])),
+            color=SIM,
+            lw=1.0,
+            label=label and "fitted decay",
+        )
     axes.set_yscale("log")
     smallest = min(peak.amplitude for _, group in used for peak in group)
     axes.set_ylim(bottom=max(axes.get_ylim()[0], scale * smallest / 3))
@@ -159,7 +165,6 @@ def draw_peak_line(axes: "Axes", decay: FreeDecay) -> "Axes":
     axes.set_xlim(-0.25, max(1, *(peak.number for _, group in used for peak in group)) + 0.25)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     lines = [f"δ = {decay.numbers.log_decrement}  whole trace"]
-    lines += [] if decay.line is None else [f"δ = {decay.line.log_decrement}  peaks"]
     lines += [] if decay.two_peaks is None else [f"δ = {decay.two_peaks}  two peaks"]
     axes.set_title("\n".join(lines))
     axes.legend(loc="lower left" if len(used[0][1]) > 2 else "upper right")
@@ -193,5 +198,5 @@ def envelope(fitted: FittedTrace, since: Array, rate: float) -> Array:
 def _shown(decay: FreeDecay) -> float:
     """Return how long after the release there is something to see [s]."""
     longest = max(float(release.time[-1]) - release.start for release in decay.releases)
-    ring = 6.0 / (decay.trace.omega_n * decay.trace.damping_ratio)
+    ring = 6.0 / max(decay.trace.decay_rate, 1e-9)
     return min(longest, max(ring, 2 * math.pi / decay.trace.omega_n))

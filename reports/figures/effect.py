@@ -1,4 +1,4 @@
-"""What an effect does to a decay: with it and without."""
+"""A decay with an effect and without."""
 
 from typing import TYPE_CHECKING
 
@@ -29,7 +29,7 @@ def effect_figure(effect: Effect) -> "Figure":
         axes.plot(time, np.degrees(real.roll), color=REAL, linewidth=2.4, label=f"with {effect.name}")
         axes.plot(time, np.degrees(sim.roll), color=SIM, linewidth=1.2, label="without")
         axes.set_xlabel("time since release [s]")
-        axes.set_ylabel("roll [°]")
+        axes.set_ylabel("angle [°]")
         values = ", ".join(
             f"{p.name} {v:g} {p.unit.replace('*', '·').removesuffix('1')}".strip()
             for p, v in zip(effect.parameters, effect.example, strict=True)

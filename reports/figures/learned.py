@@ -1,4 +1,4 @@
-"""What a fit has learned: torque over tilt and over rate with its band, and where there were data."""
+"""A learned torque over angle and over rate, with its band and the range of the data."""
 
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def learned_figure(fit: "JointFit", formula: Formula | None, title: str, *, slides: bool = False) -> "Figure":
-    """Draw the learned torque at rate zero over the tilt, and at rest over the rate, within what was measured.
+    """Draw the learned torque over the angle at rate zero, and over the rate at rest, within the measured range.
 
     The nearest formula, if there is one, is drawn beside it.
     """
@@ -26,7 +26,7 @@ def learned_figure(fit: "JointFit", formula: Formula | None, title: str, *, slid
     with styled(8.8, 3.9) as figure:
         axes = figure.subplots(2, 2, sharex="col", height_ratios=(4, 1))
         for column, values in enumerate((tilts, rates)):
-            show = display(is_rate=column == 1, slides=slides, angle="tilt")
+            show = display(is_rate=column == 1, slides=slides)
             scale = show.scale
             at = np.linspace(values.min(), values.max(), 301)
             x, v = (at, 0 * at) if column == 0 else (0 * at, at)

@@ -13,7 +13,7 @@ from reports.figures.palette import NOISE, REAL, SIM, STOOD
 from reports.figures.style import styled
 from reports.figures.svg import thin
 from reports.story import Missing, Ranked, Story, times
-from sysid.diagnosis.report import TIED
+from sysid.diagnosis.report import TIE as TIED
 from sysid.effects import effect
 from sysid.quantity import Z95
 from sysid.roll import Array
@@ -46,12 +46,12 @@ def panels(story: Story) -> list[Panel]:
             lambda axes: draw_decay(axes, story),
         )
     ]  # fmt: skip
-    what = f"what {named} must make up for" if named else "what the law lacks"
+    what = f"the torque of {named} and the residual" if named else "the residual torque"
     slides = story.after.slides
     push = effort(slides=slides).split(" [")[0]
     for missing, show in (
         (story.over_rate, display(is_rate=True, slides=slides)),
-        (story.over_angle, display(is_rate=False, slides=slides, angle="tilt")),
+        (story.over_angle, display(is_rate=False, slides=slides)),
     ):
         if missing is not None:
             drawn.append(
@@ -104,7 +104,7 @@ def draw_panels(figure: "FigureBase", story: Story, *, columns: int) -> None:
 
 
 def draw_decay(axes: "Axes", story: Story) -> None:
-    """Draw one release: the raw measurement, the record as it stood, and the law with what was missing."""
+    """Draw one release: the raw measurement, the record as it stood, and the law with the missing effects."""
     after = story.after
     release, scale = after.releases[story.shown], after.show.scale
 
@@ -156,7 +156,7 @@ def draw_candidates(axes: "Axes", ranked: "tuple[Ranked, ...]") -> None:
     axes.autoscale()
     axes.set_xlim(left=-TIED / 2)
     axes.grid(visible=False, axis="y")
-    axes.set_xlabel("score (grey: not told apart)")
+    axes.set_xlabel("score (grey: a tie)")
 
 
 def draw_whiteness(axes: "Axes", story: Story) -> None:

@@ -16,7 +16,7 @@ PLAIN: dict[Any, Any] = {
     "legend.frameon": False,
     "path.simplify": True,
 }
-"""What pictures and the figures of a page have in common."""
+"""Style of all pictures and of the figures of a page."""
 STYLE: dict[Any, Any] = PLAIN | {
     "font.size": 9,
     "legend.fontsize": 8,

@@ -1,6 +1,6 @@
-"""The four questions of a hurried reader: does the model match, what is missing, how sure, what to do next."""
+"""The four questions of a hurried reader: match, missing effect, certainty, next step."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from reports.evidence import Evidence, LastDiagnosis, LogFile
@@ -20,7 +20,7 @@ def four_answers(
     space: Workspace,
 ) -> list[tuple[str, str, str]]:
     """Return question, answer and mark ('good', 'bad' or '') of each; without evidence the logs are gone."""
-    missing, mark = _missing(board, diagnosis)
+    missing, mark = _missing(board, evidence, diagnosis)
     return [
         ("Does the model match?", *_match(board, evidence)),
         ("What is missing?", missing, mark),
@@ -31,31 +31,41 @@ def four_answers(
 
 def _match(board: Board, evidence: Evidence | None) -> tuple[str, str]:
     if evidence is None:
-        return "Not known: none of the logs is there any more.", ""
+        return "Unknown: the logs are gone.", ""
     result = evidence.comparison
     fits = f"error {times(result.rmse / result.noise.std)} × the noise; {result.verdict()}"
     if result.passed and _fails(board):
         return (
             f"The law fits the logs ({fits}), but the MuJoCo scene does not: the check failed with an NRMSE of "
-            f"{100 * board.check['nrmse']:.2f} %."
+            f"{100 * board.last_check['nrmse']:.2f} %."
         ), "bad"
     return (f"Yes: {fits}.", "good") if result.passed else (f"No: {fits}.", "bad")
 
 
 def _fails(board: Board) -> bool:
     """Return whether the scene was checked for the board as it is recorded now, and failed."""
-    return bool(board.check) and not board.check_is_stale and not board.passed
+    return bool(board.last_check) and not board.check_is_stale and not board.passed
 
 
-def _missing(board: Board, diagnosis: LastDiagnosis | None) -> tuple[str, str]:
+def _is_added(board: Board, evidence: Evidence | None, diagnosis: LastDiagnosis | None) -> bool:
+    """Return whether the effects that a diagnosis named were added since, and nothing is left beyond the tolerance."""
+    if diagnosis is None or diagnosis.is_current or evidence is None or not evidence.comparison.passed:
+        return False
+    named = diagnosis.content["verdict"]["effects"]
+    return bool(named) and {part.name for part in board.effects}.issuperset(named)
+
+
+def _missing(board: Board, evidence: Evidence | None, diagnosis: LastDiagnosis | None) -> tuple[str, str]:
     if diagnosis is None:
         return "Not asked yet.", ""
     found = diagnosis.content["verdict"]
     names = titled(found["effects"])
+    if evidence is not None and _is_added(board, evidence, diagnosis):
+        noise = evidence.comparison.noise
+        rest = "above the noise" if evidence.comparison.rmse <= noise.highest else "beyond the tolerance"
+        return f"✓ {names} added; nothing is left {rest}.", "good"
     if not diagnosis.is_current:
-        own = {part.name for part in board.effects}
-        added = bool(found["effects"]) and own.issuperset(found["effects"])
-        before = f"; it named {names}{', since added' if added else ''}" if found["effects"] else ""
+        before = f"; it named {names}" if found["effects"] else ""
         return f"Not asked since the record was last changed: the diagnosis was made before that{before}.", ""
     match found["status"]:
         case "none-missing":
@@ -64,7 +74,7 @@ def _missing(board: Board, diagnosis: LastDiagnosis | None) -> tuple[str, str]:
             return f"{names}.", "bad"
         case _:
             nearest = f" Nearest: {names}." if names else ""
-            return f"Something that no effect of the catalogue explains.{nearest}", "bad"
+            return f"A torque without a name in the catalogue.{nearest}", "bad"
 
 
 UNSURE = "Not known: the record's numbers come without intervals; a fit finds them."
@@ -114,10 +124,12 @@ def next_step(
         return f"Name logs that are there: {command('report', logs=())}"
     where = "the scene that policies train in" if board.geometry else "it in MuJoCo"
     check = f"{'See why the scene fails' if _fails(board) else f'Check {where}'}: {command('check')}"
+    if _is_added(board, evidence, diagnosis):
+        return _ready(board, command) if board.passed else check
     if diagnosis is None or not diagnosis.is_current:
         if evidence.comparison.passed and _fails(board):
             return check
-        return f"Ask what is missing: {command('diagnose')}"
+        return f"Find the missing effect: {command('diagnose')}"
     verdict = diagnosis.content["verdict"]
     if verdict["status"] == "missing":
         fitted = [name for name in verdict["effects"] if effect(name).identifiable_from_decay]
@@ -129,8 +141,11 @@ def next_step(
         return verdict["next_experiment"]
     if not evidence.comparison.passed:
         return f"Refit stiffness and damping: {command('fit')}"
-    if not board.passed:
-        return check
+    return _ready(board, command) if board.passed else check
+
+
+def _ready(board: Board, command: Callable[..., str]) -> str:
+    """Return what a board that has passed its check is ready for."""
     if board.model:
         return f"It is ready: {board.model['file']}"
     train = f", or {command('train', logs=None)}" if board.geometry else ""

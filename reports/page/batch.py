@@ -1,4 +1,4 @@
-"""The results of a batch on one page: what was found, and what failed."""
+"""The results and failures of a batch on one page."""
 
 from collections.abc import Mapping, Sequence
 from datetime import date
@@ -23,7 +23,7 @@ SHOWN = {
     "confidence": "confidence",
     "warnings": "warnings",
 }
-"""Columns of the page's table, and their heads; those that no job fills are left out."""
+"""Columns of the page's table, and their heads; empty ones are left out."""
 CAPTION = "With 95 % intervals, by board; hollow: the decay is not linear, so there is no one value."
 
 

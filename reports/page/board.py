@@ -56,7 +56,7 @@ MOST_PAIRS = 6
 MIN_CORRELATION = 0.9
 """Correlation from which two parameters are hardly told apart."""
 MAX_STRENGTH_RATIO = 30.0
-"""Multiple of an effect's clear strength beyond which no board has it."""
+"""An effect is too weak to show if it would need more than this multiple of its clear strength."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +118,7 @@ def _lead(
         parts.append(note(remark + "Nothing on this page was measured on a real board."))
     play = None if evidence is None else playground(evidence, diagnosis)
     if play is not None:
-        remark = "Each effect's slider multiplies what was fitted of it; roll and rate at each release are fitted at once."
+        remark = "Each effect's slider multiplies its fitted strength; angle and rate at each release are fitted again at once."
         if play.left_out:
             remark += f" Not on a slider: {', '.join(play.left_out)}."
         parts.append(sliders(play.code, play.to_json(), remark))
@@ -139,7 +139,7 @@ def _warnings(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]
     warnings = [f"{file.path}: {file.state}" for file in files if file.found is None]
     if evidence is not None:
         warnings += map(pretty, evidence.warnings)
-    if not board.check:
+    if not board.last_check:
         warnings.append("not checked in the training scene yet (see the check below)")
     elif board.check_is_stale:
         warnings.append("the record was changed since it was checked: check it again")
@@ -217,8 +217,9 @@ def _releases(evidence: Evidence) -> list[str]:
     rows: list[tuple[str, ...]] = []
     for i, (part, release) in enumerate(zip(result.releases, evidence.releases, strict=True)):
         errors = show(part.rmse, 3), f"{part.rmse / result.noise.std:.2f}"
-        rows.append((release_name(result, i), release.side, first(release.amplitude, 3), *errors))
-    side = "edge down" if evidence.board.geometry else "side"
+        place = release.side if evidence.board.geometry else {"right": "+", "left": "−"}[release.side]
+        rows.append((release_name(result, i), place, first(release.amplitude, 3), *errors))
+    side = "edge down" if evidence.board.geometry else "let go from"
     left = len(result.releases) - MOST_RELEASES
     return [
         choices(drawn),
@@ -274,8 +275,8 @@ def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
     pairs = f"{count(len(twins), 'pair')} cannot be told apart" if twins else "no two of them look the same"
     return [
         paragraph(
-            f"{hidden} in these releases, and {pairs} (cosine of what they change from {ALIKE} on, once stiffness, damping, "
-            "rest angle and starts have done what they can)."
+            f"{hidden} in these releases, and {pairs} (cosine of their signatures from {ALIKE} on, after a refit of stiffness, damping, "
+            "rest angle and starts)."
         ),
         table(("effect", "weakest that would show here", "looks like", "experiment that tells"), rows),
     ]
@@ -354,7 +355,7 @@ def _frequency_response(board: Board) -> str:
 
 
 def _check(board: Board, files: "Sequence[LogFile]", space: Workspace) -> list[str]:
-    check = board.check
+    check = board.last_check
     if not check:
         found = [file.found for file in files if file.found is not None]
         command = space.command("check", *board.options, logs=found)

@@ -9,7 +9,7 @@ from reports.figures.svg import figure_to_svg, page_style
 from reports.page.page import Page, answers, figure, panels, script, sliders, table
 from reports.playground import playground
 from sysid.comparison.compare import compare
-from sysid.decay.report import LABELS
+from sysid.decay.report import LABELS, verdict
 from sysid.errors import SysidError
 from sysid.joint import JointLaw
 from sysid.live.session import Session
@@ -28,6 +28,7 @@ def live_page(session: Session, version: int, log: str) -> str:
     rows = [
         ("Releases so far", count(len(session.releases), "release") + ".", ""),
         ("Stiffness and damping", session.trouble or f"{numbers} (95 %)", "bad" if session.trouble else ""),
+        *([] if decay is None else [("Linear?", verdict(decay), "" if decay.linear else "bad")]),
         ("What to do next?", session.next_step, ""),
     ]
     page.lead = f'<div data-version="{version}">{answers(rows)}</div>' + _sliders(session) + script("live.js")
@@ -58,7 +59,7 @@ def _shrinking(session: Session, name: str) -> str:
 
 
 def _sliders(session: Session) -> str:
-    """Return sliders that begin with the linear decay of what was measured; nothing where it cannot be simulated."""
+    """Return sliders that begin with the measured linear decay; nothing if it cannot be simulated."""
     decay = session.decay
     if decay is None:
         return ""

@@ -47,7 +47,7 @@ def paragraph(text: str) -> str:
 
 
 def note(text: str) -> str:
-    """Return a remark that nobody should miss."""
+    """Return a remark in a frame."""
     return f'<p class="note">{escape(text)}</p>'
 
 
@@ -67,7 +67,7 @@ def verdict(text: str, *, good: bool) -> str:
 
 
 def warning_list(warnings: Sequence[str]) -> str:
-    """Return warnings as a list, or a line that says there are none."""
+    """Return warnings as a list; "No warnings." without any."""
     if not warnings:
         return paragraph("None.")
     return '<ul class="warnings">' + "".join(f"<li>{escape(text)}</li>" for text in warnings) + "</ul>"
@@ -107,7 +107,7 @@ def panels(parts: Sequence[str]) -> str:
 
 
 def sliders(code: str, data: Mapping[str, object], remark: str) -> str:
-    """Return sliders over a joint: its functions in JavaScript, and what they work on."""
+    """Return sliders over a joint: its functions in JavaScript, and their data."""
     content = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     return (
         '<div id="play"><div class="presets"></div>'

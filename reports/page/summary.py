@@ -89,5 +89,5 @@ def pretty(text: str) -> str:
 
 
 def effect_lines(board: Board) -> list[tuple[str, str, str]]:
-    """Return for each effect of a board its name, its law and what it does."""
+    """Return name, law and consequence of each effect of a board."""
     return [(part.name, effect(part.name).law, effect(part.name).does) for part in board.effects]

@@ -1,4 +1,4 @@
-"""The frames of a film with what was followed drawn in, for a recording.
+"""Frames of a film with the tracked points drawn in, for a recording.
 
 Every frame is a JPEG picture of its own: players of Rerun show it on every system, where a film in
 H.264 needs a decoder that many lack, and MPEG-4 has none.

@@ -20,14 +20,14 @@ GRAVITY = 9.81
 AfterStep = Callable[[mujoco.MjModel, mujoco.MjData], None]
 """Called after each step, e.g. to set the trucks of a scene whose coupling is 'direct'."""
 Begin = Callable[[mujoco.MjModel, mujoco.MjData, float, float], None]
-"""Brings a model to where its joint is at a position [rad or m] and moves at a rate."""
+"""Sets a model to a position [rad or m] and a rate of its joint."""
 
 
 def rig_spec(board: Board, *, timestep: float = 0.001, integrator: str = "implicitfast") -> mujoco.MjSpec:
     """Build the bench from a board record: base clamped, deck free to tilt without a limit.
 
     Args:
-        board: The record; what is built has its deck mass, roll inertia, stiffness, damping, effects.
+        board: The record; its deck mass, roll inertia, stiffness, damping and effects are built.
         timestep: [s].
 
     Raises:
@@ -43,29 +43,22 @@ def rig_spec(board: Board, *, timestep: float = 0.001, integrator: str = "implic
     height = board.geometry["truck_height"].value if board.geometry else 2 * size[1]
     deck = add_body(spec.worldbody, "deck", (0.0, 0.0, height), mass, inertia)
     joint = deck.add_joint(
-        name=TILT_JOINT,
-        type=mujoco.mjtJoint.mjJNT_HINGE,
-        axis=[1.0, 0.0, 0.0],
+        name=TILT_JOINT, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1.0, 0.0, 0.0],
         limited=mujoco.mjtLimited.mjLIMITED_FALSE,
-    )
+    )  # fmt: skip
     deck.add_geom(
-        name="deck_visual",
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=size,
-        contype=0,
-        conaffinity=0,
+        name="deck_visual", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, contype=0, conaffinity=0,
         rgba=[0.83, 0.68, 0.47, 1.0],
-    )
+    )  # fmt: skip
     add_effects(spec, joint, board)
     _assert_matches_record(spec, board, mass)
     return spec
 
 
 def _deck(board: Board) -> tuple[float, Array, Array]:
-    """Return mass [kg], principal inertia [kg*m^2], shape (3,), and half sides [m], shape (3,), of what tilts.
+    """Return mass [kg], principal inertia [kg*m^2], shape (3,), and half sides [m], shape (3,), of the tilting body.
 
-    Of a joint whose record has no geometry only the inertia matters: a cube of it, heavy enough to have the weight's moment
-    within itself.
+    A record without geometry gets a cube of its inertia, heavy enough to hold the moment of the weight inside it.
     """
     roll = board.inertia.value
     if board.geometry and board.mass:
@@ -108,15 +101,9 @@ class Swing:
 
 
 def swing(
-    model: mujoco.MjModel,
-    angle: float,
-    rate: float,
-    duration: float,
-    *,
-    joint: str = TILT_JOINT,
-    after_step: AfterStep | None = None,
-    begin: Begin | None = None,
-) -> Swing:
+    model: mujoco.MjModel, angle: float, rate: float, duration: float, *, joint: str = TILT_JOINT,
+    after_step: AfterStep | None = None, begin: Begin | None = None,
+) -> Swing:  # fmt: skip
     """Release the deck and step MuJoCo.
 
     Args:
@@ -125,7 +112,7 @@ def swing(
         rate: Roll rate at release [rad/s].
         duration: At least this long is simulated [s].
         joint: Name of the tilt joint; its axis may be +x or -x.
-        begin: Brings the model to its start; `angle` is then the joint's own position, whatever its axis.
+        begin: Sets the model to its start; `angle` is then the joint's own position.
 
     Raises:
         SysidError: The simulation becomes unstable.
@@ -158,7 +145,7 @@ def swing(
 
 @contextmanager
 def stable(model: mujoco.MjModel, data: mujoco.MjData) -> Generator[None]:
-    """Refuse what is stepped in this block if it becomes unstable; MuJoCo would note it in a file of the folder it runs in.
+    """Raise an error if the simulation in this block becomes unstable; MuJoCo alone would write a log file.
 
     Raises:
         SysidError: A position, rate or acceleration is not finite, or huge.
@@ -181,9 +168,9 @@ def stable(model: mujoco.MjModel, data: mujoco.MjData) -> Generator[None]:
 
 
 def steer_to_tilt(model: mujoco.MjModel, data: mujoco.MjData, q: int, v: int) -> None:
-    """Bring joints that equality constraints tie to the tilt joint to where that is, in place.
+    """Move joints that equality constraints tie to the tilt joint to its position, in place.
 
-    Without it a release would start with a violated constraint, and the kick that mends it.
+    A release would otherwise start with a violated constraint and its kick.
     """
     tilt = next(i for i in range(model.njnt) if model.jnt_qposadr[i] == q)
     for i in range(model.neq):
@@ -201,10 +188,10 @@ def steer_to_tilt(model: mujoco.MjModel, data: mujoco.MjData, q: int, v: int) ->
 
 
 def _drag(model: mujoco.MjModel, data: mujoco.MjData, joint: str) -> None:
-    """Bring what the deck acts on to where a slow pull from rest to the release leaves it: support, slider, bristles."""
+    """Set support, slider and bristles to their states after a slow pull from rest to the release."""
     kinds, own = mujoco.mjtObj, model.joint(joint).qposadr[0]
     hanging = mujoco.mj_name2id(model, kinds.mjOBJ_JOINT, f"{joint}_hanging_joint")
-    if hanging >= 0:  # at rest, whatever rate the deck has: its joint counts from the deck
+    if hanging >= 0:  # the hanging body is at rest; its joint counts from the deck
         data.qvel[model.jnt_dofadr[hanging]] = -data.qvel[model.joint(joint).dofadr[0]]
     tilt = float(data.qpos[own] - model.qpos_spring[own])
     for name in ("support", "slider"):

@@ -2,7 +2,7 @@
 
 Bodies::
 
-    board (free joint)                  what stays level: baseplates, axles and the wheels' mass
+    board (free joint)                  level: baseplates, axles and the wheels' mass
     ├── deck  board_tilt_joint          turns with the deck
     ├── front_truck  front_truck_joint  steers; light, see STEERED_SHARE
     │   ├── front_left_wheel …_joint
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from sysid.joint.law import JointLaw
 
 Coupling = Literal["equality", "direct"]
-"""How the deck's tilt steers the trucks: by a joint equality constraint, or by setting the truck
-angles after each step (`set_trucks`), which puts no load on the tilt joint."""
+"""How the deck's tilt steers the trucks: by a joint equality, or by `set_trucks` after each step, which does not load the tilt
+joint."""
 Place = tuple[float, float, float]
 """[m]"""
 
@@ -40,52 +40,52 @@ TRUCK_JOINTS = ("front_truck_joint", "rear_truck_joint")
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 
 STEERED_SHARE = 0.02
-"""Share of each truck's and wheel's mass that steers; the rest sits at the same place in the chassis.
+"""Share of each truck's and wheel's mass that steers; the rest is at the same place in the chassis.
 
-The trucks steer while a real deck rocks, so the measured roll inertia already holds what they add to
-it. Steered parts of full weight would add it again through the coupling: 2 tan²λ times a truck's
-steering inertia, for the HUSKY boards one and a half times the deck's own."""
+The trucks of a real deck steer as it rocks, so the measured roll inertia holds their share already. Steered parts of full mass
+would add it again: 2 tan²λ times a truck's steering inertia, 1.5 times the deck's own on the HUSKY boards."""
 
 WHEEL_FRICTION = (1.0, 0.001, 0.001)
-"""Sliding [1], torsional [m] and rolling [m] friction of a wheel. Sliding and rolling are the HUSKY
-paper's; torsional is two thirds of the radius of a small contact patch. Through the coupling it brakes
-the deck: the 0.01 m of the authors' release would add half to the compliant board's damping."""
+"""Sliding [1], torsional [m] and rolling [m] friction of a wheel. Sliding and rolling are the HUSKY paper's; torsional is two
+thirds of the radius of a small contact patch. The 0.01 m of the authors' release would brake the compliant deck half as much again."""
 
-COASTING = (
-    (0.00025, 0.0073), (0.0005, 0.0290), (0.001, 0.0848), (0.0015, 0.155), (0.002, 0.237), (0.003, 0.427), (0.004, 0.635),
-)  # fmt: skip
-"""Rolling friction [m], and the loss of speed at 1 m/s that it makes in this scene under 33 kg [m/s^2]. It is no Coulomb
-friction: a pyramidal cone makes of it a loss that grows with the speed and falls with the load
-(`benchmarks/results/hands_off.md`)."""
+COASTING = (-5.160, 0.7831, 0.02918)
+"""Rolling friction [m] for a loss of speed [m/s^2] at 1 m/s: c₀, c₁, c₂ of ln friction = c₀ + c₁ L + c₂ L² with L = ln loss.
 
-WHEEL_SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
-"""Contact impedance of a wheel [1], its width in m. MuJoCo scales a contact's softness by the mobility of the bodies in
-touch; with its default, wheels as light as these would sink by 23 mm under a rider; with this, 0.8 mm."""
+It is within 4 % of this scene under 33 kg, from 0.007 to 0.6 m/s² (`benchmarks/results/hands_off.md`). A pyramidal cone makes
+of rolling friction a loss that grows with the speed and falls with the load."""
+
+WHEEL_IMPEDANCE = (0.99, 0.999)
+"""First two numbers of a wheel's solimp [1]. MuJoCo scales the softness of a contact by the mobility of its bodies. These light
+wheels sink by 0.8 mm under a rider, by 23 mm with the defaults."""
 
 _DIRECT_ARMATURE = 1.0
-"""Armature [kg*m^2] of a truck joint whose angle is set from outside: contact forces must not turn it
-within a step. An armature loads only its own joint, neither the deck nor the board."""
+"""Armature [kg*m^2] of a truck joint that is set from outside: contacts must not turn it within a step. An armature loads its
+own joint only."""
 
-_ORIGIN = (0.0, 0.0, 0.0)
-"""Centre of mass at the body's origin [m]; left out, MjSpec puts it at the body's position in its parent."""
+_ORIGIN = np.zeros(3)
+"""Centre of mass at the body's origin [m]; MjSpec's default is the body's position in its parent."""
 
-_DECK_COLOUR = (0.83, 0.68, 0.47, 1.0)
-_METAL = (0.55, 0.57, 0.60, 1.0)
-_WHEEL_COLOUR = (0.93, 0.93, 0.90, 1.0)
-"""Red, green, blue and opacity, as a share of full."""
+_DECK_COLOUR, _METAL, _WHEEL_COLOUR, _MARKER = "d4ad78", "8c9199", "edede6", "333840"
+"""Red, green and blue, in hexadecimal digits."""
+
+
+def colour(digits: str) -> list[float]:
+    """Return red, green, blue and opacity as shares of full [1]."""
+    return [*(round(value / 255, 2) for value in bytes.fromhex(digits)), 1.0]
 
 
 def wheel_friction(board: Board) -> tuple[float, float, float]:
-    """Return the wheels' friction, rolling as it was measured on the board where it was."""
+    """Return the friction of the wheels, with the board's measured rolling resistance if it has one."""
     sliding, torsional, rolling = WHEEL_FRICTION
     if board.rolling:
-        frictions, losses = np.log(COASTING).T
-        rolling = float(np.exp(np.interp(np.log(board.rolling["deceleration"].value), losses, frictions)))
+        loss = math.log(board.rolling["deceleration"].value)
+        rolling = math.exp(np.polynomial.Polynomial(COASTING)(loss))
     return sliding, torsional, rolling
 
 
 def add_chassis(spec: mujoco.MjSpec, board: Board) -> mujoco.MjsBody:
-    """Add what stays level: the unsteered share of trucks and wheels, as point masses on the axles."""
+    """Add the level parts: the unsteered share of trucks and wheels, as point masses on the axles."""
     geometry = board.geometry
     axle_x, wheel_y = geometry["wheelbase"].value / 2, geometry["track"].value / 2
     axle_z = -geometry["truck_height"].value
@@ -109,42 +109,28 @@ def add_chassis(spec: mujoco.MjSpec, board: Board) -> mujoco.MjsBody:
 def add_deck(root: mujoco.MjsBody, board: Board, inertia: float, tilt_range: float) -> mujoco.MjsJoint:
     """Add the deck: a cuboid of this roll inertia [kg*m^2], its centre on the tilt axis."""
     length, width, thickness = (board.geometry[key].value for key in ("length", "width", "thickness"))
-    deck = add_body(root, "deck", _ORIGIN, board.mass["deck"].value, deck_inertia(board, inertia))
+    deck = add_body(root, "deck", (0.0, 0.0, 0.0), board.mass["deck"].value, deck_inertia(board, inertia))
     joint = deck.add_joint(
-        name=TILT_JOINT,
-        type=mujoco.mjtJoint.mjJNT_HINGE,
-        axis=[1.0, 0.0, 0.0],
-        limited=mujoco.mjtLimited.mjLIMITED_TRUE,
-        range=[-tilt_range, tilt_range],
-    )
+        name=TILT_JOINT, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1.0, 0.0, 0.0],
+        limited=mujoco.mjtLimited.mjLIMITED_TRUE, range=[-tilt_range, tilt_range],
+    )  # fmt: skip
     deck.add_geom(
-        name="deck_collision",
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[length / 2, width / 2, thickness / 2],
-        rgba=list(_DECK_COLOUR),
-        condim=3,
-        friction=[1.0, 0.005, 0.0001],
-        priority=1,
-    )
+        name="deck_collision", type=mujoco.mjtGeom.mjGEOM_BOX, size=[length / 2, width / 2, thickness / 2],
+        rgba=colour(_DECK_COLOUR), condim=3, friction=[1.0, 0.005, 0.0001], priority=1,
+    )  # fmt: skip
     for end, sign in (("front", 1.0), ("rear", -1.0)):
         deck.add_site(
-            name=f"{end}_marker",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            pos=[sign * board.geometry["wheelbase"].value / 2, 0.0, thickness / 2],
-            size=[0.15, 0.075, 0.001],
-            rgba=[0.20, 0.22, 0.25, 1.0],
-        )
+            name=f"{end}_marker", type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=[sign * board.geometry["wheelbase"].value / 2, 0.0, thickness / 2], size=[0.15, 0.075, 0.001],
+            rgba=colour(_MARKER),
+        )  # fmt: skip
     return joint
 
 
 def add_truck(
-    root: mujoco.MjsBody,
-    board: Board,
-    end: Literal["front", "rear"],
-    tilt_range: float,
-    coupling: Coupling,
+    root: mujoco.MjsBody, board: Board, end: Literal["front", "rear"], tilt_range: float, coupling: Coupling,
     wheel_friction: Sequence[float],
-) -> None:
+) -> None:  # fmt: skip
     """Add a truck on its steering joint with two wheels; the body's origin is the middle of its axle."""
     geometry = board.geometry
     sign = 1.0 if end == "front" else -1.0
@@ -158,7 +144,7 @@ def add_truck(
         name=f"{end}_truck_joint",
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=[0.0, 0.0, -sign],
-        # A little more than the full tilt needs, so that it is the tilt joint that ends the motion.
+        # 5 % beyond the full tilt, so that the tilt joint ends the motion.
         limited=limits.mjLIMITED_TRUE if coupling == "equality" else limits.mjLIMITED_FALSE,
         range=[-limit, limit],
         armature=_DIRECT_ARMATURE if coupling == "direct" else 0.0,
@@ -176,30 +162,20 @@ def _add_wheel(
     wheel = add_body(truck, f"{name}_wheel", (0.0, y, 0.0), mass, _wheel_inertia(mass, radius))
     wheel.add_joint(name=f"{name}_wheel_joint", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0])
     wheel.add_geom(
-        name=f"{name}_wheel_collision",
-        type=mujoco.mjtGeom.mjGEOM_SPHERE,
-        size=[radius, 0.0, 0.0],
-        condim=6,
-        friction=list(friction),
-        solimp=list(WHEEL_SOLIMP),
-        priority=1,
-        group=3,
-    )
+        name=f"{name}_wheel_collision", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0.0, 0.0], condim=6,
+        friction=list(friction), solimp=[*WHEEL_IMPEDANCE, 0.001, 0.5, 2.0], priority=1, group=3,
+    )  # fmt: skip
     wheel.add_geom(
-        name=f"{name}_wheel_visual",
-        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        fromto=[0.0, -0.02, 0.0, 0.0, 0.02, 0.0],
-        size=[radius, 0.0, 0.0],
-        contype=0,
-        conaffinity=0,
-        rgba=list(_WHEEL_COLOUR),
-        group=2,
-    )
+        name=f"{name}_wheel_visual", type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        fromto=[0.0, -0.02, 0.0, 0.0, 0.02, 0.0], size=[radius, 0.0, 0.0], contype=0, conaffinity=0,
+        rgba=colour(_WHEEL_COLOUR), group=2,
+    )  # fmt: skip
 
 
 def add_body(
-    parent: mujoco.MjsBody, name: str, pos: Place, mass: float, inertia: Array, centre: Place = _ORIGIN
-) -> mujoco.MjsBody:
+    parent: mujoco.MjsBody, name: str, pos: Place, mass: float, inertia: Array,
+    centre: Place | Array = _ORIGIN,
+) -> mujoco.MjsBody:  # fmt: skip
     """Add a body at `pos` [m] in its parent, of this mass [kg] and inertia [kg*m^2] about its own axes through `centre` [m]."""
     return parent.add_body(name=name, pos=pos, mass=mass, ipos=centre, inertia=inertia, explicitinertial=True)
 
@@ -210,28 +186,28 @@ def steering_angle(roll: float, rake: float) -> float:
 
 
 def law_of(board: Board) -> "JointLaw":
-    """Return the law of a board's joint; only here is CasADi imported."""
+    """Return the law of a board's joint; CasADi is imported here only."""
     from sysid.joint.law import JointLaw
 
     return JointLaw.from_board(board)
 
 
 def inertia_ratio(board: Board) -> float:
-    """Return by how much the record's effects multiply its roll inertia."""
+    """Return the factor by which the record's effects multiply its roll inertia [1]."""
     # Only boards with effects need the catalogue.
     return law_of(board).inertia_ratio if board.effects else 1.0
 
 
 def inertia_gain(board: Board) -> float:
-    """Return by how much the record's effects multiply what is added to its roll inertia."""
+    """Return the factor by which the record's effects multiply an inertia added to its roll inertia [1]."""
     return law_of(board).inertia_gain if board.effects else 1.0
 
 
 def reflected_inertia(board: Board) -> float:
     """Return the roll inertia that steered trucks and rolling wheels add at small tilt [kg*m^2].
 
-    Through the coupling a truck of steering inertia J counts tan²λ J, and a wheel of spin inertia j,
-    which rolls by track / 2 for each radian that its truck turns, tan²λ (track / 2r)² j.
+    A truck of steering inertia J adds tan²λ J. A wheel of spin inertia j rolls by track / 2 for each radian of its truck and
+    adds tan²λ (track / 2r)² j.
     """
     track, radius = board.geometry["track"].value, board.geometry["wheel_radius"].value
     truck = STEERED_SHARE * board.mass["truck"].value
@@ -245,7 +221,7 @@ def reflected_inertia(board: Board) -> float:
 def deck_inertia(board: Board, roll: float) -> Array:
     """Return a deck's principal inertia [kg*m^2], shape (3,).
 
-    As of a cuboid of the record's length, thickness and mass, and of the width that has the roll inertia.
+    It is a cuboid of the record's length, thickness and mass, as wide as the roll inertia needs.
 
     Args:
         roll: Inertia about the tilt axis [kg*m^2].
@@ -279,19 +255,13 @@ def _visual(
     body: mujoco.MjsBody, name: str, size: Sequence[float], pos: Sequence[float] = (0.0, 0.0, 0.0)
 ) -> None:
     body.add_geom(
-        name=name,
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=list(size),
-        pos=list(pos),
-        contype=0,
-        conaffinity=0,
-        rgba=list(_METAL),
-        group=2,
-    )
+        name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=list(size), pos=list(pos), contype=0, conaffinity=0,
+        rgba=colour(_METAL), group=2,
+    )  # fmt: skip
 
 
 def substituted(board: Board) -> tuple[str, ...]:
-    """Say for each effect of a board that MuJoCo cannot hold what is written in its place."""
+    """Return a line for each effect that MuJoCo lacks: its substitute."""
     return tuple(
         f"effect '{part.name}': MuJoCo has {support.written}"
         for part in board.effects
@@ -300,7 +270,7 @@ def substituted(board: Board) -> tuple[str, ...]:
 
 
 def left_out(board: Board) -> tuple[str, ...]:
-    """Say what of a board's effects MuJoCo cannot represent, though it has the rest of them."""
+    """Return a line for each parameter of an effect that MuJoCo cannot hold."""
     return tuple(
         f"effect '{part.name}': MuJoCo cannot represent its {lost} of {part.parameters[lost].value:.3g} "
         f"{part.parameters[lost].unit}, which is left out"
@@ -310,7 +280,7 @@ def left_out(board: Board) -> tuple[str, ...]:
 
 
 def as_represented(board: Board) -> Board:
-    """Return the board without what MuJoCo cannot represent of its effects."""
+    """Return the board without the parameters that MuJoCo cannot hold."""
     parts = [(part, effect(part.name).mujoco.leaves_out) for part in board.effects]
     return replace(
         board,

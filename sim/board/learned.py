@@ -1,12 +1,11 @@
 """The part of a learned torque that MuJoCo has no element for, applied as an external torque in every step.
 
-A model that holds one (`husky-sysid mjcf`) carries its tables as custom numbers. In plain MuJoCo
+A model with such a torque (`husky-sysid mjcf`) carries its tables as custom numbers. In plain MuJoCo, these lines add the part
+to the passive torques; without them the tables of the tilt still act, as tendons:
 
     import mujoco
     from sim.board.learned import passive
     mujoco.set_mjcb_passive(passive)
-
-adds the rest to the passive torques of every such model; without it the tables of the tilt still act, as tendons.
 """
 
 import mujoco
@@ -17,7 +16,7 @@ Left = list[tuple[int, int, Remainder]]
 
 
 def left_out(model: mujoco.MjModel) -> Left:
-    """Return (address in qpos, in qvel, what is left out) of each learned torque of a model."""
+    """Return address in qpos, address in qvel and missing part of each learned torque of a model."""
     found: Left = []
     for index in range(model.nnumeric):
         name = model.numeric(index).name
@@ -30,7 +29,7 @@ def left_out(model: mujoco.MjModel) -> Left:
 
 
 def apply(left: Left, data: mujoco.MjData) -> None:
-    """Set what is left out as applied torque, for the step that comes."""
+    """Set the missing parts as applied torques of the next step."""
     for _, v, _ in left:
         data.qfrc_applied[v] = 0.0
     for q, v, torque in left:
@@ -42,7 +41,7 @@ _KNOWN: dict[bytes, Left] = {}
 
 
 def passive(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Add what is left out to the passive torques; for `mujoco.set_mjcb_passive`."""
+    """Add the missing parts to the passive torques; for `mujoco.set_mjcb_passive`."""
     if model.nnumeric == 0:
         return
     key = model.numeric_data.tobytes()

@@ -9,16 +9,16 @@ from sysid.errors import SysidError
 from sysid.quantity import Quantity
 
 FACTORS = {"k": "stiffness", "d": "damping", "inertia": "roll inertia", "rake": "rake"}
-"""What can be scaled, and what it is called."""
+"""Quantities that can be scaled, by the names of --board-scale."""
 STEEPEST_RAKE = math.radians(80)
-"""Beyond it tan λ, the trucks' angle for one of tilt, is over 5.6 and no board's."""
+"""Largest rake [rad]: the trucks would turn 5.6 times as far as the deck tilts."""
 
 
 def scaled_board(board: Board, factors: Mapping[str, float]) -> Board:
     """Return a board with some numbers multiplied, by the names of `FACTORS`; its check and its effects' parameters stay.
 
     Raises:
-        SysidError: A name is unknown, a factor is negative or not finite, or a rake is none.
+        SysidError: A name is unknown, a factor is negative or not finite, or the rake is too steep.
     """
 
     def times(quantity: Quantity, name: str) -> Quantity:

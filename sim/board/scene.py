@@ -1,9 +1,7 @@
 """The free board as MJCF: deck on a sprung tilt joint, steered trucks, wheels, ground.
 
-The bodies are in `sim.board.bodies`. Every joint's position has the sign of a right turn:
-`board_tilt_joint` is the roll (right edge down is positive), and both truck joints are the steering
-angle σ of tan σ = tan λ sin roll, the front one turning right and the rear one left, so a board with its
-right edge down turns right.
+The bodies are in `sim.board.bodies`. Every joint is positive in a right turn. `board_tilt_joint` is the roll, right edge down.
+Both truck joints are the steering angle σ of tan σ = tan λ sin roll: the front truck turns right, the rear one left.
 """
 
 import math
@@ -33,28 +31,22 @@ from sysid.roll import Array
 
 
 def board_spec(
-    board: Board,
-    *,
-    coupling: Coupling = "equality",
-    ground: bool = True,
-    timestep: float = 0.005,
-    integrator: str = "implicitfast",
-    friction: Sequence[float] | None = None,
-) -> mujoco.MjSpec:
+    board: Board, *, coupling: Coupling = "equality", ground: bool = True, timestep: float = 0.005,
+    integrator: str = "implicitfast", friction: Sequence[float] | None = None,
+) -> mujoco.MjSpec:  # fmt: skip
     """Build the free board from its record, effects included.
 
     Args:
-        board: The record; what is built has its masses, roll inertia, stiffness, damping, effects.
-        coupling: How tilt steers the trucks. With 'equality' the deck's own roll inertia is the
-            record's less what the steered parts add to it.
-        ground: Whether to add the ground and a light. Without them the spec is an entity for
-            attaching to another scene (with a prefix of its own), whose options count.
-        timestep: Step of the scene [s]; the coupling is as stiff as this step allows.
+        board: The record; its masses, roll inertia, stiffness, damping and effects are built.
+        coupling: How tilt steers the trucks. With 'equality' the inertia of the steered parts is taken off the deck's.
+        ground: Whether to add the ground and a light. Without them the spec is an entity for another scene, whose options
+            count.
+        timestep: Step of the scene [s]; it limits the stiffness of the coupling.
         friction: Sliding [1], torsional [m] and rolling [m] friction of the wheels; the record's if None.
 
     Raises:
-        SysidError: The record cannot be built: inertia too small for the deck's mass, rake and tilt
-            range that do not fit, or compiled mass or inertia differ from the record.
+        SysidError: The inertia is too small for the deck's mass, rake and tilt range contradict each other, or compiled mass or
+            inertia differ from the record.
     """
     board.need("the scene of the whole board")
     spec = mujoco.MjSpec()
@@ -67,13 +59,12 @@ def board_spec(
     limit = board.tilt["range"].value
     root = add_chassis(spec, board)
     reflected = reflected_inertia(board) if coupling == "equality" else 0.0
-    # What steers is taken off the deck, so that nothing is counted twice; an effect that scales the inertia
-    # will multiply what is written here.
+    # Steered parts must not count twice; an effect that scales the inertia multiplies the number written here.
     tilt = add_deck(root, board, board.inertia.value - reflected / inertia_gain(board), limit)
     for end in ("front", "rear"):
         add_truck(root, board, end, limit, coupling, friction or wheel_friction(board))
     for wheel in WHEELS:
-        # A deck at full tilt would touch its own wheels; a real one has risers against wheel bite.
+        # A deck at full tilt would touch its wheels; a real board has risers.
         spec.add_exclude(name=f"deck_{wheel}_wheel", bodyname1="deck", bodyname2=f"{wheel}_wheel")
     if coupling == "equality":
         _add_coupling(spec, board, limit, timestep)
@@ -140,7 +131,7 @@ def integrator_name(model: mujoco.MjModel) -> str:
 
 
 def add_effects(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Board) -> tuple[str, ...]:
-    """Put spring, damper and the record's effects on a tilt joint, in place; return a line for each thing that one wrote."""
+    """Put spring, damper and effects of a record on a tilt joint, in place; return a line for each part written."""
     joint.stiffness[0] = board.stiffness
     joint.damping[0] = board.damping
     joint.springref = board.rest_angle
@@ -148,14 +139,14 @@ def add_effects(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Board) -> tu
         return ()
     from sysid.effects import effect  # only boards with effects need the catalogue
 
-    # An effect that puts the joint on a support moves all that the joint carries: it comes last.
+    # A support moves everything that the joint carries: it comes last.
     parts = sorted(board.effects, key=lambda part: effect(part.name).role == "support")
     lines: list[str] = []
     for part in parts:
         values = {name: quantity.value for name, quantity in part.parameters.items()}
         lines += effect(part.name).to_mjcf(spec, joint, values)
     deck = joint.parent
-    # An effect that lowers roll inertia makes a narrower deck, which turns more easily about z too.
+    # A deck of less roll inertia is narrower, and turns more easily about z too.
     deck.inertia[2] = min(deck.inertia[2], 0.999 * (deck.inertia[0] + deck.inertia[1]))
     return tuple(lines)
 
@@ -163,8 +154,8 @@ def add_effects(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Board) -> tu
 def assert_matches_record(spec: mujoco.MjSpec, board: Board, coupling: Coupling) -> None:
     """Compile the spec and compare total mass and roll inertia about the tilt axis with the record.
 
-    What the file was meant to hold is not what MuJoCo simulates: geoms add mass where an inertial is
-    missing, a centre of mass is not where it was thought, a deck's inertia is counted twice.
+    MuJoCo may compile something else than was meant: geoms add mass where an inertial is missing, or a deck's inertia counts
+    twice.
 
     Raises:
         SysidError: They differ.
@@ -189,8 +180,7 @@ def roll_inertia(model: mujoco.MjModel, geometry: Mapping[str, Quantity] | None 
     """Return the compiled inertia about the tilt axis [kg*m^2], the chassis held.
 
     Args:
-        geometry: The board's; with it the steered trucks and the wheels that they turn are included
-            as the coupling brings them to the tilt joint: angle × tan λ, wheels rolling without slip.
+        geometry: The board's, to include steered trucks (angle × tan λ) and their wheels, which roll without slip.
     """
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -199,7 +189,7 @@ def roll_inertia(model: mujoco.MjModel, geometry: Mapping[str, Quantity] | None 
     motion = np.zeros(model.nv)  # of all joints, for a roll rate of 1 rad/s
     motion[model.joint(TILT_JOINT).dofadr[0]] = 1.0
     hinge = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{TILT_JOINT}_hanging_joint")
-    if hinge >= 0:  # what hangs on the deck does not turn with it
+    if hinge >= 0:  # a hanging body does not turn with the deck
         motion[model.jnt_dofadr[hinge]] = -1.0
     if geometry is not None:
         steer = math.tan(geometry["rake"].value)
@@ -213,18 +203,15 @@ def roll_inertia(model: mujoco.MjModel, geometry: Mapping[str, Quantity] | None 
 
 
 def _add_ground(spec: mujoco.MjSpec) -> None:
-    spec.stat.extent = 0.8  # what a viewer shows at first
+    spec.stat.extent = 0.8  # first view
     spec.stat.center = [0.0, 0.0, 0.05]
     spec.worldbody.add_geom(
         name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5.0, 5.0, 0.1], rgba=[0.32, 0.36, 0.40, 1.0]
     )
     spec.worldbody.add_light(
-        name="sun",
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=[0.0, 0.0, 3.0],
-        dir=[0.2, 0.3, -1.0],
+        name="sun", type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=[0.0, 0.0, 3.0], dir=[0.2, 0.3, -1.0],
         castshadow=False,
-    )
+    )  # fmt: skip
 
 
 def _add_coupling(spec: mujoco.MjSpec, board: Board, tilt_range: float, timestep: float) -> None:
@@ -232,12 +219,8 @@ def _add_coupling(spec: mujoco.MjSpec, board: Board, tilt_range: float, timestep
     coefficients, _ = coupling_polynomial(board.geometry["rake"].value, tilt_range)
     for joint in TRUCK_JOINTS:
         constraint = spec.add_equality(
-            name=joint.replace("joint", "coupling"),
-            type=mujoco.mjtEq.mjEQ_JOINT,
-            objtype=mujoco.mjtObj.mjOBJ_JOINT,
-            name1=joint,
-            name2=TILT_JOINT,
-            solref=[2 * timestep, 1.0],
+            name=joint.replace("joint", "coupling"), type=mujoco.mjtEq.mjEQ_JOINT,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT, name1=joint, name2=TILT_JOINT, solref=[2 * timestep, 1.0],
             solimp=[0.9999, 0.9999, 0.001, 0.5, 2.0],
-        )
+        )  # fmt: skip
         constraint.data[:5] = coefficients

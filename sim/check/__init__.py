@@ -1,1 +1,1 @@
-"""The gate: does the deck in the training scene decay as it was measured, and if not, why?"""
+"""The gate: the decay in the training scene beside the measured decay, and the causes of a difference."""

@@ -16,7 +16,7 @@ from sysid.quantity import Z95
 from sysid.roll import Array, Release
 
 WITHIN_RANGE = 0.97
-"""Share of the scene's tilt range below which a decay is compared: a limit pushes a little before its end."""
+"""Share of the scene's tilt range up to which a decay is compared [1]: a limit pushes just before its end."""
 BLOCK = 0.008
 """Residuals are averaged over blocks of this length before the noise is taken out [s]."""
 
@@ -26,7 +26,7 @@ class ReleaseCheck:
     """One measured decay beside the scene's."""
 
     release: Release
-    """What was measured, from where the deck stays within the scene's tilt range on."""
+    """The measurement, from the sample on after which it stays within the scene's tilt range."""
     side: str
     """The edge that was down when the deck was let go."""
     simulated: Array
@@ -34,19 +34,17 @@ class ReleaseCheck:
     zero: float
     """The log's zero against the scene's [rad]."""
     rest_error: float
-    """How far from the log's rest the scene rests, beyond what the record's uncertainty of it allows [rad]; 0 where the
-    log's zero is that of a mounting that nobody knows."""
+    """Distance of the scene's rest from the log's, beyond the record's uncertainty [rad]; 0 where the log's zero is unknown."""
     start: tuple[float, float]
     """Fitted roll [rad] and rate [rad/s] at the first sample, about the scene's zero."""
     cut: float
-    """Time left out at the beginning because the deck was beyond the scene's tilt range [s]."""
+    """Time left out at the beginning, beyond the scene's tilt range [s]."""
     error_power: float
-    """Mean square of the residual without the sensor's noise, and the square of `rest_error` [rad²]; may come out
-    slightly negative."""
+    """Mean square of the residual without noise, plus the square of `rest_error` [rad²]; may be slightly negative."""
     power: float
     """Mean square of the measured roll about the log's own rest without the sensor's noise [rad²]."""
     error_power_std: float
-    """Standard deviation of `error_power` that the noise leaves [rad²]."""
+    """Standard deviation of `error_power` by the noise [rad²]."""
 
     @property
     def rmse(self) -> float:
@@ -88,12 +86,12 @@ class SceneCheck:
 
     @property
     def rest_error(self) -> float:
-        """Largest distance between the log's and the scene's rest that nothing allows [rad]."""
+        """Largest `rest_error` of all releases [rad]."""
         return max((release.rest_error for release in self.releases), key=abs)
 
     @property
     def only_rest_is_off(self) -> bool:
-        """Whether the scene would pass if it rested where the log does: it moves right, about another angle."""
+        """Whether the scene would pass if it rested where the log does."""
         moving = self._mean([release.error_power - release.rest_error**2 for release in self.releases])
         return self.nrmse > self.tolerance and moving <= (self.tolerance * self.motion) ** 2
 
@@ -103,7 +101,7 @@ class SceneCheck:
         return math.sqrt(self._mean([release.power for release in self.releases]))
 
     def _mean(self, values: Sequence[float]) -> float:
-        """Return the mean over all samples of what each release has."""
+        """Return the mean of a value of each release, weighted by samples."""
         return float(np.average(values, weights=[len(one.simulated) for one in self.releases]))
 
 
@@ -112,8 +110,7 @@ def check_scene(
 ) -> SceneCheck:
     """Release the deck in a scene as it was released in the logs, and compare.
 
-    Angle and rate at the start, and the log's zero, are fitted for each release, so that noise in its
-    first samples does not count against the scene.
+    Angle and rate at the start and the log's zero are fitted for each release: noise of the first samples does not count.
 
     Args:
         board: The record; only its measurement effects (clock, lowpass, drift) and rest angle are used.
@@ -160,19 +157,13 @@ def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseChec
     error_power, error_power_std = smooth_power(residual, step)
     power, _ = smooth_power(measured - release.rest, step)
     covariance = np.linalg.pinv(found.jac.T @ found.jac) * float(np.mean(residual**2))
-    rest_error = _rest_error(board, release, float(found.x[2]), math.sqrt(covariance[2, 2]))
+    rest_error = _rest_error(board, release, float(found.x[2]), math.sqrt(max(covariance[2, 2], 0.0)))
     return ReleaseCheck(
-        release=replace(release[inside:], hold=0.0 if inside else release.hold),
-        side=release.side,
-        simulated=measured + residual,
-        zero=float(found.x[2]),
-        rest_error=rest_error,
-        start=(float(found.x[0]), float(found.x[1])),
-        cut=float(time[0] - release.time[0]),
-        error_power=error_power + rest_error**2,
-        power=max(power, 1e-12),
-        error_power_std=error_power_std,
-    )
+        release=replace(release[inside:], hold=0.0 if inside else release.hold), side=release.side,
+        simulated=measured + residual, zero=float(found.x[2]), rest_error=rest_error,
+        start=(float(found.x[0]), float(found.x[1])), cut=float(time[0] - release.time[0]),
+        error_power=error_power + rest_error**2, power=max(power, 1e-12), error_power_std=error_power_std,
+    )  # fmt: skip
 
 
 def _inside(release: Release, tilt_range: float) -> int:
@@ -189,9 +180,9 @@ def _inside(release: Release, tilt_range: float) -> int:
 
 
 def _rest_error(board: Board, release: Release, zero: float, zero_std: float) -> float:
-    """Return by how much the scene rests elsewhere than the log, beyond the 95 % interval of the difference [rad]."""
+    """Return the difference of the rests of scene and log, beyond its 95 % interval [rad]."""
     if release.zero != "known" or board.stiffness == 0:
-        # Without a spring no rest tells the zero; an integrated rate, a sensor glued on or a camera held at an angle have another.
+        # Without a spring the rest does not tell the zero; integrated rates, glued sensors and cameras have another zero.
         return 0.0
     allowed = Z95 * math.hypot(board.tilt["rest_angle"].std, zero_std)
     return zero - min(max(zero, -allowed), allowed)
@@ -200,8 +191,8 @@ def _rest_error(board: Board, release: Release, zero: float, zero_std: float) ->
 def smooth_power(signal: Array, step: float) -> tuple[float, float]:
     """Return the mean square of a sampled smooth signal under white noise, without the noise.
 
-    Means of neighbouring blocks share the signal but not the noise, so the mean of their products is
-    the signal's power alone; unlike a subtracted noise floor it needs no estimate of the noise.
+    Means of neighbouring blocks share the signal but not the noise, so the mean of their products is the signal's power. It
+    needs no estimate of the noise.
 
     Args:
         signal: Evenly sampled, shape (n,).

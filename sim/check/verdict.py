@@ -1,7 +1,8 @@
-"""The gate's verdict: what speaks against a pass, why, and what to know of one; in words, tables and JSON."""
+"""The verdict of the gate in words, tables and JSON: failures, their causes, and warnings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import date
 from typing import Any
 
 from sim.check.decays import check_scene
@@ -10,33 +11,33 @@ from sim.compensation.parasitics import DECK, TiltJoint, measure_parasitics
 from sim.compensation.scene import ClampedScene
 from sysid.board import Board
 from sysid.roll import Release
+from sysid.shown import Shown
 from sysid.text import WIDTH, table
 
 ROUNDING = 1e-6
-"""Parts below this share of the board's own stiffness, damping or inertia are the simulation's rounding: static loads
-and poles are measured to 1e-8."""
+"""Parts below this share of the board's own stiffness, damping or inertia are rounding [1]: poles are measured to 1e-8."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Verdict(Shown):
     """Verdict of `check` on a scene."""
 
     case: Case
     against: tuple[str, ...]
-    """Why it cannot be a pass; none where it is one."""
+    """Failures; empty for a pass."""
     reasons: tuple[str, ...]
-    """What may be the cause, where it is no pass."""
+    """Likely causes of a failure."""
     warnings: tuple[str, ...]
-    """What to know of a pass."""
+    """Warnings of a pass."""
 
     @property
     def passed(self) -> bool:
-        """Whether nothing speaks against it."""
+        """Whether there is no failure."""
         return not self.against
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was left out."""
+        """Notes on stretches that were left out."""
         return tuple(
             f"{one.release.log}, release {one.release.number}: the first {1e3 * one.cut:.0f} ms are beyond the scene's "
             f"tilt range of ±{self.case.scene.tilt_range:.3g} rad and are left out"
@@ -44,8 +45,31 @@ class Verdict:
             if one.cut > 0
         )
 
+    def entry(self) -> dict[str, Any]:
+        """Return the verdict as a record's [check] section holds it; see `Board.checked`."""
+        decays = self.case.decays
+        return {
+            "passed": self.passed,
+            "nrmse": float(f"{decays.nrmse:.4g}"),
+            "tolerance": decays.tolerance,
+            "scene": self.case.scene.name,
+            "logs": list(dict.fromkeys(one.release.log for one in decays.releases)),
+            "date": date.today().isoformat(),
+        }
+
+    def brief(self) -> str:
+        """Return the verdict, the error and the scene."""
+        decays = self.case.decays
+        head = f"{'passed' if self.passed else 'not passed'}: NRMSE {100 * decays.nrmse:.2f} %, {100 * decays.tolerance:g} % allowed"
+        lines = [
+            f"Check of {self.case.board.name} in {self.case.scene.name}",
+            f"  {head}",
+            *([] if self.passed else [f"  {self.refusal()}"]),
+        ]
+        return "\n".join(lines)
+
     def refusal(self) -> str:
-        """Say what speaks against a pass, and why."""
+        """Return the failures and their causes as sentences."""
         why = "; ".join(self.reasons) or (
             f"no part of the scene stands out. If the logs are of another {self.case.kind} than '{self.case.board.name}', name that "
             f"with --{self.case.kind}; else fit the {self.case.kind} to them, or diagnose them"
@@ -53,7 +77,7 @@ class Verdict:
         return f"{'; '.join(self.against)}. Why: {why}."
 
     def report(self, width: int = WIDTH) -> str:
-        """Return each decay's error, the tilt joint that the scene has, and that it is passed where it is."""
+        """Return tables of each decay's error and of the scene's tilt joint, and a line for a pass."""
         decays, joint = self.case.decays, self.case.parts
         rows: list[tuple[str, ...]] = []
         for one in decays.releases:
@@ -62,7 +86,8 @@ class Verdict:
                 f"{1e3 * one.rmse:.2f} {'mm' if self.case.board.slides else 'mrad'}",
             )
             measured, length = one.release, one.release.time[-1] - one.release.time[0]
-            rows.append((measured.log, str(measured.number), one.side, f"{length:.2f} s", *errors))
+            side = one.side if joint is not None else {"right": "above", "left": "below"}[one.side]
+            rows.append((measured.log, str(measured.number), side, f"{length:.2f} s", *errors))
         held = "all but the joint" if joint is None else "the chassis"
         lines = [
             f"{self.case.kind} {self.case.board.name} in: {self.case.scene.name}; {held} is held, as on a bench",
@@ -122,27 +147,23 @@ class Verdict:
 def judge(
     board: Board, scene: ClampedScene, releases: Sequence[Release], *, tolerance: float = 0.02
 ) -> Verdict:
-    """Release the deck in a scene as it was released in the logs, and say whether the scene passes.
+    """Release the deck in a scene as it was released in the logs, and judge the scene.
 
     Args:
-        board: The record; its effects of the sensor, its rest angle and what its joint should be are used.
+        board: The record: sensor effects, rest angle and wanted joint.
 
     Raises:
         SysidError: No decay stays within the scene's tilt range for long enough, or the scene does not move.
     """
     case = Case(
-        board=board,
-        scene=scene,
-        decays=check_scene(board, scene, releases, tolerance=tolerance),
+        board=board, scene=scene, decays=check_scene(board, scene, releases, tolerance=tolerance),
         parts=measure_parasitics(board, scene) if board.geometry else None,
-    )
+    )  # fmt: skip
     against = said("before", case)
     return Verdict(
-        case=case,
-        against=against,
-        reasons=said("failed", case) if against else (),
+        case=case, against=against, reasons=said("failed", case) if against else (),
         warnings=() if against else said("passed", case),
-    )
+    )  # fmt: skip
 
 
 def _rounded(part: TiltJoint, wanted: TiltJoint) -> list[float]:

@@ -1,8 +1,8 @@
 """Parasitic stiffness, damping and inertia that a scene adds to the tilt joint, by part of the scene.
 
-The scene is treated as a black box: static loads give its stiffness, the two-term recursion of a small
-sampled decay gives the two poles of the step, and with the stiffness these give damping and inertia as
-the integrator sees them. Parts are then switched off one at a time; what changes is theirs.
+The scene is a black box. Static loads give its stiffness. A small sampled decay, a recursion of two terms, gives the two
+poles of the step. With the stiffness, the poles give damping and inertia as the integrator sees them. Parts are then switched off
+one at a time: each change is the part's.
 """
 
 import copy
@@ -22,11 +22,10 @@ from sysid.errors import SysidError
 from sysid.joint.sampled import joint_of_map
 
 LOAD = 0.3
-"""Static load, as a share of the spring's torque at the full tilt: half or twice as much moves the stiffness of the shipped
-boards' scenes by 1e-11 of it; the deck must only stay within its range."""
+"""Static load over the spring's torque at the full tilt [1]. Half or twice as much changes the stiffness by 1e-11 of it."""
 POLE_AMPLITUDE = 0.05
-"""Amplitude of the decay from which the poles are taken [rad]: on the shipped boards' scenes 0.025 and 0.1 rad move damping
-and inertia by 0.03 % and 0.16 % at most, against the 3 % that the gate names."""
+"""Amplitude of the decay that gives the poles [rad]. With 0.025 or 0.1 rad, damping and inertia of the shipped boards differ
+by 0.16 % at most; the gate names 3 %."""
 DECK = "deck alone"
 
 
@@ -55,15 +54,15 @@ class TiltJoint:
 
 @dataclass(frozen=True, slots=True)
 class Parasitics:
-    """The whole scene's tilt joint, the one that the record asks for, and what each part adds."""
+    """The tilt joint of the whole scene, the record's, and the contribution of each part."""
 
     wanted: TiltJoint
-    """That of the bench, compensated for this integrator and step, measured in the same way."""
+    """The joint of the bench, compensated for this integrator and step, measured in the same way."""
     whole: TiltJoint
     parts: tuple[tuple[str, TiltJoint], ...]
-    """What each part adds to the tilt joint, the others staying on; 'deck alone' is what is left."""
+    """Contribution of each part while the others stay on; 'deck alone' is the joint without all of them."""
     reach: float
-    """Largest tilt that the trucks' limits allow [rad]; infinite where they allow all."""
+    """Largest tilt that the trucks' limits allow [rad]; infinite without limits."""
     mass: float
     """Of the whole board [kg]."""
 

@@ -1,8 +1,7 @@
 """The deck in its training scene: wheels on the ground, coupling on, the chassis held.
 
-The chassis is held while the deck is released, as the bench of a measurement holds it: a free board
-weighs less than its spring can lift (the stiff HUSKY board takes its wheels off the ground beyond
-seven degrees), so a measured decay is never that of a loose board.
+The chassis is held while the deck is released, as in a measurement. A free board weighs less than its spring can lift: the
+stiff HUSKY board takes its wheels off the ground beyond seven degrees.
 """
 
 from collections.abc import Callable
@@ -31,10 +30,10 @@ from sysid.errors import SysidError, did_you_mean
 from sysid.roll import Array
 
 Export = Literal["physical", "step-compensated", "in-scene"]
-"""What is written: the record's numbers; those that make the sampled decay right at this step; or those
-that make the whole scene's decay right at this step, wheels and coupling included."""
+"""Written parameters: the record's; those with which the joint decays right at this step; or those with which the whole scene
+does, wheels and coupling included."""
 SETTLING = 1.5
-"""Time for which the board sinks into its contacts before it is held [s]: after half of it it lies still to 1e-15 m."""
+"""Time in which the board sinks into its contacts before it is held [s]: it is still to 1e-15 m after half of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +46,7 @@ class ClampedScene:
     joint: str = TILT_JOINT
     after_step: AfterStep | None = None
     begin: Begin | None = None
-    """Brings a robot's model to a release; its limits then act as MuJoCo has them, instead of ending what is compared."""
+    """Sets a robot's model to a release. Its limits then act in MuJoCo and do not end the compared decay."""
 
     def swing(self, angle: float, rate: float, duration: float) -> Swing:
         """Release the joint, see `sim.board.bench.swing`."""
@@ -66,12 +65,9 @@ class ClampedScene:
 
 
 def training_scene(
-    board: Board,
-    *,
-    timestep: float = 0.005,
-    integrator: str = "implicitfast",
+    board: Board, *, timestep: float = 0.005, integrator: str = "implicitfast",
     coupling: Coupling = "equality",
-) -> ClampedScene:
+) -> ClampedScene:  # fmt: skip
     """Build our scene of a board as written (compensated or not) and hold its chassis.
 
     Raises:
@@ -87,7 +83,7 @@ def training_scene(
 
 
 def bench_scene(board: Board, *, timestep: float, integrator: str = "implicitfast") -> ClampedScene:
-    """Return what decays alone, as written (compensated or not), clamped.
+    """Return the clamped bench of a board as written (compensated or not).
 
     Raises:
         SysidError: It cannot be built.
@@ -134,9 +130,9 @@ def scene_from_file(path: Path, *, joint: str = TILT_JOINT, timestep: float | No
 
 
 def hold(spec: mujoco.MjSpec, joint: str) -> None:
-    """Let the board sink into its contacts, then take away the free joint of what carries the tilt joint.
+    """Let the board sink into its contacts, then delete the free joint of the body that carries the tilt joint.
 
-    A spec without a free joint there (a bench) stays as it is.
+    A spec without that free joint (a bench) is unchanged.
     """
     body = spec.joint(joint).parent
     while body is not None and body.name != "world":
@@ -163,14 +159,10 @@ def _settled_pose(spec: mujoco.MjSpec, free: mujoco.MjsJoint) -> Array:
 
 
 def compensate(
-    board: Board,
-    export: Export,
-    *,
-    timestep: float,
-    integrator: str = "implicitfast",
+    board: Board, export: Export, *, timestep: float, integrator: str = "implicitfast",
     coupling: Coupling = "equality",
-) -> Compensation:
-    """Return the board as it must be written, by what is asked for; the arguments are `compensate_in_scene`'s."""
+) -> Compensation:  # fmt: skip
+    """Return the board to be written for an export; arguments as in `compensate_in_scene`."""
     if export == "in-scene":
         return compensate_in_scene(board, timestep=timestep, integrator=integrator, coupling=coupling)
     make = compensate_step if export == "step-compensated" else uncompensated
@@ -178,16 +170,13 @@ def compensate(
 
 
 def compensate_in_scene(
-    board: Board,
-    *,
-    timestep: float = 0.005,
-    integrator: str = "implicitfast",
+    board: Board, *, timestep: float = 0.005, integrator: str = "implicitfast",
     coupling: Coupling = "equality",
-) -> Compensation:
-    """Return the board as it must be written so that the scene as a whole decays like the record's law.
+) -> Compensation:  # fmt: skip
+    """Return the board to be written so that the whole scene decays like the record's law.
 
-    What wheels, contacts and coupling add is taken off the deck's roll inertia and damping, together
-    with the error of the step. The static stiffness stays the record's.
+    The deck's roll inertia and damping make up for wheels, contacts, coupling and the step. The static stiffness is the
+    record's.
 
     Args:
         timestep: [s].
@@ -207,7 +196,7 @@ def compensate_in_scene(
 def _builder(
     board: Board, timestep: float, integrator: str, coupling: Coupling
 ) -> Callable[[Board], mujoco.MjModel]:
-    """Return what compiles candidates in the pose into which the first one has sunk."""
+    """Return the function that compiles candidates in the pose into which the first one has sunk."""
     built = partial(board_spec, timestep=timestep, integrator=integrator, coupling=coupling)
     first = built(board)
     pose = _settled_pose(first, first.joint(FREE_JOINT))

@@ -1,12 +1,10 @@
 """Parameters that make the simulator's sampled decay the board's, at the step it is trained with.
 
-A time step of milliseconds changes the decay: implicitfast at 5 ms takes 8.3 % off the stiff HUSKY
-board's damping ratio. Stiffness, damping and roll inertia are three knobs for two poles. Turning
-stiffness and damping would leave the right poles and a wrong tilt under a rider (20 % too stiff), so
-stiffness stays and the roll inertia gives way: the rider's tilt is static, and the bare deck's inertia
-is small beside the rider's.
+A time step of milliseconds changes the decay: implicitfast at 5 ms takes 8.3 % off the stiff HUSKY board's damping ratio.
+Stiffness, damping and roll inertia are three numbers for two poles. The stiffness stays, for it sets the static tilt under a
+rider; a compensation by stiffness would make the board 20 % too stiff. So damping and roll inertia change.
 
-Spring and damper alone have a closed form; with further effects the same two knobs are fitted.
+Spring and damper alone have a closed form. With further effects the same two numbers are fitted.
 """
 
 import math
@@ -31,17 +29,17 @@ from sysid.progress import steps
 from sysid.roll import Array
 
 USUAL_STEPS = 8
-"""Steps that a search of this kind mostly takes: what the bar expects."""
+"""Usual steps of the search, for the progress bar."""
 UNKNOWN_RANGE, DEFAULT_RANGE = 3.1, 0.3
-"""A tilt range of a full turn is that of a joint whose range nobody knows; it is let go from the usual one of a deck [rad]."""
+"""A tilt range of half a turn or more counts as unknown; the release is then from a deck's usual range [rad]."""
 BELOW_BARRIER = 0.75
-"""Energy of the widest release over what lets the joint go past where it pulls back: with a spring that softens as x³,
+"""Energy of the widest release, over the energy at which the joint no longer returns [1]. For a spring that softens as x³ it is
 0.7 of that angle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compensation:
-    """A board as it must be written for one integrator and step, and what that costs."""
+    """A board as it is written for one integrator and step, with the remaining errors."""
 
     board: Board
     """The record with roll inertia and damping replaced; stiffness and effects are the record's."""
@@ -61,9 +59,9 @@ class Compensation:
     how: str
     """In words."""
     left_out: tuple[str, ...] = ()
-    """What MuJoCo cannot represent of the record, in words."""
+    """Parts of the record that MuJoCo cannot represent, in words."""
     step_error: float = 0.0
-    """NRMSE of the decay against the law without what is left out: what integrator and step alone cost."""
+    """NRMSE of the decay against the law without these parts: the cost of integrator and step alone."""
 
     def entry(self) -> dict[str, Any]:
         """Return the written parameters and both errors, for the board record and for JSON."""
@@ -81,16 +79,16 @@ class Compensation:
     def lines(self) -> tuple[str, ...]:
         """Return lines on the compensation and both errors, for output and for the comments of a file."""
         where = f"{self.how}, for {self.integrator} at {1e3 * self.timestep:g} ms"
-        what, before = "as recorded", ""
+        change, before = "as recorded", ""
         if self.inertia_ratio != 1 or self.damping_ratio != 1:
             inertia, damping = 100 * (self.inertia_ratio - 1), 100 * (self.damping_ratio - 1)
-            what = f"roll inertia {inertia:+.1f} %, damping {damping:+.1f} %, stiffness kept"
+            change = f"roll inertia {inertia:+.1f} %, damping {damping:+.1f} %, stiffness kept"
             before = f" ({100 * self.decay_error_before:.2f} % without it)"
         return (
-            f"{where}: {what}",
+            f"{where}: {change}",
             f"unloaded decay: NRMSE {100 * self.decay_error:.3f} %{before}",
             *(
-                f"{one}; leaving that aside, the step costs {100 * self.step_error:.3f} %"
+                f"{one}; apart from that the step costs {100 * self.step_error:.3f} %"
                 for one in self.left_out
             ),
             f"static stiffness: {100 * self.static_error:+.3f} %",
@@ -98,7 +96,7 @@ class Compensation:
 
 
 def compensate_step(board: Board, *, timestep: float, integrator: str = "implicitfast") -> Compensation:
-    """Return the board whose bench, stepped by MuJoCo, decays as the record's law does in continuous time.
+    """Return the board whose bench decays in MuJoCo as the record's law decays in continuous time.
 
     Args:
         timestep: [s].
@@ -123,7 +121,7 @@ def uncompensated(board: Board, *, timestep: float, integrator: str = "implicitf
 
 
 def _bench(timestep: float, integrator: str) -> Callable[[Board], mujoco.MjModel]:
-    """Return what compiles the bench of a candidate."""
+    """Return the function that compiles the bench of a candidate."""
     return lambda board: rig_spec(board, timestep=timestep, integrator=integrator).compile()
 
 
@@ -133,7 +131,7 @@ def closed_form(board: Board, *, timestep: float, integrator: str = "implicitfas
     With k kept, inertia and damping follow from the trace and the determinant of the map that a step is.
 
     Args:
-        board: The record, in physical parameters; effects are left out of account, but for what scales the inertia.
+        board: The record, in physical parameters. Only the effects that scale the inertia count.
         timestep: [s].
         integrator: MuJoCo's name of the integrator. RK4 needs no compensation.
 
@@ -149,7 +147,7 @@ def closed_form(board: Board, *, timestep: float, integrator: str = "implicitfas
             f"a step of {timestep:g} s is too long for board '{board.name}': its half period is "
             f"{math.pi / turning:.3g} s. Choose a smaller --timestep."
         )
-    if integrator == "RK4" or k == 0:  # what pulls back without a spring has no closed form
+    if integrator == "RK4" or k == 0:  # a weight has no closed form
         return board
     trace, determinant = continuous_map(inertia, k, d, timestep)
     new_inertia, new_damping = joint_of_map(trace, determinant, k, timestep, integrator)
@@ -164,8 +162,8 @@ def closed_form(board: Board, *, timestep: float, integrator: str = "implicitfas
 def release_amplitudes(board: Board) -> tuple[float, ...]:
     """Return the angles about rest from which decays are compared [rad]: both sides, wide and narrow.
 
-    Wide is the tilt range, as far as it is known and the joint comes back: a step's error depends on the amplitude as
-    soon as the joint is not linear, and further the deck does not go.
+    Wide is the tilt range, if it is known, up to where the joint still returns. The error of a step depends on the amplitude
+    where the joint is not linear.
     """
     known = board.tilt["range"].value
     wide = _comes_back_from(board, known if known < UNKNOWN_RANGE else DEFAULT_RANGE)
@@ -174,13 +172,13 @@ def release_amplitudes(board: Board) -> tuple[float, ...]:
 
 def _comes_back_from(board: Board, wide: float) -> float:
     """Return the widest tilt up to `wide` from which a release stays where the joint pulls back [rad]."""
-    tilt = np.linspace(0.0, 1.2 * wide, 481)[1:]  # a barrier just beyond holds a release up as well
+    tilt = np.linspace(0.0, 1.2 * wide, 481)[1:]  # a barrier just beyond slows a release too
     pulls = [-side * _static_torque(board, side * tilt) for side in (1.0, -1.0)]
     energies = [np.cumsum(pull) * tilt[0] for pull in pulls]
     barrier = math.inf
     for pull, energy in zip(pulls, energies, strict=True):
         rounding = 1e-9 * float(np.max(np.abs(pull)))
-        begun = int(np.argmax(pull > rounding))  # with a preload or play, from some way off only
+        begun = int(np.argmax(pull > rounding))  # preload or play: it pulls back from some angle on
         lost = np.flatnonzero(pull[begun:] < -rounding)
         barrier = min(barrier, float(energy[begun + lost[0]]) if len(lost) else math.inf)
     beyond = np.flatnonzero(np.max(energies, axis=0) > BELOW_BARRIER * barrier)
@@ -188,7 +186,7 @@ def _comes_back_from(board: Board, wide: float) -> float:
 
 
 def _static_torque(board: Board, tilt: Array) -> Array:
-    """Return the law's torque at rest at tilts about the rest angle [N*m]; effects with memory are left out."""
+    """Return the law's static torque at tilts about the rest angle [N*m], without effects with memory."""
     motion = JointState(tilt, 0.0 * tilt, board.rest_angle + tilt, board.stiffness)
     torque = -board.stiffness * tilt
     for part in board.effects:
@@ -200,17 +198,13 @@ def _static_torque(board: Board, tilt: Array) -> Array:
 
 
 def fit_inertia_and_damping(
-    board: Board,
-    start: Board,
-    build: Callable[[Board], mujoco.MjModel],
-    amplitudes: Sequence[float],
-    *,
+    board: Board, start: Board, build: Callable[[Board], mujoco.MjModel], amplitudes: Sequence[float], *,
     after_step: AfterStep | None = None,
-) -> Board:
+) -> Board:  # fmt: skip
     """Fit roll inertia and damping so that MuJoCo's decay is the law's; start rates are free.
 
-    Of a second body, that it stands on or that hangs on it, the two knobs are fitted as well. What MuJoCo cannot represent
-    is no matter of the step: the joint's own damper would make up for a stop's, and be wrong below the stop.
+    The parameters of a second body (support or hanging) are fitted too. Parts that MuJoCo cannot represent are left out of the
+    law: the joint's damper would replace a stop's, and be wrong below the stop.
 
     Args:
         amplitudes: Releases, as angles about rest [rad].
@@ -229,7 +223,7 @@ def fit_inertia_and_damping(
     lag = -build(start).opt.timestep / 2
     rates = [lag * release.deceleration / release.speed for release in truth]
     guess = [0.0] * turned + rates
-    # A stop pushes harder than the spring, and half a step of its push can be more than the board's own speed.
+    # Half a step against a stop may change the speed by more than the board's own.
     reach = [1.5] * turned + [max(1.0, 2 * abs(rate)) for rate in rates]
     bounds = (-np.array(reach), reach)
     tries = iter(steps(range(USUAL_STEPS * (len(guess) + 1))))
@@ -238,32 +232,22 @@ def fit_inertia_and_damping(
 
 
 def evaluate(
-    board: Board,
-    written: Board,
-    build: Callable[[Board], mujoco.MjModel],
-    amplitudes: Sequence[float],
-    how: str,
-    *,
-    after_step: AfterStep | None = None,
-) -> Compensation:
+    board: Board, written: Board, build: Callable[[Board], mujoco.MjModel], amplitudes: Sequence[float],
+    how: str, *, after_step: AfterStep | None = None,
+) -> Compensation:  # fmt: skip
     """Measure both errors of a written board in MuJoCo: unloaded decay and static stiffness."""
     model = build(written)
     error = step_error = decay_error(board, model, amplitudes, after_step=after_step)
     if (lacking := as_represented(board)) != board:
         step_error = decay_error(lacking, model, amplitudes, after_step=after_step)
     return Compensation(
-        board=written,
-        timestep=float(model.opt.timestep),
-        integrator=integrator_name(model),
+        board=written, timestep=float(model.opt.timestep), integrator=integrator_name(model),
         inertia_ratio=written.inertia.value / board.inertia.value,
-        damping_ratio=written.damping / board.damping if board.damping else 1.0,
-        decay_error=error,
+        damping_ratio=written.damping / board.damping if board.damping else 1.0, decay_error=error,
         decay_error_before=decay_error(board, build(board), amplitudes, after_step=after_step),
-        static_error=_static_error(board, build, written),
-        how=how,
-        left_out=left_out(board),
+        static_error=_static_error(board, build, written), how=how, left_out=left_out(board),
         step_error=step_error,
-    )
+    )  # fmt: skip
 
 
 def decay_error(
@@ -271,8 +255,7 @@ def decay_error(
 ) -> float:
     """Return the NRMSE of MuJoCo's decays against the law's; the start rate of each is fitted.
 
-    A semi-implicit step sees velocity half a step before position, so the rate at release is no
-    number that a measured decay could tell.
+    In a semi-implicit step, velocity lags position by half a step, so the rate at release is free.
     """
     from scipy.optimize import least_squares
 
@@ -305,7 +288,7 @@ class _Release:
 
     @property
     def scale(self) -> float:
-        """Makes wide and narrow releases count alike [rad]."""
+        """RMS of the release, by which wide and narrow ones count alike [rad]."""
         return float(np.sqrt(np.mean(self.roll**2)))
 
 
@@ -335,7 +318,7 @@ def _residual(model: mujoco.MjModel, release: _Release, rate: float, after_step:
 
 
 def _static_error(board: Board, build: Callable[[Board], mujoco.MjModel], written: Board) -> float:
-    """Compare MuJoCo's torque at the full tilt, at rest, with the law's; effects with memory left out."""
+    """Compare MuJoCo's static torque at the full tilt with the law's, without effects with memory."""
     elastic = tuple(part for part in board.effects if not effect(part.name).states)
     model = build(replace(written, effects=elastic))
     where = model.joint(TILT_JOINT)
@@ -353,7 +336,7 @@ def _static_error(board: Board, build: Callable[[Board], mujoco.MjModel], writte
 
 
 def _knobs(board: Board, knobs: Array) -> Board:
-    """Turn roll inertia and damping, and what the step changes of effects with a body of their own."""
+    """Return the board with other roll inertia, damping and parameters of second bodies; knobs are logarithms of factors."""
     others = iter(knobs[2:])
     effects: list[BoardEffect] = []
     for part in board.effects:

@@ -1,4 +1,4 @@
-"""A model that moves along the arc of one joint, everything else held, free, or carried along by its loops."""
+"""A model moved along the arc of one joint: the other joints are held, free, or carried along by loops."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,35 +11,44 @@ from sysid.errors import SysidError
 from sysid.roll import Array
 
 POINTS = 60
-"""Places along the arc to either side of the pose at which the model is looked at."""
-ARC_LIMITS = {int(mujoco.mjtJoint.mjJNT_HINGE): np.pi, int(mujoco.mjtJoint.mjJNT_SLIDE): 1.0}
-"""How far the arc of a joint without limits goes to either side [rad or m]."""
-MAX_LOOP_GAP = 1e-7
-"""How far a loop may be open once it is closed [m or rad]."""
-IN_LOOP = 1.0
-"""The same of a joint that a loop ties to others [rad or m]."""
+"""Points of the arc on either side of the pose: three harmonics fitted to a pendulum's half turn are exact to 1e-12."""
+REACH = {"hinge": np.pi, "slide": 1.0, "loop": 1.0}
+"""Length of the arc on either side where no limit ends it [rad or m]; a loop may jam earlier."""
+CLOSED = 1e-7
+"""Gap of a closed loop, and size of an entry of its Jacobian that counts [m or rad]."""
 MAX_LOOP_RATIO = 30.0
-"""A loop whose joints move by so many times more than this one is near the end of its way."""
+"""Velocity ratio of a loop above which the arc ends: the loop is near a dead centre, where the ratio is infinite."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arc:
-    """Inertia and torques of one joint along its arc."""
+    """Inertia and torques of one joint along its arc, shape (n,) each."""
 
     position: Array
-    """Of the joint [rad or m], shape (n,), ascending."""
+    """Of the joint [rad or m], ascending."""
     qpos: Array
     """Of the model there, shape (n, nq)."""
     inertia: Array
-    """That the joint sees, armature included [kg*m^2 or kg], shape (n,)."""
-    pull: Array
-    """Weight, and springs other than the joint's own, towards larger positions [N*m or N], shape (n,)."""
+    """Inertia that the joint sees, armature included [kg*m^2 or kg]."""
+    weight: Array
+    """Torque of gravity [N*m or N]."""
+    springs: Array
+    """Torque of tendons and of carried joints' springs, not of the joint's own spring [N*m or N]."""
     damping: Array
-    """Of what it carries along, without its own [N*m*s/rad or N*s/m], shape (n,)."""
+    """Damping by tendons, carried joints and a fluid, not by the joint's own damper [N*m*s/rad or N*s/m]."""
+    friction: Array
+    """Dry friction of tendons and carried joints, not of the joint itself [N*m or N]."""
     carried: tuple[str, ...]
     """Joints that move with it."""
     loose: bool
-    """Whether nothing but inertia says how they do."""
+    """Whether a carried joint follows by its inertia alone."""
+    closed: bool
+    """Whether the arc is a full turn, so that its ends are one place."""
+
+    @property
+    def pull(self) -> Array:
+        """Torque of weight and springs, the joint's own spring excepted [N*m or N], shape (n,)."""
+        return self.weight + self.springs
 
     def at(self, position: float, values: Array) -> float:
         """Return one of the tables at a position."""
@@ -49,48 +58,29 @@ class Arc:
 def walk(setup: Setup, spec: mujoco.MjSpec) -> Arc:
     """Move the joint along its arc.
 
-    The mass matrix is the model's own, reduced to this joint: with v = T q̇ for all velocities, T = 1 here and 0 where
-    joints are held, T solves the loops (equality constraints) and makes vᵀ M v least where they leave a choice, which for
-    joints that are free is the Schur complement. The pull is Tᵀ (passive forces - bias forces) at rest.
+    The mass matrix is the model's, reduced to this joint. All velocities are v = T q̇, with T = 1 for the joint and 0 for
+    joints that are held. T satisfies the loops (equality constraints) and minimises vᵀ M v where they leave a choice: for
+    free joints that is the Schur complement. Torques are projected by Tᵀ.
 
     Raises:
-        SysidError: The pose violates a loop, or a joint that was named is not there.
+        SysidError: The pose violates a loop, or a named joint is missing.
     """
-    try:
-        model = spec.compile()
-    except ValueError as error:  # read, but not physical: a moving body without a mass
-        said = " ".join(str(error).removeprefix("Error: ").split())
-        raise SysidError(f"{setup.file}: MuJoCo cannot compile it ({said}).") from error
-    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    model.opt.disableflags |= int(
-        mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
-        | mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS | mujoco.mjtDisableBit.mjDSBL_ACTUATION
-    )  # fmt: skip
+    model = _passive(setup, spec)
     number = model.joint(setup.joint).id
     own, where = int(model.jnt_dofadr[number]), int(model.jnt_qposadr[number])
-    model.jnt_stiffness[number] = 0.0
-    model.jnt_stiffnesspoly[number] = 0.0
     data = mujoco.MjData(model)
     data.qpos[:] = setup.posed(model)
     tied = sorted(tied_to(model, data, own))
-    movable = sorted(
-        {*tied, *(int(model.jnt_dofadr[setup.named(model, name)]) for name in setup.free)} - {own}
-    )
-    if not close(model, data, tied):
-        raise SysidError(
-            f"{setup.file}: the loops do not close in this pose. Give one that they allow (--keyframe, --pose)."
-        )
-    jacobian, _ = _loops(model, data)
-    if np.abs(jacobian @ tangent_of(model, data, own, movable)[0]).max(initial=0.0) > 1e-6:
-        raise SysidError(
-            f"{setup.file}: an equality constraint holds the joint '{setup.joint}', so it is not passive. Switch it off "
-            '(active="false"), as it was in the measurement.'
-        )
-    low, high = model.jnt_range[number] if model.jnt_limited[number] else (-np.inf, np.inf)
-    start, reach = float(data.qpos[where]), IN_LOOP if tied else ARC_LIMITS[int(model.jnt_type[number])]
+    free = {int(model.jnt_dofadr[setup.named(model, name)]) for name in setup.free}
+    movable = sorted({*tied, *free} - {own})
+    _require_motion(setup, model, data, own, tied, movable)
+    limited, hinge = bool(model.jnt_limited[number]), model.jnt_type[number] == mujoco.mjtJoint.mjJNT_HINGE
+    low, high = model.jnt_range[number] if limited else (-np.inf, np.inf)
+    if not tied:  # a model's zero may lie outside the range
+        data.qpos[where] = min(max(data.qpos[where], low), high)
+    start, reach = float(data.qpos[where]), REACH["loop" if tied else "hinge" if hinge else "slide"]
     middle = np.array(data.qpos)
-    rows = [_row(model, data, own, movable)]
-    places = [middle]
+    rows, places = [_row(model, data, own, movable)], [middle]
     for end in (max(low, start - reach), min(high, start + reach)):
         data.qpos[:] = middle
         for _ in range(POINTS):
@@ -98,14 +88,65 @@ def walk(setup: Setup, spec: mujoco.MjSpec) -> Arc:
                 break
             rows.append(_row(model, data, own, movable))
             places.append(np.array(data.qpos))
-    table, qpos = np.array(rows), np.array(places)
+    qpos = np.array(places)
     order = np.argsort(qpos[:, where])
+    inertia, weight, springs, damping, friction = np.array(rows)[order].T
     carried = [model.joint(int(model.dof_jntid[dof])).name for dof in movable]
     return Arc(
-        position=qpos[order, where], qpos=qpos[order], inertia=table[order, 0], pull=table[order, 1],
-        damping=table[order, 2], carried=tuple(dict.fromkeys(carried)),
+        position=qpos[order, where], qpos=qpos[order], inertia=inertia, weight=weight, springs=springs, damping=damping,
+        friction=friction, carried=tuple(dict.fromkeys(carried)),
         loose=bool(movable) and np.linalg.matrix_rank(_loops(model, data)[0][:, movable], 1e-8) < len(movable),
+        closed=bool(hinge) and not limited and not tied,
     )  # fmt: skip
+
+
+def _passive(setup: Setup, spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """Return the model without contacts, limits, friction, power, and the joint's own spring and damper.
+
+    Raises:
+        SysidError: It does not compile.
+    """
+    try:
+        model = spec.compile()
+    except ValueError as error:  # e.g. a moving body without a mass
+        said = " ".join(str(error).removeprefix("Error: ").split())
+        packages = (
+            ' Name the folder of its meshes: <mujoco><compiler strippath="true" meshdir="FOLDER"/></mujoco>.'
+        )
+        raise SysidError(
+            f"{setup.file}: MuJoCo cannot compile it ({said}).{packages if 'package:' in said else ''}"
+        ) from error
+    off = mujoco.mjtDisableBit
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    model.opt.disableflags |= int(
+        off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_ACTUATION
+    )
+    joint = model.joint(setup.joint)
+    for name in ("jnt_stiffness", "jnt_stiffnesspoly"):
+        getattr(model, name)[joint.id] = 0.0
+    for name in ("dof_damping", "dof_dampingpoly", "dof_frictionloss"):
+        getattr(model, name)[int(joint.dofadr[0])] = 0.0
+    return model
+
+
+def _require_motion(
+    setup: Setup, model: mujoco.MjModel, data: mujoco.MjData, own: int, tied: Sequence[int], movable: Sequence[int]
+) -> None:  # fmt: skip
+    """Check that the loops close in the pose and let the joint move.
+
+    Raises:
+        SysidError: They do not.
+    """
+    if not close(model, data, tied):
+        raise SysidError(
+            f"{setup.file}: the loops do not close in this pose. Give a pose in which they do (--keyframe, --pose)."
+        )
+    jacobian, _ = _loops(model, data)
+    if np.abs(jacobian @ tangent_of(model, data, own, movable)[0]).max(initial=0.0) > 1e-6:
+        raise SysidError(
+            f"{setup.file}: an equality constraint holds the joint '{setup.joint}', so it is not passive. Switch it off "
+            '(active="false"), as it was in the measurement.'
+        )
 
 
 def _loops(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:
@@ -118,8 +159,8 @@ def _loops(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:
 
 
 def tied_to(model: mujoco.MjModel, data: mujoco.MjData, own: int) -> set[int]:
-    """Return the other velocities that loops tie to one, however indirectly."""
-    touched = np.abs(_loops(model, data)[0]) > 1e-9
+    """Return the other velocities that loops tie to one, directly or through others."""
+    touched = np.abs(_loops(model, data)[0]) > CLOSED
     found, before = {own}, 0
     while len(found) > before:
         before = len(found)
@@ -129,11 +170,11 @@ def tied_to(model: mujoco.MjModel, data: mujoco.MjData, own: int) -> set[int]:
 
 
 def close(model: mujoco.MjModel, data: mujoco.MjData, movable: Sequence[int]) -> bool:
-    """Move what may move until the loops are closed; False where they cannot be."""
+    """Move the given velocities until the loops are closed; return False where they cannot be closed."""
     for _ in range(30):
         jacobian, error = _loops(model, data)
-        inside = np.abs(jacobian[:, movable]).sum(axis=1) > 1e-9
-        if not np.any(np.abs(error[inside]) > MAX_LOOP_GAP):
+        inside = np.abs(jacobian[:, movable]).sum(axis=1) > CLOSED
+        if not np.any(np.abs(error[inside]) > CLOSED):
             return True
         change = np.zeros(model.nv)
         change[list(movable)] = -np.linalg.lstsq(jacobian[inside][:, movable], error[inside], rcond=1e-8)[0]
@@ -162,16 +203,22 @@ def tangent_of(
 
 def _row(
     model: mujoco.MjModel, data: mujoco.MjData, own: int, movable: Sequence[int]
-) -> tuple[float, float, float]:
-    """Return inertia, pull and damping of what is carried along, where the model is."""
+) -> tuple[float, float, float, float, float]:
+    """Return inertia, weight, springs' torque, damping and dry friction at the model's position."""
     tangent, mass = tangent_of(model, data, own, movable)
-    pull = tangent @ (data.qfrc_passive - data.qfrc_bias)
-    others = np.delete(tangent**2 * model.dof_damping, own)
-    return float(tangent @ mass @ tangent), float(pull), float(others.sum())
+    weight = tangent @ (data.qfrc_gravcomp - data.qfrc_bias)
+    springs = tangent @ data.qfrc_spring
+    friction = np.abs(tangent) @ model.dof_frictionloss
+    slow = 1e-6  # [rad/s]: quadratic damping does not count
+    data.qvel[:] = slow * tangent
+    mujoco.mj_forward(model, data)
+    damping = -tangent @ (data.qfrc_damper + data.qfrc_fluid) / slow
+    friction += np.abs(data.ten_velocity / slow) @ model.tendon_frictionloss
+    return float(tangent @ mass @ tangent), float(weight), float(springs), float(damping), float(friction)
 
 
 def _step(model: mujoco.MjModel, data: mujoco.MjData, own: int, movable: Sequence[int], by: float) -> bool:
-    """Move the joint and what it carries along; False where the loops end."""
+    """Move the joint with its loops; return False where a loop or a limit ends the way."""
     tangent, _ = tangent_of(model, data, own, movable)
     if np.abs(tangent).max() > MAX_LOOP_RATIO:
         return False

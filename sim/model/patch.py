@@ -1,7 +1,7 @@
-"""A fitted joint written back into a copy of the user's file: comments, order and includes stay, one joint changes.
+"""A fitted joint written into a copy of the user's file: comments, order and includes stay, one joint changes.
 
-MuJoCo's own writer loses comments and includes. So the change is made in a spec, as effects make it, what became other
-there is written into the text where the joint stands, and the text is held against the spec.
+MuJoCo's own writer loses comments and includes. So the effects change a spec, and the changed attributes are written
+into the text of the joint. The compiled text is compared with the compiled spec.
 """
 
 import difflib
@@ -9,18 +9,22 @@ import os
 import re
 import xml.etree.ElementTree as ElementTree
 import xml.parsers.expat
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
+from sim.model import urdf
+from sim.model.arc import walk
+from sim.model.faults import disabled, refuse_unphysical
 from sim.model.setup import Setup
+from sim.model.subject import in_degrees, rest_of
 from sysid.board import Board
 from sysid.effects import effect
 from sysid.errors import SysidError
-from sysid.files import write_atomically
+from sysid.files import require_writable, write_atomically
 from sysid.quantity import slide_unit
 
 ATTRIBUTES = {
@@ -28,13 +32,23 @@ ATTRIBUTES = {
     "frictionloss": "frictionloss", "solref_friction": "solreffriction", "solimp_friction": "solimpfriction",
     "springyield": "springyield",
 }  # fmt: skip
-"""What a fit may change of a joint: MjSpec's name and MJCF's."""
+"""Attributes of a joint that a fit may change: MjSpec's name and MJCF's."""
+COMPARED = (
+    "jnt_stiffness", "jnt_stiffnesspoly", "dof_damping", "dof_dampingpoly", "dof_armature", "qpos_spring",
+    "dof_frictionloss", "dof_solref", "dof_solimp", "tendon_stiffness", "tendon_lengthspring", "body_mass", "qpos0",
+    "jnt_range", "actuator_biasprm",
+)  # fmt: skip
+"""Fields of a compiled model in which the copy must equal the spec."""
 POLYNOMIALS = ("stiffness", "damping")
-"""Attributes that may have one number or several."""
+"""Attributes that hold one number or several."""
 HOLDERS = {"body", "worldbody", "frame", "replicate", "mujocoinclude", "mujoco"}
-"""Elements in which a joint may stand; elsewhere the word means another thing."""
+"""Parents of a joint element; elsewhere `joint` means another thing."""
 ADDED = ("tendon", "actuator")
 """Sections that an effect may add elements to."""
+LINKED = re.compile(r"""(<(?:include|model)\b[^>]*?\bfile\s*=\s*)(["'])(.*?)\2""")
+"""An element that reads another model file, relative to the folder of the main one."""
+PACKAGES = {"site-packages", "dist-packages"}
+"""Folders of installed packages: no default output goes there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,55 +56,68 @@ class Patch:
     """The changes to the user's files."""
 
     files: Mapping[Path, str]
-    """New text of each file that changes, by the file's old path: the one with the joint, and those that include it."""
+    """New text of each file that changes, by its old path: the joint's file, and the files that include it."""
     diff: str
     """The change, as `diff -u` shows it."""
     remarks: tuple[str, ...]
-    """What could not be written, and what the numbers mean."""
+    """Parts that were not written, and the meaning of the numbers."""
     _spec: mujoco.MjSpec
     _main: Path
 
     def save(self, path: Path) -> list[Path]:
         """Write the patched copies and return their paths, the model's first.
 
-        An included file is copied beside itself, under the new model's name; the copy of the model names that.
+        An included file is copied too, under the new model's name. In another folder than the model's, the copy names
+        meshes, textures and other files by absolute paths.
 
         Raises:
-            SysidError: A file cannot be written, or the copy does not load as what was fitted.
+            SysidError: A file cannot be written, or the copy compiles to another model than the fitted one.
         """
-        renamed = {
-            old: path if old == self._main else old.with_name(f"{path.stem}_{old.name}") for old in self.files
+        home = self._main.parent.resolve()
+        moved = path.parent.resolve() != home
+        texts = {file.resolve(): text for file, text in self.files.items()}
+        for file in _nested(self._main, home) if moved else ():
+            texts.setdefault(file, file.read_bytes().decode())
+        main, assets = self._main.resolve(), ("meshes", "textures", "hfields", "skins")
+        has_assets = any(len(getattr(self._spec, kind)) for kind in assets)
+        named = {
+            old: path if old == main else (path.parent if moved else old.parent) / f"{path.stem}_{old.name}"
+            for old in texts
         }
-        for old, text in self.files.items():
-            for other, new in renamed.items():
-                if other not in (old, self._main):
-                    text = _including(text, old, other, new, renamed[old])
-            write_atomically(renamed[old], text)
+
+        def linked(match: re.Match[str]) -> str:
+            target = (home / match[3]).resolve()
+            if target in named:
+                return f"{match[1]}{match[2]}{os.path.relpath(named[target].resolve(), path.parent.resolve())}{match[2]}"
+            return f"{match[1]}{match[2]}{target}{match[2]}" if moved else match[0]
+
         try:
+            for old, text in texts.items():
+                text = LINKED.sub(linked, text)
+                text = _with_folders(text, self._spec, home) if moved and has_assets and old == main else text
+                write_atomically(named[old], text)
             self._verify(path)
         except SysidError:
-            for new in renamed.values():
+            for new in named.values():
                 new.unlink(missing_ok=True)
             raise
-        return sorted(renamed.values(), key=lambda new: new != path)
+        return [path, *(new for old, new in named.items() if old != main)]
 
     def _verify(self, path: Path) -> None:
-        """Hold the compiled copy against what was meant.
+        """Compare the compiled copy with the compiled spec.
 
         Raises:
-            SysidError: It does not load there, or differs.
+            SysidError: The copy does not load, or differs.
         """
         try:
             copy = mujoco.MjModel.from_xml_path(str(path))
         except ValueError as error:
             raise SysidError(
-                f"{path}: the patched copy does not load from there ({str(error).strip().splitlines()[0]}). Its meshes and "
-                "includes are found from its folder: write it beside the model."
+                f"{path}: the patched copy does not load from there ({str(error).strip().splitlines()[0]}). Write it beside "
+                "the model."
             ) from error
         meant = self._spec.compile()
-        for name in ("jnt_stiffness", "jnt_stiffnesspoly", "dof_damping", "dof_dampingpoly", "dof_armature", "qpos_spring",
-                     "dof_frictionloss", "dof_solref", "dof_solimp", "tendon_stiffness", "tendon_lengthspring", "body_mass",
-                     "qpos0", "jnt_range", "actuator_biasprm"):  # fmt: skip
+        for name in COMPARED:
             one, other = np.asarray(getattr(copy, name)), np.asarray(getattr(meant, name))
             if one.shape != other.shape or not np.allclose(one, other, rtol=1e-5, atol=1e-12):
                 raise SysidError(
@@ -98,72 +125,98 @@ class Patch:
                 )
 
 
+def copy_path(setup: Setup, name: str, folder: Path) -> Path:
+    """Return the default path of a patched copy: NAME beside the model.
+
+    The model's folder may belong to an installed package, or be read-only: then the copy goes into `folder`.
+    """
+    beside = setup.file.with_name(f"{name}{setup.file.suffix}")
+    if PACKAGES & {*setup.file.resolve().parts}:
+        return folder / beside.name
+    try:
+        require_writable(beside)
+    except SysidError:
+        return folder / beside.name
+    return beside
+
+
+def require_patchable(setup: Setup) -> None:
+    """Check before a fit that the joint's element can be found in the text of its model.
+
+    Raises:
+        SysidError: No file has the joint.
+    """
+    if setup.is_urdf:
+        urdf.locate(setup.file, setup.joint)
+    else:
+        _find(setup.file, setup.joint)
+
+
 def patch(setup: Setup, board: Board) -> Patch:
     """Write a record's joint into the text of its model.
 
     Raises:
-        SysidError: The joint is not in the text, or MuJoCo cannot hold an effect there.
+        SysidError: The joint is not in the text, a number is not physical, or MuJoCo cannot hold an effect there.
     """
     plain = setup.with_(payload=())
     spec = plain.load()
     joint = plain.joint_of(spec)
-    before = {
-        name: np.array(getattr(joint, name), dtype=np.float64) for name in ATTRIBUTES if hasattr(joint, name)
-    }
+    before = _attributes(joint)
     known = {kind: {one.name for one in getattr(spec, f"{kind}s")} for kind in ADDED}
     bodies = len(spec.bodies)
-    remarks = [*_write(setup, spec, joint, board), *_leaning(spec, setup.joint)]
+    remarks = [*_write(plain, spec, joint, board), *_leaning(spec, setup.joint)]
     if len(spec.bodies) > bodies:
         raise SysidError(
-            f"an effect of {board.name} needs a body of its own in the model, which a patch of the joint is not. Build it in "
-            "by hand, or fit without it."
+            f"an effect of {board.name} needs a body of its own, and a patch changes one joint. Build the body into the model "
+            "by hand, or fit without the effect."
         )
     changed = {
-        ATTRIBUTES[name]: _text(name, np.array(getattr(joint, name), dtype=np.float64))
-        for name, old in before.items()
-        if not np.array_equal(old, np.array(getattr(joint, name), dtype=np.float64))
+        ATTRIBUTES[name]: _text(name, value)
+        for name, value in _attributes(joint).items()
+        if not np.array_equal(before[name], value)
     }
-    chain, start, end = _find(setup.file, setup.joint)
-    home = chain[-1]
-    texts = {file: file.read_bytes().decode() for file in chain}
-    raw = texts[home].encode()
-    tag = _tagged(raw[start:end].decode(), changed)
-    texts[home] = (raw[:start] + tag.encode() + raw[end:]).decode()
-    main = chain[0]
-    texts[main] = _with_sections(texts[main], spec, known)
-    old = {file: file.read_bytes().decode() for file in chain}
-    diff = "".join(
-        line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n"
-        for file in chain
-        if texts[file] != old[file]
-        for line in difflib.unified_diff(
-            old[file].splitlines(keepends=True),
-            texts[file].splitlines(keepends=True),
-            str(file),
-            f"{file} (patched)",
-        )
+    if setup.is_urdf:
+        spec = plain.load()
+        text, lost = urdf.written(setup.file, plain.joint_of(spec), changed)
+        texts, remarks = {setup.file: text}, [*remarks, *lost]
+    else:
+        chain, start, end = _find(setup.file, setup.joint)
+        texts = {file: file.read_bytes().decode() for file in chain}
+        raw = texts[chain[-1]].encode()
+        tag = _tagged(raw[start:end].decode(), changed)
+        texts[chain[-1]] = (raw[:start] + tag.encode() + raw[end:]).decode()
+        texts[setup.file] = _with_sections(texts[setup.file], spec, known)
+    remarks += disabled(spec, changed)
+    return Patch(texts, _diff(texts), tuple(remarks), spec, setup.file)
+
+
+def _diff(texts: Mapping[Path, str]) -> str:
+    lines: list[str] = []
+    for file, text in texts.items():
+        old = file.read_bytes().decode()
+        before, after = old.splitlines(keepends=True), text.splitlines(keepends=True)
+        lines += difflib.unified_diff(before, after, str(file), f"{file} (patched)")
+    return "".join(
+        line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines
     )
-    return Patch(texts, diff, tuple(remarks), spec, main)
+
+
+def _attributes(joint: mujoco.MjsJoint) -> dict[str, np.ndarray]:
+    return {
+        name: np.array(getattr(joint, name), dtype=np.float64) for name in ATTRIBUTES if hasattr(joint, name)
+    }
 
 
 def _write(setup: Setup, spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Board) -> list[str]:
-    """Change the joint in the spec; return what a user should know."""
-    from sim.model.subject import board_of
-
-    stated, _ = board_of(setup)
-    carried = stated.damping - float(joint.damping[0])
-    own = board.damping - carried
-    if own < 0:
-        raise SysidError(
-            f"the fitted damping {board.damping:.4g} is less than the {carried:.4g} that joints which '{setup.joint}' carries "
-            "along have already. Lower theirs."
-        )
+    """Change the joint in the spec; return remarks for the user."""
+    arc = walk(setup, spec)
+    rest = rest_of(setup, spec, arc)
+    damping, friction = arc.at(rest, arc.damping), arc.at(rest, arc.friction)
     tendons, springref = len(spec.tendons), float(joint.springref)
     joint.stiffness = [board.stiffness, 0.0, 0.0]
-    joint.damping = [own, 0.0, 0.0]
+    joint.damping = [board.damping - damping, 0.0, 0.0]
     joint.frictionloss = 0.0
-    angular = spec.compiler.degree and int(joint.type) == int(mujoco.mjtJoint.mjJNT_HINGE)
-    joint.springref = float(np.degrees(board.rest_angle)) if angular else board.rest_angle
+    joint.springref = float(np.degrees(board.rest_angle)) if in_degrees(spec, joint) else board.rest_angle
     remarks: list[str] = []
     for part in board.effects:
         found = effect(part.name)
@@ -171,25 +224,33 @@ def _write(setup: Setup, spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Boa
         if not found.is_known:
             told = found.to_mjcf(spec, joint, values, native=True)
             remarks += map(slide_unit, told) if board.slides else told
-        elif values.get("scale", 1.0) != 1.0:
+        elif (scale := part.parameters.get("scale")) and not scale.ci95[0] <= 1 <= scale.ci95[1]:
             remarks.append(
-                f"the weight on the joint is {values['scale']:.4g} times what the masses of the model make; they are left as "
-                "they are, for only their moment is known"
+                f"the fitted weight is {scale.value:.4g} times the model's. The masses are left as they are: only their moment "
+                "is known"
             )
+    if joint.frictionloss:
+        joint.frictionloss -= friction
+    for word, carried in (("damping", damping), ("dry friction", friction)):
+        if carried:
+            remarks.append(
+                f"{word}: tendons and carried joints hold {carried:.4g} of it, the rest is the joint's"
+            )
+    refuse_unphysical(setup, joint, board)
     if not np.any(joint.stiffness) and len(spec.tendons) == tendons:
-        joint.springref = springref  # nothing refers to it
+        joint.springref = springref  # no spring refers to it
     return remarks
 
 
 def _leaning(spec: mujoco.MjSpec, name: str) -> list[str]:
-    """Return a word of a joint whose spring rests beyond its range."""
+    """Return a remark on a spring that rests outside the joint's range."""
     model = spec.copy().compile()
     joint = model.joint(name)
     rest, (low, high) = float(model.qpos_spring[joint.qposadr[0]]), map(float, joint.range)
-    if not joint.limited[0] or low <= rest <= high:
+    if not joint.limited[0] or low <= rest <= high or not joint.stiffness[0]:
         return []
     return [
-        f"the spring of '{name}' rests at {rest:.4g}, beyond the joint's range of {low:.4g} to {high:.4g}: the model will lean on "
+        f"the spring of '{name}' rests at {rest:.4g}, outside the joint's range of {low:.4g} to {high:.4g}: the model leans on "
         "its limit. Correct the range, or fit a log whose zero is the model's"
     ]
 
@@ -205,10 +266,10 @@ def _text(name: str, values: np.ndarray) -> str:
 def _find(
     file: Path, joint: str, seen: Sequence[Path] = (), folder: Path | None = None
 ) -> tuple[list[Path], int, int]:
-    """Return the files from the model down to the one with the joint, and where in that its start tag is [bytes].
+    """Return the files from the model down to the joint's, and the joint's start tag in that [bytes].
 
     Raises:
-        SysidError: It is in none of them.
+        SysidError: No file has the joint.
     """
     folder = folder or file.parent
     raw = file.read_bytes()
@@ -241,8 +302,8 @@ def _find(
     if seen:
         raise LookupError(joint)
     raise SysidError(
-        f'{file}: no element <joint name="{joint}"> stands in it or in what it includes, so it was attached or replicated from '
-        "elsewhere. Patch the file that it comes from."
+        f'{file}: no element <joint name="{joint}"> stands in it or in its includes, so it was attached or replicated from '
+        "another file. Patch that file."
     )
 
 
@@ -287,12 +348,23 @@ def _with_sections(text: str, spec: mujoco.MjSpec, known: Mapping[str, set[str]]
     return text[:at] + "".join(lines) + text[at:]
 
 
-def _including(text: str, old: Path, other: Path, new: Path, home: Path) -> str:
-    """Return a text that includes the copy of a file instead of the file."""
-    wanted = os.path.relpath(new, home.parent)
+def _nested(file: Path, home: Path) -> Iterator[Path]:
+    """Yield included files that include others: MuJoCo resolves their links from the main file's folder."""
+    for match in LINKED.finditer(file.read_bytes().decode()):
+        included = (home / match[3]).resolve()
+        if match[1].startswith("<include") and included.is_file() and LINKED.search(included.read_text()):
+            yield included
+            yield from _nested(included, home)
 
-    def swapped(match: re.Match[str]) -> str:
-        same = (old.parent / match[2]).resolve() == other.resolve()
-        return f"{match[1]}{wanted}{match[3]}" if same else match[0]
 
-    return re.sub(r"""(<include[^>]*\bfile\s*=\s*["'])([^"']*)(["'])""", swapped, text)
+def _with_folders(text: str, spec: mujoco.MjSpec, home: Path) -> str:
+    """Return the model's text with absolute folders of meshes and textures; the last compiler element of a file counts."""
+    folders = {name: str((home / getattr(spec, name)).resolve()) for name in ("meshdir", "texturedir")}
+    robot = "</robot>" in text
+    if robot and (found := re.search(r"<compiler\b[^>]*>", text)):  # a URDF may have one only
+        return text[: found.start()] + _tagged(found[0], folders) + text[found.end() :]
+    element = _tagged("<compiler/>", folders)
+    root = "</mujoco>" if "</mujoco>" in text else "</robot>"
+    element = f"<mujoco>{element}</mujoco>" if root == "</robot>" else element
+    at = text.rindex(root)
+    return f"{text[:at]}  {element}\n{text[at:]}"

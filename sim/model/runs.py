@@ -11,11 +11,11 @@ FIELDS = ("file", "keyframe", "pose", "payload")
 
 
 def read_runs(path: Path, setup: Setup) -> list[tuple[Path, Setup]]:
-    """Read a list of logs: `[[log]]` with `file`, and what was other than for the rest: `keyframe`, `pose`, `payload`.
+    """Read a list of logs: `[[log]]` with `file`, and `keyframe`, `pose` or `payload` where they differ.
 
     Args:
         path: The list; files count from its folder.
-        setup: How a log was measured of which it says nothing.
+        setup: The setup of logs that state no other.
 
     Raises:
         SysidError: It cannot be read, or a field is missing, unknown or of another kind.

@@ -10,11 +10,11 @@ from sim.model.setup import Setup
 from sysid.roll import Array
 
 HOLDING_ARMATURE = 1e9
-"""Armature of joints that are held [kg*m^2 or kg]: what pulls at them moves them by less than rounding does."""
+"""Armature of joints that are held [kg*m^2 or kg]: torques move them by less than rounding."""
 
 
 def scene_of(setup: Setup, *, timestep: float | None = None) -> ClampedScene:
-    """Return a model with everything held but the joint, what a loop ties to it, and what was free.
+    """Return a model in which only the joint, joints that loops tie to it, and free joints move.
 
     Actuators and contacts are off: a decay is measured without power, in the air. Step and integrator are the model's own.
 
@@ -54,7 +54,7 @@ def scene_of(setup: Setup, *, timestep: float | None = None) -> ClampedScene:
 
 
 class _Begin:
-    """Closes the loops about the joint and gives what they carry along its velocity."""
+    """Sets the joint and closes the loops about it, positions and velocities."""
 
     def __init__(self, pose: Array, own: int, tied: list[int]) -> None:
         """Keep the pose, shape (nq,), and which velocities move."""

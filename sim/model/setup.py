@@ -1,4 +1,4 @@
-"""How a joint of a model was measured: which one, in which pose, what was held, and what hung on it."""
+"""The setup of a measurement: the joint of a model, its pose, the free joints and the payload."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -8,6 +8,7 @@ from typing import Any, Self
 import mujoco
 import numpy as np
 
+from sim.model.urdf import is_urdf
 from sysid.errors import SysidError, did_you_mean
 from sysid.roll import Array
 
@@ -65,6 +66,11 @@ class Setup:
     """Joints that were free to move along; all others were held, but for those that a loop ties to this one."""
     payload: tuple[Payload, ...] = ()
 
+    @property
+    def is_urdf(self) -> bool:
+        """Whether the model is a URDF."""
+        return is_urdf(self.file)
+
     def with_(self, **changes: Any) -> Self:
         """Return the same with some things changed."""
         return replace(self, **changes)
@@ -101,6 +107,11 @@ class Setup:
                 f"{self.file}: MuJoCo cannot read it ({str(error).strip().splitlines()[0]})."
             ) from error
         joint = self.joint_of(spec)
+        if np.all(np.asarray(joint.springdamper) > 0):
+            raise SysidError(
+                f"{self.file}: springdamper of joint '{self.joint}' overrides its stiffness and damping, so a fitted joint has no "
+                "place. Replace it by stiffness and damping."
+            )
         for number, load in enumerate(self.payload):
             body, where = joint.parent, load.where
             if isinstance(where, str):
@@ -122,7 +133,7 @@ class Setup:
         """Return the joint in a spec.
 
         Raises:
-            SysidError: There is none, or it is no hinge and no slide.
+            SysidError: The joint is missing, or is a ball or free joint.
         """
         found = next((one for one in spec.joints if one.name == self.joint), None)
         if found is None:
@@ -160,7 +171,7 @@ class Setup:
         """Return the number of a hinge or slide.
 
         Raises:
-            SysidError: There is none of that name.
+            SysidError: No hinge or slide has that name.
         """
         number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
         if number < 0 or int(model.jnt_type[number]) not in SINGLE:

@@ -1,4 +1,4 @@
-"""A joint of a MuJoCo model as a record: everything that identifies a board's tilt joint then works on it."""
+"""A joint of a MuJoCo model as a record, which every command takes as it takes a board."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -7,59 +7,44 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from sim.model import urdf
 from sim.model.arc import Arc, walk
+from sim.model.servo import servos_of
 from sim.model.setup import Setup
 from sysid.board import Board, BoardEffect
-from sysid.effects import catalogue, effect, linkage, payload, weight
+from sysid.effects import catalogue, coulomb, effect, linkage, linked_spring, payload, weight
 from sysid.effects._base import Effect
 from sysid.effects._harmonics import HARMONICS, of_table
 from sysid.quantity import Z95, Quantity
 from sysid.recording import Recording
 from sysid.roll import Array
 
-ROUNDING = 1e-9
-"""Rests nearer to a joint's zero are at it [rad or m]."""
-MIN_WEIGHT_SHARE = 1e-9
-"""Pull below this share of what the joint's inertia would feel as a point at 1 m is no weight."""
-MAX_INERTIA_CHANGE = 1e-6
-"""Change of the inertia along the arc, as a share, below which it is that of a rigid body."""
-MAX_HARMONIC_ERROR = 0.01
-"""Share of a table's largest value by which its harmonics may miss it unsaid."""
+TINY = 1e-9
+"""Rounding: a rest nearer to zero is zero [rad or m]; a torque smaller by this factor than the inertia's unit is no torque."""
+MAX_ERROR = 0.01
+"""Error of a table's harmonics, and change of an inertia along the arc, above which a note is printed [1]. Masses are usually known to a per cent."""
+
+
+NEAR = 1.6
+"""Distance from the rest within which harmonics must fit a spatial tendon [rad or m]: 92°, farther than most releases."""
 
 
 def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]]:
-    """Return the record of a joint of a model, and what was found on the way, in words.
+    """Return the record of a joint of a model, and notes on what the model states.
 
     Args:
         mass_error: Half-width of the 95 % interval of the model's masses, as a share: one factor for all.
 
     Raises:
-        SysidError: The model cannot be read, or the joint is held by a loop.
+        SysidError: The model cannot be read, or a loop holds the joint.
     """
     spec = setup.load()
     joint = setup.joint_of(spec)
     arc = walk(setup, spec)
-    slides = int(joint.type) == int(mujoco.mjtJoint.mjJNT_SLIDE)
-    angular = not slides and bool(spec.compiler.degree)
-    stiffness = float(joint.stiffness[0])
-    springref = math.radians(joint.springref) if angular else float(joint.springref)
-    rest = springref if stiffness > 0 else hangs_at(arc, _position(setup, spec))
+    is_slide = int(joint.type) == int(mujoco.mjtJoint.mjJNT_SLIDE)
+    stiffness, rest = float(joint.stiffness[0]), rest_of(setup, spec, arc)
     inertia = arc.at(rest, arc.inertia)
-    effects = [
-        _effect(part, dict(zip(part.parameter_names, values, strict=True)))
-        for part in catalogue().values()
-        if (values := part.from_mjcf(joint))
-    ]
-    strongest = float(np.abs(arc.pull).max())
-    own = arc.pull if not setup.payload else _without_payload(setup, arc)
-    pull, missed = of_table(arc.position, own)
-    if strongest > MIN_WEIGHT_SHARE * inertia:
-        effects.append(_effect(weight.EFFECT, {"scale": 1.0, **pull}))
-    if setup.payload:
-        effects.append(_effect(payload.EFFECT, of_table(arc.position, arc.pull - own)[0]))
-    changes, blurred = of_table(arc.position, arc.inertia - inertia)
-    if np.ptp(arc.inertia) > MAX_INERTIA_CHANGE * inertia:
-        effects.append(_effect(linkage.EFFECT, changes))
+    effects, missed = _effects(setup, spec, arc, rest)
     board = Board(
         name=f"{setup.file.stem}_{setup.joint}".replace("/", "_"),
         description=f"joint '{setup.joint}' of {setup.file.name}",
@@ -74,24 +59,64 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
             "stiffness": Quantity(stiffness, 0.0, "N*m/rad"),
             "damping": Quantity(float(joint.damping[0]) + arc.at(rest, arc.damping), 0.0, "N*m*s/rad"),
             "rest_angle": Quantity(rest, 0.0, "rad"),
-            "range": Quantity(float(np.abs(arc.position[[0, -1]] - rest).max()) or math.pi, 0.0, "rad"),
+            "range": Quantity(_range(arc, rest), 0.0, "rad"),
         },
-        effects=tuple(effects),
+        effects=effects,
         model=setup.entry(),
     )
-    board = board.of_slide() if slides else board
-    shares = {"weight": missed / max(strongest, 1e-300), "inertia": blurred / inertia}
+    board = board.of_slide() if is_slide else board
     return board, [
-        *_parts(arc, board, float(joint.armature), strongest),
-        *_coarse(shares),
-        *_acting(setup, spec),
+        *_parts(arc, board, float(joint.armature), float(np.abs(arc.weight).max())),
+        *_beside(arc, board),
+        *(
+            f"{servo.text(slides=is_slide)} acts on it: off in the law and in `check`, as in a measurement without power"
+            for servo in servos_of(setup, spec)
+        ),
+        *([urdf.NOTE] if setup.is_urdf else []),
+        *(
+            f"three harmonics state its {name} to {100 * share:.0f} % of the largest value only"
+            for name, share in missed.items()
+            if share > MAX_ERROR
+        ),
     ]
+
+
+def _effects(
+    setup: Setup, spec: mujoco.MjSpec, arc: Arc, rest: float
+) -> tuple[tuple[BoardEffect, ...], dict[str, float]]:
+    """Return the effects that a model states of a joint, and the errors of their harmonics as shares [1]."""
+    joint, inertia = setup.joint_of(spec), arc.at(rest, arc.inertia)
+    effects = [
+        _effect(part, dict(zip(part.parameter_names, values, strict=True)))
+        for part in catalogue().values()
+        if (values := part.from_mjcf(joint))
+    ]
+    if friction := arc.at(rest, arc.friction):
+        effects = _with_friction(effects, friction)
+    own = arc.weight if not setup.payload else _without_payload(setup, arc)
+    spring, held = _spring(arc)
+    if spring["stiffness"]:
+        effects.append(_effect(linked_spring.EFFECT, spring))
+    strongest = float(np.abs(arc.pull).max())
+    weighs, missed = of_table(arc.position, own + arc.springs - held)
+    if missed > MAX_ERROR * strongest:  # a spatial tendon: exact near the rest only
+        near = np.abs(arc.position - rest) < NEAR
+        weighs, missed = of_table(arc.position[near], (own + arc.springs - held)[near])
+    if any(weighs.values()) and strongest > TINY * inertia:
+        effects.append(_effect(weight.EFFECT, {"scale": 1.0, **weighs}))
+    if setup.payload:
+        effects.append(_effect(payload.EFFECT, of_table(arc.position, arc.weight - own)[0]))
+    changes, blurred = of_table(arc.position, arc.inertia - inertia)
+    if np.ptp(arc.inertia) > 1e3 * TINY * inertia:
+        effects.append(_effect(linkage.EFFECT, changes))
+    missing = {"weight": missed / max(strongest, 1e-300), "inertia": blurred / inertia}
+    return tuple(effects), missing
 
 
 def pose_releases(
     board: Board, recordings: Sequence[Recording], setups: Sequence[Setup]
 ) -> tuple[Board, list[Recording]]:
-    """Return a record, as the joint mostly was, and recordings in several poses, or with several loads, for one fit of all."""
+    """Return a record and recordings of several poses or payloads for one fit of all."""
     records = [board_of(setup)[0] for setup in setups]
     posed = [
         replace(
@@ -116,36 +141,103 @@ def pose_releases(
 
 
 def known_of(board: Board) -> dict[str, float]:
-    """Return the parameters that differ from another record of the same joint, in another pose or with another payload, as `Release.known` takes them."""
+    """Return the parameters that a pose or a payload changes, as `Release.known` takes them."""
     parts = {part.name: part.parameters for part in board.effects}
     known = {"inertia": board.inertia.value}
     for own in (weight.EFFECT.name, payload.EFFECT.name, linkage.EFFECT.name):
         for parameter in HARMONICS:
             known[f"{own}.{parameter}"] = parts[own][parameter].value if own in parts else 0.0
+    spring = linked_spring.EFFECT
+    for parameter in spring.parameter_names:
+        known[f"{spring.name}.{parameter}"] = (
+            parts[spring.name][parameter].value if spring.name in parts else 0.0
+        )
     return known
 
 
-def hangs_at(arc: Arc, near: float) -> float:
-    """Return where the weight lets the joint rest, nearest to a position [rad or m]; where it does nowhere, that position."""
-    crossing = np.flatnonzero((arc.pull[:-1] > 0) & (arc.pull[1:] <= 0))
-    if not len(crossing):
+def rest_of(setup: Setup, spec: mujoco.MjSpec, arc: Arc) -> float:
+    """Return the rest of the joint's own spring, or without one the stable equilibrium nearest to the pose [rad or m].
+
+    A joint that weight presses against a limit rests there. A joint without any torque rests in its pose.
+    """
+    joint = setup.joint_of(spec)
+    if joint.stiffness[0] > 0:
+        return math.radians(joint.springref) if in_degrees(spec, joint) else float(joint.springref)
+    model = spec.compile()
+    near = float(setup.posed(model)[model.jnt_qposadr[model.joint(setup.joint).id]])
+    position, pull = arc.position, arc.pull
+    if np.abs(pull).max() < TINY * arc.inertia.max():
         return near
-    i = min(crossing, key=lambda k: abs(arc.position[k] - near))
-    (x, y), (p, q) = arc.position[i : i + 2], arc.pull[i : i + 2]
-    rest = float(x + (y - x) * p / (p - q))
-    return 0.0 if abs(rest) < ROUNDING else rest
+    if arc.closed:  # the ends are one place: look beyond it
+        position, pull = np.append(position, position[1:] + 2 * np.pi), np.append(pull, pull[1:])
+    crossing = np.flatnonzero((pull[:-1] > 0) & (pull[1:] <= 0))
+    rests = [_root(position[i : i + 2], pull[i : i + 2]) for i in crossing]
+    if arc.closed:
+        rests += [rest - 2 * np.pi for rest in rests]
+    elif not rests:
+        rests = [
+            float(end) for end, out in zip(position[[0, -1]], (-pull[0], pull[-1]), strict=True) if out > 0
+        ]
+    rest = min(rests, key=lambda one: (round(abs(one - near), 6), -one), default=near)
+    return 0.0 if abs(rest) < TINY else rest
+
+
+def _root(position: Array, pull: Array) -> float:
+    return float(position[0] + (position[1] - position[0]) * pull[0] / (pull[0] - pull[1]))
+
+
+def in_degrees(spec: mujoco.MjSpec, joint: mujoco.MjsJoint) -> bool:
+    """Return whether the file writes this joint's angles in degrees."""
+    return bool(spec.compiler.degree) and int(joint.type) == int(mujoco.mjtJoint.mjJNT_HINGE)
+
+
+def _range(arc: Arc, rest: float) -> float:
+    """Return the larger distance of the rest from an end of the arc [rad or m]; half a turn where nothing limits it."""
+    reach = float(np.abs(arc.position[[0, -1]] - rest).max())
+    return math.pi if arc.closed else reach or math.pi
+
+
+def _spring(arc: Arc) -> tuple[dict[str, float], Array]:
+    """Return the parameters of the spring with a slack range that the springs' torque is, and its torque, shape (n,).
+
+    Both are zero where no such spring fits: a spatial tendon pulls by its geometry.
+    """
+    from scipy.optimize import least_squares
+
+    x, torque = arc.position, arc.springs
+    none, largest = {"stiffness": 0.0, "low": 0.0, "high": 0.0}, float(np.abs(torque).max())
+    if largest < TINY or np.ptp(x) < TINY:
+        return none, np.zeros_like(torque)
+
+    def spring(numbers: Array) -> Array:
+        stiffness, middle, half = numbers
+        return -stiffness * np.sign(x - middle) * np.maximum(np.abs(x - middle) - abs(half), 0.0)
+
+    slope = -float(np.polyfit(x, torque, 1)[0])
+    middle = float(x[np.abs(torque).argmin()])
+    fits = [least_squares(lambda n: spring(n) - torque, [slope, middle, half]) for half in (0.0, 0.3)]  # pyright: ignore[reportUnknownLambdaType]
+    best = min(fits, key=lambda fit: fit.cost * (1 + abs(fit.x[2])) + TINY**2 * abs(fit.x[2]))
+    stiffness, middle, half = (float(value) for value in best.x)
+    half = abs(half) if abs(half) > 1e-6 else 0.0
+    found = spring(np.array([stiffness, middle, half]))
+    if np.abs(found - torque).max() > MAX_ERROR * largest:
+        return none, np.zeros_like(torque)
+    numbers = {"stiffness": stiffness, "low": middle - half, "high": middle + half}
+    return {name: round(value, 9) + 0.0 for name, value in numbers.items()}, found
+
+
+def _with_friction(effects: list[BoardEffect], more: float) -> list[BoardEffect]:
+    """Return effects with dry friction that the joint's own attribute does not hold [N*m or N]."""
+    part = coulomb.EFFECT
+    own = sum(q.value for one in effects if one.name == part.name for q in one.parameters.values())
+    return [*(one for one in effects if one.name != part.name), _effect(part, {"torque": own + more})]
 
 
 def _without_payload(setup: Setup, arc: Arc) -> Array:
-    """Return the pull of the model alone at the places of an arc [N*m or N], shape (n,)."""
+    """Return the weight of the model alone along an arc [N*m or N], shape (n,)."""
     bare = setup.with_(payload=())
     alone = walk(bare, bare.load())
-    return np.interp(arc.position, alone.position, alone.pull)
-
-
-def _position(setup: Setup, spec: mujoco.MjSpec) -> float:
-    model = spec.compile()
-    return float(setup.posed(model)[model.jnt_qposadr[model.joint(setup.joint).id]])
+    return np.interp(arc.position, alone.position, alone.weight)
 
 
 def _effect(part: Effect, values: Mapping[str, float]) -> BoardEffect:
@@ -153,57 +245,35 @@ def _effect(part: Effect, values: Mapping[str, float]) -> BoardEffect:
 
 
 def _parts(arc: Arc, board: Board, armature: float, strongest: float) -> list[str]:
-    """Say what the joint moves, and what pulls at it."""
+    """Return notes on inertia and weight."""
     unit, force, place = ("kg", "N", "m") if board.slides else ("kg·m²", "N·m", "rad")
     notes = [
         f"inertia {board.inertia.value:.4g} {unit} at the rest {board.rest_angle:.4g} {place}, of which armature {armature:.4g}; "
         + (f"carries along: {', '.join(arc.carried)}" if arc.carried else "all other joints held"),
-        f"weight and other springs pull with up to {strongest:.4g} {force}: known from the model, not fitted"
-        if strongest > MIN_WEIGHT_SHARE * board.inertia.value
+        f"weight: up to {strongest:.4g} {force}, known from the model, not fitted"
+        if strongest > TINY * board.inertia.value
         else "no weight pulls at it",
     ]
     if arc.loose:
         notes.append(
-            "free joints follow by their inertia alone, as they do in the first moments: where they swing by themselves, hold "
-            "them in the measurement"
+            "free joints follow by their inertia alone, as in the first moments of a release. Hold them where they swing by themselves"
         )
     change = float(np.ptp(arc.inertia)) / board.inertia.value
-    if change > MAX_HARMONIC_ERROR:
-        notes.append(
-            f"along its way the inertia changes by {100 * change:.0f} %, as the model says; the law has it"
-        )
+    if change > MAX_ERROR:
+        notes.append(f"its inertia changes by {100 * change:.0f} % along the arc, as the model states")
     return notes
 
 
-def _coarse(shares: Mapping[str, float]) -> list[str]:
-    return [
-        f"its {what} is known to {100 * share:.0f} % of its largest value only: it bends more than three harmonics do"
-        for what, share in shares.items()
-        if share > MAX_HARMONIC_ERROR
-    ]
-
-
-def _acting(setup: Setup, spec: mujoco.MjSpec) -> list[str]:
-    """Say what acts on the joint beside what the law has."""
-    model = spec.compile()
-    number = model.joint(setup.joint).id
-    kinds = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-    notes = [
-        f"actuator '{model.actuator(i).name}' acts on it: off in the law and in `check`, as in a measurement without power"
-        for i in range(model.nu)
-        if int(model.actuator_trntype[i]) in kinds and int(model.actuator_trnid[i, 0]) == number
-    ]
-    for tendon in range(model.ntendon):
-        first = int(model.tendon_adr[tendon])
-        wraps = range(first, first + int(model.tendon_num[tendon]))
-        joints = [
-            int(model.wrap_objid[w])
-            for w in wraps
-            if int(model.wrap_type[w]) == int(mujoco.mjtWrap.mjWRAP_JOINT)
-        ]
-        if number in joints and (model.tendon_damping[tendon] or model.tendon_frictionloss[tendon]):
-            notes.append(
-                f"tendon '{model.tendon(tendon).name}' damps it beside its own damper: what is fitted holds both, and the patched "
-                "copy would have it twice. Take the tendon's out first"
-            )
-    return notes
+def _beside(arc: Arc, board: Board) -> list[str]:
+    """Return notes on tendons and carried joints that spring or brake the joint: known, and kept as they are."""
+    force, turn = ("N", "m") if board.slides else ("N·m", "rad")
+    rest, spring = board.rest_angle, _spring(arc)[0]
+    strongest = float(np.abs(arc.springs).max())
+    found = {
+        f"spring {spring['stiffness']:.4g} {force}/{turn}": spring["stiffness"],
+        f"springs up to {strongest:.4g} {force}": 0.0 if spring["stiffness"] else round(strongest, 9),
+        f"damping {arc.at(rest, arc.damping):.4g} {force}·s/{turn}": arc.at(rest, arc.damping),
+        f"dry friction {arc.at(rest, arc.friction):.4g} {force}": arc.at(rest, arc.friction),
+    }
+    parts = [text for text, value in found.items() if value]
+    return [f"tendons and carried joints of the model: {', '.join(parts)}; kept as they are"] if parts else []

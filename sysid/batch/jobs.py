@@ -1,4 +1,4 @@
-"""One job of a batch: its logs read, what was asked of them found out, and a row of numbers made of it."""
+"""One job of a batch: read its logs, run its task, return a row of numbers."""
 
 import hashlib
 import json
@@ -39,12 +39,12 @@ COLUMNS = (
 
 
 def job_key(job: Job, workspace: Path) -> str:
-    """Return what a job's result depends on as a digest: logs, record, what is asked, and the tool's version.
+    """Return a digest of a job's inputs: logs, record, task, options, and the tool's version.
 
     A log that is not there counts as nothing: its job fails, and failed jobs are tried again.
 
     Raises:
-        SysidError: There is no such board: a mistyped name is said before anything runs.
+        SysidError: The board does not exist: a mistyped name stops the batch at once.
     """
     record = None if job.board is None else sha256(find_record(job.board, workspace))
     files = [
@@ -135,14 +135,13 @@ def table_row(row: Mapping[str, Any]) -> dict[str, Any]:
 def _passed(result: Mapping[str, Any]) -> str | None:
     if "passed" in result:
         return "matches" if result["passed"] else "differs"
-    linear = result.get("residual", {}).get("linear")
-    return None if linear is None else "linear" if linear else "not linear"
+    return result.get("residual", {}).get("status")
 
 
 def unfinished(
     jobs: Sequence[Job], workspace: Path, rows: Sequence[Mapping[str, Any]]
 ) -> tuple[list[tuple[Any, ...]], list[dict[str, Any]]]:
-    """Return the arguments of `run_job` for what is not done yet, and the rows of what is, under the jobs' own names."""
+    """Return the arguments of `run_job` for open jobs, and the rows of finished ones, under the jobs' own names."""
     done = {row["key"]: row for row in rows if row["state"] == "done"}
     waiting: list[tuple[Any, ...]] = []
     kept: list[dict[str, Any]] = []

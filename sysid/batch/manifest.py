@@ -1,4 +1,4 @@
-"""The manifest of a batch: which logs of which boards are read, and what is asked of them.
+"""The manifest of a batch: logs, boards and tasks.
 
 A TOML file with one `[[job]]` a job and `[defaults]` for all of them, or a CSV file with one row a job.
 """
@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from sysid.errors import SysidError, did_you_mean
+from sysid.files import read_small
 
 Task = Literal["decay", "fit", "compare", "diagnose"]
-"""What is asked of the logs of a job, by the command's name."""
+"""Task of a job, by the command's name."""
 
 
 def _numbers(value: Any) -> tuple[float, ...]:
@@ -44,7 +45,7 @@ READING: Mapping[str, tuple[str, Callable[[Any], Any]]] = {
     "release": ("release", _numbers),
     "keep-zero": ("keep_zero", _flag),
 }
-"""How logs are read: the option of the commands, what `Recording.read` calls it, and what it is."""
+"""Options of reading: name in the commands, name in `Recording.read`, and kind."""
 FIELDS: Mapping[str, Callable[[Any], Any]] = {
     "name": str,
     "task": str,
@@ -54,7 +55,7 @@ FIELDS: Mapping[str, Callable[[Any], Any]] = {
     "effects": _words,
     **{name: kind for name, (_, kind) in READING.items()},
 }
-"""What a job may say. In a table of text, lists are separated by ';'."""
+"""Fields of a job. In a table of text, lists are separated by ';'."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +84,7 @@ def read_manifest(path: Path) -> list[Job]:
             f"{path}: there is no such manifest. Expected a .toml or a .csv file; see docs/batch.md."
         )
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_small(path, "utf-8-sig")
         rows, defaults = _toml(path, text) if path.suffix.lower() == ".toml" else _csv(text)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError, csv.Error) as error:
         raise SysidError(f"{path}: cannot be read as a manifest ({error}).") from error

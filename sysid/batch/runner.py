@@ -1,6 +1,6 @@
 """Many independent cases, a process a core or on a cluster, one line of JSON each as they end.
 
-What is in the file of rows already is not run again, so a run may be stopped at any moment and go on later.
+Cases in the file of rows are not run again, so a run may be stopped and continued.
 """
 
 import json
@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from sysid.errors import SysidError
+from sysid.errors import SysidError, install_extra
 
 Row = Mapping[str, Any]
 
@@ -49,7 +49,7 @@ def run_all(
 
     if rows is not None:
         rows.parent.mkdir(parents=True, exist_ok=True)
-        # What a killed run left unfinished must not run into the next line.
+        # An unfinished line of a killed run must not run into the next one.
         rows.write_text("".join(json.dumps(row) + "\n" for row in read_rows(rows)), encoding="utf-8")
     with _backend(cluster) as backend, parallel_config(backend=backend, n_jobs=workers):
         try:
@@ -60,7 +60,7 @@ def run_all(
                 yield row
         except TerminatedWorkerError as error:
             raise SysidError(
-                "one of the processes died (out of memory?). What was done is kept: run this again, with fewer --workers."
+                "one of the processes died (out of memory?). Finished cases are kept: run this again, with fewer --workers."
             ) from error
 
 
@@ -73,7 +73,7 @@ def _results(parallel: Any, calls: Sequence[Any], backend: str) -> Iterable[Row]
 
 @contextmanager
 def _backend(cluster: str | None) -> Generator[str]:
-    """Connect to a cluster, and yield joblib's name of what runs the cases."""
+    """Connect to a cluster, and yield joblib's name of the backend."""
     if cluster is None:
         yield "loky"
         return
@@ -89,10 +89,8 @@ def _backend(cluster: str | None) -> Generator[str]:
                 import_module("ray.util.joblib").register_ray()
                 yield kind
     except ImportError as error:
-        package = "husky-sysid[cluster]" if kind == "dask" else "ray[client]"
-        raise SysidError(
-            f"--cluster {cluster}: {kind} is not installed. Run `pip install '{package}'`."
-        ) from error
+        command = install_extra("cluster") if kind == "dask" else "pip install 'ray[client]'"
+        raise SysidError(f"--cluster {cluster}: {kind} is not installed: {command}.") from error
     except (OSError, ValueError) as error:
         raise SysidError(
             f"--cluster {cluster}: cannot be reached ({error}). Expected the address of a Dask scheduler, "

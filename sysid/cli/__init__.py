@@ -8,7 +8,7 @@ import contextlib
 import os
 import sys
 from math import isfinite
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 from sysid.cli.streams import drop_output, listen, one_line, open_streams, stop_listening
 from sysid.errors import SysidError
@@ -20,50 +20,63 @@ EXIT_CODES = """Exit codes: 0 good; 1 input or computation failed; 2 usage; 3 th
 
 
 class Command(NamedTuple):
-    """What `--help` says of a command before it is imported."""
+    """Help of a command, known before its module is imported."""
 
     help: str
     examples: tuple[str, ...]
     """Command lines, without the program's name."""
     page: str
-    """Where to read on, in docs/."""
+    """Its page in docs/."""
+    first: tuple[str, ...] = ()
+    """Options of its help's first screen; all of them if left out. `--help-all` shows the others too."""
+    module: str = ""
+    """Module and function that it is, as 'module:function', where they are not called as it is."""
     has_parts: bool = False
     """Whether it is an application of its own, with commands in it."""
 
 
+JOINT = ("--board", "--model", "--joint", "--pose")
+LOG = ("--column", "--unit", "--axis", "--from", "--to")
+OUTPUT = ("--json", "--workspace")
 COMMANDS = {
     "decay": Command(
-        "Roll log in; log decrement, damping ratio, natural frequency, k and d out.",
+        "Measure stiffness, damping and frequency from a log.",
         ("decay tip.csv --board pink", "decay tip.csv", "decay film.mp4 --board pink --method edge"),
         "tutorial.md",
+        first=(*JOINT, *LOG, "--picture", *OUTPUT),
     ),
     "roll": Command(
-        "Extract the roll angle of any log or video into a CSV file.",
+        "Extract the angle of any log or film into a CSV file.",
         ("roll film.mp4 -o roll.csv --overlay seen.mp4", "roll film.mp4 -o roll.csv --align imu.csv"),
         "video.md",
+        first=("--output", *LOG, "--rate", "--method", "--align", "--overlay", *OUTPUT),
     ),
     "fit": Command(
-        "Fit the MuJoCo tilt joint to logs and save it in the board record.",
+        "Fit the joint to logs and save it in its record.",
         (
             "fit monday.csv tuesday.csv --board pink --effect coulomb --profile",
             "fit swing.csv --model robot.xml --joint knee --effect coulomb",
         ),
         "any_joint.md",
+        first=(*JOINT, *LOG[:3], "--effect", "--fix", "--profile", "--in-scene", "--output", *OUTPUT),
     ),
     "compare": Command(
-        "Compare the simulated with the measured decay: how far off, and where.",
+        "Compare simulated with measured: how far off, and where.",
         ("compare tip.csv --board pink", "compare tip.csv --board pink --rerun tip.rrd"),
         "tutorial.md",
+        first=(*JOINT, *LOG, "--tolerance", "--rerun", *OUTPUT),
     ),
     "diagnose": Command(
-        "Rank the physical effects that the model is missing.",
+        "Name the physical effect that the model is missing.",
         ("diagnose tip.csv --board pink", "diagnose monday.csv tuesday.csv --board pink --json found.json"),
         "diagnosis.md",
+        first=(*JOINT, *LOG, "--fix", *OUTPUT),
     ),
     "check": Command(
-        "Check that the MuJoCo scene reproduces the measured decay; exit 0 or 3.",
+        "Check that the MuJoCo scene moves as measured; exit 0 or 3.",
         ("check tip.csv --board pink", "check tip.csv --board pink --scene-file my_scene.xml --joint tilt"),
         "lying_scene.md",
+        first=(*JOINT, *LOG[:3], "--tolerance", "--scene-file", "--timestep", "--export", *OUTPUT),
     ),
     "mjcf": Command(
         "Write the board as MJCF.",
@@ -71,7 +84,7 @@ COMMANDS = {
         "boards.md",
     ),
     "inertia": Command(
-        "Roll inertia from dimensions, parts, swings, weights or two decays.",
+        "Find the inertia from dimensions, parts, swings, weights or two decays.",
         (
             "inertia cuboid --mass 2.58±0.05 --width 20cm --height 2cm",
             "inertia bifilar --mass 2.58 --separation 150mm --length 1.2 --period 1.692±0.005 --save pink",
@@ -84,23 +97,25 @@ COMMANDS = {
         ("loaded --board pink --reading 0,0,bare.json --reading 5,10cm,w5.json --reading 10,10cm,w10.json",),
         "boards.md",
     ),
-    "rollout": Command(
+    "coast-down": Command(
         "Measure rake and rolling resistance from a board that rolls by itself.",
-        ("rollout film.csv --board pink", "rollout imu.csv --board pink --slope-deg -2 --save"),
+        ("coast-down film.csv --board pink", "coast-down imu.csv --board pink --slope-deg -2 --save"),
         "boards.md",
+        first=("--board", "--slope-deg", "--rest", "--free", "--save", *LOG, *OUTPUT),
+        module="rollout:rollout",
     ),
     "effects": Command(
-        "List the effects with their laws, show one, or write a file for one of your own.",
+        "List the effects, show one, or write a file for one of your own.",
         ("effects", "effects coulomb", "effects new my_effect"),
         "effects.md",
     ),
     "boards": Command(
-        "List boards, their parameters and whether they passed the check.",
+        "List records, their numbers, and whether they passed the check.",
         ("boards", "boards pink"),
         "boards.md",
     ),
     "new": Command(
-        "Write the smallest record: a board, a pendulum, a torsion rig, a joint of a model.",
+        "Write the smallest record of a joint.",
         (
             "new arm --kind pendulum --mass 0.49±0.002 --arm 0.1±0.001",
             "new knee --model robot.xml --joint knee",
@@ -109,7 +124,7 @@ COMMANDS = {
     ),
     "history": Command("Show how a board's record came about.", ("history --board pink",), "boards.md"),
     "undo": Command(
-        "Put a board's record back to what it was before the last change.",
+        "Undo the last change of a record.",
         ("undo --board pink",),
         "boards.md",
     ),
@@ -120,26 +135,43 @@ COMMANDS = {
             "synth --board pink --effect coulomb=0.15 --dialect phyphox -o log.zip",
         ),
         "synthetic-logs.md",
+        first=(
+            "--board",
+            "--model",
+            "--joint",
+            "--effect",
+            "--releases",
+            "--release-angle",
+            "--rate",
+            "--noise-deg",
+            "--dialect",
+            "--seed",
+            "--output",
+            *OUTPUT,
+        ),
     ),
     "report": Command(
-        "Write one self-contained HTML file with everything known of a board.",
+        "Write one HTML file with everything known of a joint.",
         ("report --board pink", "report tip.csv --board pink -o pink.html"),
         "tutorial.md",
+        first=(*JOINT, *LOG[:3], "--one-page", "--tolerance", "--output", *OUTPUT),
     ),
     "batch": Command(
-        "Run many logs of many boards in parallel, into one table and one page.",
+        "Run many logs in parallel, into one table and one page.",
         ("batch week.toml", "batch week.csv --workers 8", "batch week.toml --cluster tcp://head:8786"),
         "batch.md",
     ),
     "view": Command(
-        "Show logs and model of a board in Rerun.",
+        "Show logs and model in Rerun.",
         ("view --board pink", "view film.mp4 --board pink -o film.rrd"),
         "tutorial.md",
+        first=(*JOINT, *LOG, "--output", *OUTPUT),
     ),
     "live": Command(
-        "Read a phone while the board rocks: k, d and what to do next after each release.",
+        "Read a phone while the board rocks; k and d after each release.",
         ("live --board pink --phone 192.168.0.42:8080", "live --board pink --watch logs"),
         "tutorial.md",
+        first=("--phone", "--watch", "--releases", "--port", *JOINT, *LOG[:3], *OUTPUT),
     ),
     "marker": Command(
         "Print a page with markers for films, and how to fix and film them.",
@@ -153,21 +185,52 @@ COMMANDS = {
         "Train a policy for a board.",
         ("train --board pink", "train --board pink --minutes 30"),
         "training.md",
+        first=(
+            "--board",
+            "--minutes",
+            "--resume",
+            "--gpus",
+            "--environments",
+            "--iterations",
+            "--seed",
+            "--force",
+            "--output",
+            *OUTPUT,
+        ),
     ),
     "evaluate": Command(
         "Measure a policy: success, velocity, heading, smoothness, contacts.",
         ("evaluate data/policies/pink.onnx --board pink",),
         "training.md",
-    ),
-    "paper": Command(
-        "Make the HUSKY paper's tables and figures from trained policies.",
-        ("paper", "paper main curves --episodes 20 --seeds 3"),
-        "training.md",
+        first=(
+            "--board",
+            "--episodes",
+            "--seeds",
+            "--simulator",
+            "--workers",
+            "--suite",
+            "--duration",
+            "--force",
+            "--output",
+            *OUTPUT,
+        ),
     ),
     "play": Command(
         "Show a policy in Rerun or in the MuJoCo viewer.",
         ("play data/policies/pink.onnx --board pink", "play data/policies/pink.onnx --board pink --viewer"),
         "runtime.md",
+        first=(
+            "--board",
+            "--duration",
+            "--speed",
+            "--turn-deg",
+            "--commands",
+            "--viewer",
+            "--terrain",
+            "--force",
+            "--output",
+            *OUTPUT,
+        ),
     ),
     "export": Command(
         "Pack scene, policy and board record into one folder that runs by itself.",
@@ -178,27 +241,88 @@ COMMANDS = {
         "Run a policy in real time, in MuJoCo or on the robot.",
         ("run data/policies/pink.onnx --board pink", "run pink_on_g1 --robot unitree --interface eth0"),
         "runtime.md",
+        first=(
+            "--board",
+            "--duration",
+            "--speed",
+            "--turn-deg",
+            "--commands",
+            "--robot",
+            "--interface",
+            "--viewer",
+            "--dry-run",
+            "--force",
+            "--output",
+            *OUTPUT,
+        ),
     ),
 }
-"""Every command, in the order of the help."""
+"""Every command."""
+GROUPS = {
+    "The loop": ("decay", "compare", "diagnose", "fit", "check", "mjcf", "report"),
+    "Logs": ("live", "view", "synth", "batch"),
+    "Joints": ("new", "boards", "inertia", "effects"),
+    "Policies": ("train", "evaluate", "play", "run", "export"),
+}
+"""Commands of the first screen, in the order in which they are used; `--help-all` lists the others too."""
+ALIASES = {"rollout": "coast-down"}
+"""Names of version 0.1, which still work, and the commands that they mean."""
+PURPOSE = "Find out why a MuJoCo joint does not behave like the real one, and correct it."
+HELP, HELP_ALL = ("--help", "-h"), "--help-all"
+
+
+def overview(*, everything: bool) -> str:
+    """Return the help of the program: its commands in the order of the loop.
+
+    It is plain text, because the package that formats the help of a command takes longer to import than all this.
+    """
+    shown = {name for names in GROUPS.values() for name in names}
+    groups = {
+        **GROUPS,
+        **({"More": tuple(name for name in COMMANDS if name not in shown)} if everything else {}),
+    }
+    width = max(map(len, COMMANDS)) + 2
+    lines = [PURPOSE, "", "Usage: husky-sysid COMMAND [OPTIONS]"]
+    for title, names in groups.items():
+        lines += ["", title, *(f"  {name:{width}}{COMMANDS[name].help}" for name in names)]
+    left = (
+        ""
+        if everything
+        else f"More commands and options: husky-sysid {HELP_ALL}, husky-sysid COMMAND {HELP_ALL}\n"
+    )
+    return "\n".join(
+        [
+            *lines,
+            "",
+            f"{left}Help of one: husky-sysid COMMAND --help. Also: --version, --install-completion.",
+            EXIT_CODES,
+        ]
+    )
 
 
 def epilogue(name: str) -> str:
-    """Return what stands below the options in a command's help: examples, and where to read on."""
+    """Return the end of a command's help: examples, and where to read on."""
     command = COMMANDS[name]
     lines = "\n".join(f"husky-sysid {example}" for example in command.examples)
-    return f"Examples:\n\n```\n{lines}\n```\n\nRead on: docs/{command.page}"
+    more = f"All options: husky-sysid {name} {HELP_ALL}\n\n" if command.first else ""
+    return f"Examples:\n\n```\n{lines}\n```\n\n{more}Read on: docs/{command.page}"
 
 
-def build_app() -> "cyclopts.App":
-    """Return the application; commands are named here and imported when called."""
+def build_app(*, everything: bool = False) -> "cyclopts.App":
+    """Return the application; commands are named here and imported when called.
+
+    Args:
+        everything: Whether a command's help shows its rare options too.
+    """
     from importlib.metadata import version
 
     import cyclopts
 
+    from sysid.cli.first_screen import FirstScreen
+
     app = cyclopts.App(
         name="husky-sysid",
-        help=f"Find out why a MuJoCo joint does not behave like the real one, and correct it.\n\n{EXIT_CODES}",
+        help=f"{PURPOSE}\n\n{EXIT_CODES}",
         version=lambda: version("husky-sysid"),
         config=_require_finite,
         suppress_keyboard_interrupt=False,
@@ -206,14 +330,19 @@ def build_app() -> "cyclopts.App":
     app.register_install_completion_command(
         help="Let the shell complete commands and options (bash, zsh, fish)."
     )
-    for name, command in COMMANDS.items():
-        more = {} if command.has_parts else {"help_epilogue": epilogue(name)}
-        app.command(f"sysid.cli.{name}:{name}", name=name, help=command.help, **more)
+    every = {**{name: name for name in COMMANDS}, **ALIASES}
+    for name, meant in every.items():
+        command = COMMANDS[meant]
+        more: dict[str, Any] = {} if command.has_parts else {"help_epilogue": epilogue(meant)}
+        if command.first and not everything:
+            more["help_formatter"] = FirstScreen(shown=command.first)
+        home = command.module or f"{meant}:{meant}"
+        app.command(f"sysid.cli.{home}", name=name, help=command.help, show=name not in ALIASES, **more)
     return app
 
 
 def _require_finite(_app: object, _commands: object, arguments: "cyclopts.ArgumentCollection") -> None:
-    """Accept the numbers of a command line: none of them is nan or infinite.
+    """Accept finite numbers only.
 
     Raises:
         cyclopts.ValidationError: One is; it names the option.
@@ -224,7 +353,7 @@ def _require_finite(_app: object, _commands: object, arguments: "cyclopts.Argume
         if "float" not in str(argument.hint):  # alone, in a tuple, or where it may be left out
             continue
         for token in argument.tokens:
-            with contextlib.suppress(ValueError):  # what is no number is told later, as of any kind
+            with contextlib.suppress(ValueError):  # other values are refused later
                 if not isfinite(float(token.value)):
                     raise ValidationError(
                         exception_message="Must be a finite number.", argument=argument, value=token.value
@@ -237,8 +366,14 @@ def main() -> None:
         listen()
         open_streams()
         require_own_packages()
+        words = sys.argv[1:]
         try:
-            build_app()()
+            if not words or (len(words) == 1 and words[0] in (*HELP, HELP_ALL)):
+                sys.stdout.write(overview(everything=words == [HELP_ALL]) + "\n")
+            elif HELP_ALL in words:
+                build_app(everything=True)([HELP[0] if word == HELP_ALL else word for word in words])
+            else:
+                build_app()(words)
         finally:
             sys.stdout.flush()
     except BaseException as error:

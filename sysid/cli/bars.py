@@ -60,6 +60,6 @@ def told_bar(printer: Printer) -> Generator[Listener | None]:
 
 @contextmanager
 def working(printer: Printer) -> Generator[None]:
-    """Show a bar that is moved by what is done inside, through `sysid.progress`."""
+    """Show a bar that the work inside moves, through `sysid.progress`."""
     with told_bar(printer) as update, listening(update):
         yield

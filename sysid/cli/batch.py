@@ -24,7 +24,7 @@ def batch(
 ) -> int:
     """Run many jobs side by side, and put their results into one table and one page.
 
-    What was done is kept: broken off or extended, the same command goes on where it was. No board's record is changed.
+    Finished jobs are kept: the same command continues an interrupted or extended batch. No board's record is changed.
 
     Args:
         manifest: The jobs, TOML or CSV.

@@ -100,7 +100,7 @@ def _show(space: Workspace, name: str, printer: Printer) -> None:
         rows = [(key.replace("_", " "), str(quantity)) for key, quantity in table.items()]
         if rows:
             printer.table(("quantity", "value ± 95 %"), rows, title)
-    for title, content in (("fit", board.fit), ("check", board.check)):
+    for title, content in (("fit", board.fit), ("check", board.last_check)):
         if content:
             printer.table(("field", "value"), [(key, _told(value)) for key, value in content.items()], title)
     if board.history:
@@ -116,7 +116,7 @@ def _show(space: Workspace, name: str, printer: Printer) -> None:
             "tilt": _json(board.tilt),
             "effect": [{"name": e.name, "parameters": _json(e.parameters)} for e in board.effects],
             "fit": plain(board.fit),
-            "check": plain(board.check),
+            "check": plain(board.last_check),
             "history": [plain(line) for line in board.history],
         }
     )
@@ -143,7 +143,7 @@ def derivation(board: Board) -> "DecayNumbers | None":
 
 
 def derivation_line(board: Board) -> str:
-    """Return the derivation of k and d to the digits that the source prints, beside what it prints."""
+    """Return derived k and d to the digits of the source, beside its own numbers."""
     numbers = derivation(board)
     if numbers is None:
         return ""
@@ -185,9 +185,9 @@ def provenance(board: Board) -> str:
 
 def verdict(board: Board) -> str:
     """Say whether the board passed the check."""
-    if not board.check:
+    if not board.last_check:
         return "not run"
-    nrmse = board.check.get("nrmse")
+    nrmse = board.last_check.get("nrmse")
     error = f" (nrmse {100 * nrmse:.2g} %)" if isinstance(nrmse, int | float) else ""
     if board.check_is_stale:
         return "out of date: the record was changed since; run the check again"
@@ -211,7 +211,7 @@ def summary(space: Workspace, board: Board) -> dict[str, Any]:
         "natural_frequency_hz": natural_frequency(board),
         "effects": [effect.name for effect in board.effects],
         "provenance": provenance(board),
-        "checked": bool(board.check),
+        "checked": bool(board.last_check),
         "passed": board.passed,
         "decay": _json(board.decay),
         "derivation": numbers.to_json() if numbers else None,

@@ -9,12 +9,12 @@ from cyclopts import Parameter
 from sysid.cli.console import OUTPUT, Common, Made, Printer, require_share
 from sysid.cli.log_options import LogArguments, refuse_overwriting_logs, space_of
 from sysid.cli.subject import Subject
-from sysid.cli.view import read_logs, write_recording
+from sysid.cli.view import logs_or_fitted, read_logs, write_recording
 from sysid.files import require_writable, write_figure, write_json
 
 
 def compare(
-    logs: list[Path],
+    logs: tuple[Path, ...] = (),
     /,
     *,
     subject: Subject = Subject(),
@@ -31,7 +31,7 @@ def compare(
     of the workspace.
 
     Args:
-        logs: Logs of one board.
+        logs: Logs of one joint; those that its record was fitted to, if left out.
         tolerance: Error beyond the noise, over the RMS motion, at which the comparison passes.
         picture: Draw compare.png.
         rerun: Write a Rerun recording (.rrd) here.
@@ -47,9 +47,10 @@ def compare(
     record = subject.load(common, printer)
     folder = common.space.outputs(record.name)
     require_writable(folder / "compare.json")
-    logs, setups = subject.logs(logs)
-    files = find_logs(record, logs, common.space) if logs else []
-    material = read_logs(files, arguments, printer, films=rerun is not None)
+    given, arguments = logs_or_fitted(record, logs, arguments, printer)
+    each, setups = subject.logs(given)
+    files = find_logs(record, each, common.space)
+    material = read_logs(files, arguments, printer, films=rerun is not None, rest=record.rest_angle)
     record, recordings = subject.posed(record, list(material.recordings), setups)
     material = replace(material, recordings=tuple(recordings))
     with working(printer), stage(0.0, 1.0, "comparing"):
@@ -61,16 +62,16 @@ def compare(
     if picture:
         from reports.figures.compare import compare_figure
 
-        names = ", ".join(log.name for log in logs)
+        names = ", ".join(log.name for log in each)
         figure = compare_figure(result, f"{record.name}: simulated against {names}")
         written.append(write_figure(folder / "compare.png", figure))
     if rerun is not None:
         write_recording(rerun, record, files, material, printer, tolerance=tolerance)
         written.append(rerun)
     printer.say(result.report(printer.width))
-    if not result.passed:
-        command = space_of(common, arguments).command("diagnose", *record.options, logs=logs)
-        printer.say(f"to learn what is missing: {command}")
+    verb, why = ("check", "check it in MuJoCo") if result.passed else ("diagnose", "learn what is missing")
+    command = space_of(common, arguments).command(verb, *record.options, logs=given)
+    printer.say(f"next: {why}: {command}")
     printer.written(*written)
     printer.result(content)
     return 0

@@ -1,6 +1,7 @@
-"""What every command shares: `--json`, `--workspace`, results on stdout, the rest on stderr."""
+"""Shared by every command: `--json`, `--workspace`, results on stdout, the rest on stderr."""
 
 import json
+import os
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,7 +15,7 @@ from sysid.cli.streams import one_line
 from sysid.errors import SysidError
 from sysid.files import refuse_overwriting, require_writable, write_json
 from sysid.quantity import Quantity
-from sysid.text import table
+from sysid.text import WIDTH, table
 from sysid.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -24,8 +25,10 @@ if TYPE_CHECKING:
 LOG, FILM, FIT, OUTPUT = (
     Group(name, sort_key=place) for place, name in enumerate(("Log", "Film", "Fit", "Output"), 1)
 )
-"""What options belong to, in the order of a command's help."""
+"""Groups of options, in the order of a command's help."""
 Output = Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)]
+LEAST_WIDTH = 40
+"""Below, a table's cells would be letters under one another [characters]."""
 Made = Annotated[Path, Parameter(group=OUTPUT)]
 """Another file that is written if it is named."""
 BoardName = Annotated[str, Parameter(name=("--board", "-b"))]
@@ -85,9 +88,8 @@ class Printer:
             require_writable(Path(self.common.json))
         # A terminal breaks a line wherever it is full; we break between words. A pipe gets whole lines.
         out, err = sys.stdout.isatty(), sys.stderr.isatty()
-        stdout = Console(
-            quiet=quiet, highlight=False, width=None if out else 160, soft_wrap=not out, emoji=False
-        )
+        width = None if out else _piped_width()
+        stdout = Console(quiet=quiet, highlight=False, width=width, soft_wrap=not out, emoji=False)
         stderr = Console(stderr=True, highlight=False, soft_wrap=not err, emoji=False)
         object.__setattr__(self, "_stdout", stdout)
         object.__setattr__(self, "_stderr", stderr)
@@ -123,7 +125,7 @@ class Printer:
         self._stderr.print(f"warning: {one_line(text)}", markup=False, style="yellow")
 
     def note(self, text: str) -> None:
-        """Print what was inferred or done, on stderr."""
+        """Print a note on stderr."""
         self._stderr.print(text, markup=False, style="dim")
 
     @property
@@ -165,6 +167,12 @@ class Printer:
         else:
             write_json(Path(self.common.json), content)
             self.note(f"written: {self.common.json}")
+
+
+def _piped_width() -> int:
+    """Return the width of tables that go into a pipe or a file [characters]: COLUMNS, where it is exported."""
+    columns = os.environ.get("COLUMNS", "")
+    return max(LEAST_WIDTH, int(columns)) if columns.isdigit() else WIDTH
 
 
 def require_share(option: str, value: float) -> None:

@@ -24,8 +24,8 @@ def decay(
 ) -> int:
     """Identify the board's tilt joint from its free decays.
 
-    Finds the releases in the logs, fits a linear decay to all of them together, and prints logarithmic
-    decrement, damping ratio, frequencies, stiffness and damping with 95 % intervals. Writes decay.json
+    Fits a linear decay to all releases in the logs. Prints decrement, damping ratio, frequencies, stiffness and
+    damping with 95 % intervals. Writes decay.json
     and decay.png into reports/BOARD of the workspace.
 
     Args:
@@ -47,7 +47,8 @@ def decay(
     folder = None if record is None else common.space.outputs(record.name)
     if folder is not None:
         require_writable(folder / "decay.json")
-    recordings = load_recordings(logs, arguments, printer)
+    rest = 0.0 if record is None else record.rest_angle
+    recordings = load_recordings(logs, arguments, printer, rest=rest)
     result = fit_decay(recordings, board=record)
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width))
@@ -57,7 +58,7 @@ def decay(
             ("--board", "NAME") if record is None else record.options,
         )
         made = " (`new NAME` writes the record that it needs)" if record is None else ""
-        printer.say(f"to learn what is missing: {space.command('diagnose', *options, logs=logs)}{made}")
+        printer.say(f"next: learn what is missing: {space.command('diagnose', *options, logs=logs)}{made}")
     content = result.to_json()
     written: list[Path] = []
     if folder is not None:

@@ -1,36 +1,32 @@
-"""`husky-sysid diagnose`: what the model is missing, or that nothing is, or that nothing known explains it."""
+"""`husky-sysid diagnose`: the missing effect, if there is one and the catalogue has it."""
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter, validators
-
-from sysid.cli.console import FIT, Common, FitTexts, Printer
+from sysid.cli.console import Common, FitTexts, Printer
 from sysid.cli.log_options import LogArguments, load_recordings, space_of
 from sysid.cli.parameter_options import parse_fixed
 from sysid.cli.subject import Subject
+from sysid.cli.view import logs_or_fitted
 from sysid.files import require_writable, write_figure, write_json
 
 
 def diagnose(
-    logs: list[Path],
+    logs: tuple[Path, ...] = (),
     /,
     *,
     subject: Subject = Subject(),
     fix: FitTexts = (),
-    workers: Annotated[int, Parameter(group=FIT, validator=validators.Number(gte=1))] = 2,
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:
-    """Rank the physical effects that the model is missing, or say that nothing is.
+    """Name the missing physical effects, or report that the model is complete.
 
     Writes diagnose.json, where the report finds it, and diagnose.png into reports/BOARD of the workspace.
 
     Args:
-        logs: Logs of one board, with several releases in all.
+        logs: Logs of one joint, with several releases in all; those that its record was fitted to, if left out.
         fix: Hold a parameter in every model, as NAME=VALUE in SI units; stiffness=0 for a pendulum whose record has
             gravity. Repeat it for several.
-        workers: Number of processes.
     """
     from reports.figures.story import story_figure
     from reports.story import for_report, story_of_diagnosis
@@ -43,14 +39,17 @@ def diagnose(
     record = subject.load(common, printer)
     folder = common.space.outputs(record.name)
     require_writable(folder / "diagnose.json")
-    each, setups = subject.logs(logs)
-    record, recordings = subject.posed(record, load_recordings(each, arguments, printer), setups)
+    found, arguments = logs_or_fitted(record, logs, arguments, printer)
+    each, setups = subject.logs(found)
+    record, recordings = subject.posed(
+        record, load_recordings(each, arguments, printer, rest=record.rest_angle), setups
+    )
     with told_bar(printer) as progress:
-        result = search(recordings, record, fixed=parse_fixed(fix), workers=workers, progress=progress)
-    for name, prior in result.base.problem.priors.items():
+        result = search(recordings, record, fixed=parse_fixed(fix), progress=progress)
+    for name, prior in result.baseline.fit.problem.priors.items():
         printer.note(prior_in_words(record, name, prior))
     printer.warnings(result.warnings, recordings)
-    printer.say(result.report(printer.width, space_of(common, arguments), logs))
+    printer.say(result.report(printer.width, space_of(common, arguments), found))
     content = result.to_json()
     write_json(folder / "diagnose.json", {**content, **for_report(result, record)})
     picture = story_figure(story_of_diagnosis(result, record), f"{record.name}: {headline(result)}")

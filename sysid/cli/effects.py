@@ -5,22 +5,26 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import Common, Output, Printer
 from sysid.errors import SysidError
 from sysid.files import write_atomically, write_figure
 
 
 def effects(
-    name: Annotated[str | None, Parameter(help="Show this effect whole, with a picture; or 'new'.")] = None,
+    name: Annotated[str | None, Parameter(help="Show this effect whole; or 'new'.")] = None,
     new: Annotated[str | None, Parameter(help="After 'new': name of the effect to write a file for.")] = None,
     /,
     *,
+    output: Output | None = None,
     common: Common = Common(),
 ) -> int:
     """List all effects with law and provenance, show one, or write the file of a new one.
 
     The catalogue's own, those of installed packages (entry points `husky_sysid.effects`) and those of files that
     `--effect-file` names.
+
+    Args:
+        output: Write the picture of the effect here: a decay with and without it.
     """
     from sysid.effects import catalogue, origin
 
@@ -30,7 +34,7 @@ def effects(
     if new is not None:
         raise SysidError(f"effects {name} {new}: expected one name, or: effects new NAME")
     if name is not None:
-        return _show(name, common, printer)
+        return _show(name, output, printer)
     rows = [(n, part.title, part.law, origin(n) or "catalogue") for n, part in catalogue().items()]
     printer.table(("effect", "what it is", "law", "from"), rows)
     printer.result(
@@ -56,20 +60,22 @@ def _write(name: str | None, printer: Printer) -> int:
     return 0
 
 
-def _show(name: str, common: Common, printer: Printer) -> int:
-    from reports.figures.effect import effect_figure
+def _show(name: str, output: Path | None, printer: Printer) -> int:
     from sysid.effects import effect, origin
 
     part = effect(name)
     parameters = ", ".join(f"{p.name} [{p.unit}]" for p in part.parameters[:6])
     more = f" and {len(part.parameters) - 6} values of tables" if len(part.parameters) > 6 else ""
     rows = [
-        ("what it is", part.title), ("law", part.law), ("parameters", parameters + more), ("does", part.does),
+        ("what it is", part.title), ("also called", ", ".join(part.also_called) or "-"), ("law", part.law), ("parameters", parameters + more), ("does", part.does),
         ("source", part.source), ("in MuJoCo", part.mujoco.means), ("looks like", ", ".join(part.look_alikes) or "-"),
         ("tell it apart", part.experiment_on()), ("from", origin(name) or "catalogue"),
     ]  # fmt: skip
     printer.table((name, ""), rows)
-    path = write_figure(common.space.outputs("effects") / f"{name}.png", effect_figure(part), dpi=120)
-    printer.say(f"written: {path}")
-    printer.result({"name": name, **dict(rows), "picture": str(path)})
+    if output is not None:
+        from reports.figures.effect import effect_figure
+
+        printer.written(write_figure(output, effect_figure(part), dpi=120))
+    called = {"also_called": list(part.also_called)}
+    printer.result({"name": name, **dict(rows), **called, "picture": None if output is None else str(output)})
     return 0

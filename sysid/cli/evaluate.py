@@ -171,7 +171,7 @@ def _report_table(
     """Print and draw one row for each condition and policy; return them for machines."""
     from policy_runtime.evaluation.metrics import METRICS
     from reports.figures.ride import suite_figure
-    from reports.paper.parts import text
+    from sysid.text import in_brackets as text
 
     errors = (
         "E_vel_mean_speed",
@@ -213,7 +213,7 @@ def _report_one(
     from policy_runtime.evaluation.metrics import METRICS
     from policy_runtime.evaluation.strides import clip_ranges
     from reports.figures.ride import paths_figure
-    from reports.paper.parts import text
+    from sysid.text import in_brackets as text
 
     rows = [("E_succ", result.success), ("standing", result.standing)]
     rows += [(name, result.errors[name]) for name in METRICS]

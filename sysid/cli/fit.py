@@ -13,6 +13,7 @@ from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings, space_of
 from sysid.cli.parameter_options import SHORT, parse_bounds, parse_fixed
 from sysid.cli.subject import Subject
+from sysid.errors import SysidError
 from sysid.files import (
     refuse_other_kind,
     refuse_overwriting,
@@ -58,11 +59,10 @@ def fit(
         prior: Use the record's value and deviation of a parameter as a prior; repeat it for several.
         plain: Drop the effects that the record has.
         robust: Let outliers of the sensor count less.
-        in_scene: Also find what must be written into the training scene (implicitfast at 5 ms, wheels on the
-            ground, equality coupling) so that the scene as a whole decays like the board.
-        profile: Also compute profile-likelihood intervals, which need not be symmetric.
-        bootstrap: Also fit so many logs resampled from the residuals (block bootstrap), as a check of the
-            intervals; 400 is a good number.
+        in_scene: Also compensate the training scene (implicitfast at 5 ms, wheels on the ground, equality coupling),
+            so that it decays like the board.
+        profile: Compute profile-likelihood intervals too; they may be lopsided.
+        bootstrap: Number of logs to resample from the residuals (block bootstrap) and to fit; 400 is a good number.
         output: The patched copy of a model; MODEL_JOINT.xml beside it if left out. A board has none.
         any_period: Save a natural period above 100 s or below 1 ms too, which else is taken for a wrong unit of time.
     """
@@ -73,10 +73,9 @@ def fit(
     from sysid.fitting.result import TOLERANCE
     from sysid.progress import stage
 
-    if output is not None:
-        refuse_other_kind(output, ".xml")
     printer = Printer(common)
     record = subject.load(common, printer)
+    copy = _copy_of(record, output, common)
     require_writable(common.space.boards / f"{record.name}.toml")
     effect = (*effect, *(name for name in common.own_effects() if name not in effect))
     check_effects(effect, [part.name for part in record.effects])
@@ -86,7 +85,9 @@ def fit(
 
         require_enough(bootstrap)
     logs, setups = subject.logs(logs)
-    record, recordings = subject.posed(record, load_recordings(logs, arguments, printer), setups)
+    record, recordings = subject.posed(
+        record, load_recordings(logs, arguments, printer, rest=record.rest_angle), setups
+    )
     with working(printer), stage(0.0, 1.0, "fitting"):
         result = fit_recordings(
             recordings,
@@ -102,6 +103,10 @@ def fit(
     for name, known in result.joint.problem.priors.items():
         printer.note(prior_in_words(record, name, known))
     printer.warnings(result.warnings, recordings)
+    if copy is not None:
+        from sim.model.soft_friction import soft_friction_warning
+
+        printer.warnings(soft_friction_warning(result.joint, slides=record.slides))
     if result.joint.nonsmooth and not profile:
         printer.note("With friction or stops the intervals may be lopsided; --profile computes them exactly.")
     scene: Compensation | None = None
@@ -122,27 +127,31 @@ def fit(
     intervals = show_intervals(result.joint, record, common, printer, profile=profile, draws=bootstrap)
     for line in scene.lines() if scene else ():
         printer.say(line)
-    if result.joint.excess > TOLERANCE:
-        command = space_of(common, arguments).command("diagnose", *record.options, logs=logs)
-        printer.say(f"to learn what is missing: {command}")
+    missing = result.joint.excess > TOLERANCE
+    verb, why = ("diagnose", "learn what is missing") if missing else ("check", "check it in MuJoCo")
+    command = space_of(common, arguments).command(verb, *record.options, logs=logs)
+    printer.say(f"next: {why}: {command}")
     written = [_draw(common, result)]
     if tables_of(result.joint):
         written.append(_draw_learned(common, result))
     if result.formula is not None and result.formula.good and not result.formula.effects:
         written.append(_offer(common, result, printer))
-    if record.model:
-        new, copies = _patched(new, output, printer)
+    unwritten: SysidError | None = None
+    if copy is not None:
+        new, copies, unwritten = _patched(new, copy, printer)
         written += copies
-    # Last: what fails or is broken off before leaves the record as it was.
+    # The record is saved last: a failure before leaves it as it was.
     written.insert(0, subject.save(new, record, common))
     printer.written(*written)
     content = {**result.to_json(), **intervals}
     printer.result({**content, "in_scene": scene.entry()} if scene else content)
+    if unwritten is not None:
+        raise unwritten
     return 0
 
 
 def _offer(common: Common, result: "Fit", printer: Printer) -> Path:
-    """Write the formula of what was learned as an effect of its own."""
+    """Write the learned formula as an effect of its own."""
     from sysid.fitting.formula import own_effect
 
     assert result.formula is not None
@@ -153,20 +162,51 @@ def _offer(common: Common, result: "Fit", printer: Printer) -> Path:
     return path
 
 
-def _patched(record: Board, output: Path | None, printer: Printer) -> tuple[Board, list[Path]]:
-    """Write the fitted joint into a copy of its model; return the record that names the copy, and what was written."""
-    from sim.model.patch import patch
+def _copy_of(record: Board, output: Path | None, common: Common) -> Path | None:
+    """Return where the patched copy of a record's model goes, None without a model.
+
+    Raises:
+        SysidError: The joint's text cannot be patched, or the copy cannot be written; told before the fit.
+    """
+    if not record.model:
+        if output is not None:
+            refuse_other_kind(output, ".xml")
+        return None
+    from sim.model.patch import copy_path, require_patchable
     from sim.model.setup import Setup
 
     setup = Setup.of_entry(record.model)
-    path = output or setup.file.with_name(f"{record.name}.xml")
-    made = patch(setup, record)
-    refuse_overwriting([setup.file, *made.files], {"--output": path})
+    require_patchable(setup)
+    if output is not None:
+        refuse_other_kind(output, setup.file.suffix)
+    copy = output or copy_path(setup, record.name, common.space.outputs(record.name))
+    refuse_overwriting([setup.file], {"--output": copy})
+    require_writable(copy)
+    return copy
+
+
+def _patched(record: Board, copy: Path, printer: Printer) -> tuple[Board, list[Path], SysidError | None]:
+    """Write the fitted joint into a copy of its model.
+
+    Returns:
+        The record, which names the copy; the files written; and the reason where the copy does not load.
+
+    Raises:
+        SysidError: A fitted number is not physical, or MuJoCo has no element for an effect.
+    """
+    from sim.model.patch import patch
+    from sim.model.setup import Setup
+
+    made = patch(Setup.of_entry(record.model), record)
+    refuse_overwriting(list(made.files), {"--output": copy})
     for line in made.remarks:
         printer.note(line)
     printer.say(made.diff.rstrip())
-    copies = made.save(path)
-    return replace(record, model={**record.model, "file": str(path)}), copies
+    try:
+        copies = made.save(copy)
+    except SysidError as error:
+        return record, [], error
+    return replace(record, model={**record.model, "file": str(copy)}), copies, None
 
 
 def _draw_learned(common: Common, result: "Fit") -> Path:
@@ -183,6 +223,6 @@ def _draw(common: Common, result: "Fit") -> Path:
     name = result.before.name
     noise = (result.noise.lowest / result.noise.std, result.noise.highest / result.noise.std)
     figure = ladder_figure(
-        fit_steps(result), noise, f"{name}: what each effect takes away", len(result.joint.records)
+        fit_steps(result), noise, f"{name}: errors of the models", len(result.joint.records)
     )
     return write_figure(common.space.outputs(name) / "ladder.png", figure)

@@ -36,9 +36,9 @@ UNITS = {
     "mass": "kg", "stiffness": "N*m/rad", "period": "s", "amplitude": "rad", "bare": "rad/s",
     "loaded": "rad/s", "own": "kg*m^2", "gravity": "m/s^2",
 }  # fmt: skip
-"""Of the options; what is not named is a length in m."""
+"""Units of the options; all others are lengths in m."""
 MAX_INERTIA = 0.5
-"""Roll inertia that no board's deck has [kg m^2]: a plank of 10 kg and 0.7 m width."""
+"""Roll inertia above which the units are doubted [kg m^2]: a plank of 10 kg and 0.7 m width has it."""
 NATURAL_FREQUENCY = ("omega_n", "rad/s")
 """Key and unit of a natural frequency in the JSON of `decay`."""
 MAY_BE_ZERO = ("distance", "amplitude")
@@ -55,7 +55,7 @@ def cuboid(
         width: Width w across the deck [m].
         height: Height h [m].
         distance: Distance e of its centre from the tilt axis [m].
-        outcome: What to do with the result.
+        outcome: Use of the result.
     """
     from sysid import inertia as methods
 
@@ -79,7 +79,7 @@ def parts(
         cylinder: MASS,RADIUS,LENGTH[,DISTANCE] of a cylinder that lies across the deck (a bolt, a rail).
         point: MASS,DISTANCE of something small (a sensor, a screw).
         body: INERTIA,MASS,DISTANCE of anything whose inertia about its own centre is known.
-        outcome: What to do with the result.
+        outcome: Use of the result.
     """
     from sysid import inertia as methods
 
@@ -112,7 +112,7 @@ def bifilar(
         length: Length L of the strings [m].
         period: Period T of one full twist [s].
         distance: Distance e from the centre of mass to the tilt axis [m].
-        outcome: What to do with the result.
+        outcome: Use of the result.
     """
     from sysid import inertia as methods
 
@@ -136,7 +136,7 @@ def torsional(
         period: Period T [s].
         mass: Mass m; needed with --distance only [kg].
         distance: Distance e from the wire's axis to the tilt axis [m].
-        outcome: What to do with the result.
+        outcome: Use of the result.
     """
     from sysid import inertia as methods
 
@@ -157,7 +157,7 @@ def compound(
         period: Period T [s].
         distance: Distance e from the centre of mass to the tilt axis [m].
         amplitude: Amplitude of the swing, to take its lengthening of the period out [rad].
-        outcome: What to do with the result.
+        outcome: Use of the result.
     """
     from sysid import inertia as methods
 
@@ -179,7 +179,7 @@ def added_mass(
         offset: Its distance y to the side; best half to the left and half to the right [m].
         height: Its height z above the tilt axis, negative below [m].
         own: Its inertia about its own centre [kg*m^2].
-        outcome: What to do with the result.
+        outcome: Use of the result.
     """
     from sysid import inertia as methods
 
@@ -201,11 +201,11 @@ def static_tilt(
     """Known weights at known offsets give the stiffness k itself; with a decay, I = k / ω_n².
 
     Args:
-        reading: MASS,OFFSET,ROLL of one weight: kg, m from the tilt axis (right positive), roll with right edge down
-            positive, e.g. 1.00,0.08±0.001,3.1±0.1deg; at least three, best to both sides.
+        reading: MASS,OFFSET,ROLL of one weight, e.g. 1.00,0.08±0.001,3.1±0.1deg: kg, m to the right of the tilt axis, and roll
+            with the right edge down. At least three, best to both sides.
         height: Height of the weights above the tilt axis [m].
         frequency: Natural frequency of the same deck [rad/s], or the JSON file that `decay --json` wrote.
-        outcome: What to do with the result.
+        outcome: Use of the result.
     """
     from sysid.experiments import static_tilt as tilt
 
@@ -253,7 +253,7 @@ def combine(*estimates: Text, outcome: Outcome = Outcome()) -> int:
     Args:
         estimates: NAME=INERTIA for each method, e.g. cuboid=0.0087±0.0004 bifilar=0.0083±0.0001, or NAME=FILE with
             the JSON that a method wrote.
-        outcome: What to do with the result.
+        outcome: Use of the result.
     """
     from sysid import inertia as methods
 
@@ -270,7 +270,7 @@ def combine(*estimates: Text, outcome: Outcome = Outcome()) -> int:
     verdict = "agree" if result.agree else "disagree"
     text = f"the methods {verdict}: χ² = {result.chi_square:.2f} for {result.degrees_of_freedom}, p = {result.p_value:.2g}"
     if not result.agree:
-        odd = "with two methods nobody can say which is wrong"
+        odd = "two methods cannot tell which one is wrong"
         if result.odd_one:
             odd = f"'{result.odd_one}' stands out"
         printer.warn(f"{text}; {odd}. The interval was widened by the scatter.")
@@ -303,7 +303,7 @@ def _finish(
 ) -> int:
     """Print result and error budget, save it where asked to, write the JSON."""
     printer = Printer(outcome)
-    # What came from a result file says so by naming it.
+    # The method of an input from a result file is that file's name.
     printer.keep([Path(q.method) for q in inputs.values() if q.method.endswith(".json")])
     printer.quantities([("roll inertia I", result)])
     if budget:
@@ -344,7 +344,7 @@ def _save(board: str, result: Quantity, outcome: Outcome, printer: Printer) -> s
         printer.note(
             f"{board}: {name} {old.tilt[name]} → {new.tilt[name]}, as the decay fixes its ratio to I"
         )
-    if old.check:
+    if old.last_check:
         printer.warn(f"{board}: the check of the old record no longer counts; run it again.")
     printer.say(f"saved: {path}")
     return str(path)
@@ -358,7 +358,7 @@ def _fields(
         count = f"{needed}" if needed == len(units) else f"{needed} or {len(units)}"
         raise SysidError(f"{name}: number of fields is {len(fields)}; expected {count}, with commas between.")
     return [
-        # A part may sit on the axis, and weights stand on both sides of it.
+        # Parts may be on the axis, weights on both sides of it.
         parse_quantity(
             field, unit, f"{name}, field {number}", positive=number < needed and unit not in negative
         )

@@ -110,7 +110,7 @@ def _say(session: Session, new: Mapping[int, Release], printer: Printer) -> None
         printer.warn(f"{where}: {session.trouble}")
     else:
         numbers = session.history[-1]
-        printer.say(f"{where}   k = {numbers.stiffness}   d = {numbers.damping}")
+        printer.say(f"{where}   k = {numbers.stiffness}   d = {numbers.damping}   {numbers.verdict}")
     printer.say(f"  {session.next_step}")
 
 
@@ -130,7 +130,7 @@ def _phoning(
         except SysidError as error:
             owed += 1
             if owed >= LOSSES:
-                raise SysidError(f"{error} What came until then is kept in {folder}.") from error
+                raise SysidError(f"{error} The log until then is kept in {folder}.") from error
             printer.warn("the phone did not answer; trying again")
             return None
         owed = 0
@@ -192,7 +192,13 @@ def _served(shown: _Shown, port: int, printer: Printer) -> Generator[_Shown]:
     """Serve a page on this machine only while the block runs."""
 
     class Handler(BaseHTTPRequestHandler):
+        timeout = 5.0
+        """Longest wait for a request [s]."""
+
         def do_GET(self) -> None:
+            if self.headers.get("Host", "").rpartition(":")[0] not in ("127.0.0.1", "localhost"):
+                self.send_error(403)  # a page from elsewhere whose name leads here
+                return
             state = json.dumps({"version": shown.version}).encode()
             kinds = {"/": ("text/html; charset=utf-8", shown.page), "/state": ("application/json", state)}
             kind, body = kinds.get(self.path, ("text/plain", b""))
@@ -204,8 +210,12 @@ def _served(shown: _Shown, port: int, printer: Printer) -> Generator[_Shown]:
         def log_message(self, format: str, *args: Any) -> None:
             del format, args
 
+    class Server(ThreadingHTTPServer):
+        def handle_error(self, request: Any, client_address: Any) -> None:
+            """Say nothing of a browser that went away."""
+
     try:
-        server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
+        server = Server(("127.0.0.1", port), Handler)
     except OSError as error:
         raise SysidError(
             f"--port {port}: taken ({error.strerror}). Choose another, or 0 for a free one."

@@ -39,15 +39,15 @@ class VideoArguments:
     readout: float | None = None
     """Time from the sensor's first to its last row in s; 0 for a global shutter."""
     camera_angle: _Pair = None
-    """Where the deck's axis points, to the right and down from the line of sight, in degrees."""
+    """Direction of the deck's axis from the line of sight, to the right and down, in degrees."""
     pivot: _Pair = None
-    """Point in px that a single dot turns about."""
+    """Point that a single dot, or x and y of a table, turn about: in px, or in the table's unit."""
     no_shake: Flag = False
     """The camera stands still; take no shake out."""
     front: Flag = False
     """Taken from the front of the board, not from behind."""
     overlay: Path | None = None
-    """Write a film in which what was followed is drawn."""
+    """Write a film with the tracked points drawn in."""
 
     @property
     def options(self) -> VideoOptions:
@@ -87,7 +87,7 @@ class LogArguments:
     time_column: str | None = None
     """Column with the time: its name, or its number counted from 1."""
     source: _Source = "auto"
-    """What to make roll from, where a log holds several."""
+    """Sensor to use, if the log holds several."""
     lever_arm: Annotated[
         tuple[float, float, float] | None, Parameter(negative="", allow_leading_hyphen=True)
     ] = None
@@ -121,7 +121,7 @@ def as_fitted(record: Board, logs: Sequence[Path], arguments: LogArguments, prin
     """Return how the logs that a record was fitted to were read, where neither they nor options were given again.
 
     Raises:
-        SysidError: The record's options are none.
+        SysidError: The record's options are unknown.
     """
     words = record.fit.get("reading", "")
     if logs or arguments != LogArguments() or not words:
@@ -170,7 +170,7 @@ def refuse_overwriting_logs(
     Args:
         logs: The measurements; the camera's calibration is kept as well.
         arguments: Names the overlay that reading a film writes.
-        outputs: What else the command writes, by option.
+        outputs: Other outputs of the command, by option.
 
     Raises:
         SysidError: An output is a log.
@@ -185,12 +185,12 @@ def unused_options(log: Path, arguments: LogArguments) -> list[str]:
     given, usual = (arguments, LogArguments()) if is_film(log) else (arguments.video, _NO_VIDEO)
     names = ("column", "unit", "axis", "time_column", "source", "lever_arm", "keep_outliers")
     if not is_film(log):
-        names = tuple(field.name for field in fields(VideoArguments))
+        names = tuple(field.name for field in fields(VideoArguments) if field.name != "pivot")
     return ["--" + name.replace("_", "-") for name in names if getattr(given, name) != getattr(usual, name)]
 
 
 def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
-    """Read one log and say on stderr what was inferred and what is wrong with it.
+    """Read one log and print notes and warnings on stderr.
 
     Raises:
         SysidError: The log cannot be read as roll, or would be overwritten.
@@ -219,7 +219,7 @@ def reading(arguments: LogArguments, printer: Printer, *, shown: bool) -> Genera
 
 
 def say_notes(log: Path, roll: Roll, printer: Printer) -> None:
-    """Say on stderr what was inferred while reading a log, and what is wrong with it."""
+    """Print notes and warnings of reading a log on stderr."""
     pairs = [about_and_text(note) for note in roll.notes]
     widest = max((len(about) for about, _ in pairs), default=0)
     printer.note("\n".join((str(log), *(f"  {about:{widest}}  {text}" for about, text in pairs))))
@@ -227,8 +227,13 @@ def say_notes(log: Path, roll: Roll, printer: Printer) -> None:
         printer.warn(f"{log}: {warning}")
 
 
-def load_recordings(logs: Sequence[Path], arguments: LogArguments, printer: Printer) -> list[Recording]:
+def load_recordings(
+    logs: Sequence[Path], arguments: LogArguments, printer: Printer, *, rest: float = 0.0
+) -> list[Recording]:
     """Read logs and find the free decays in them.
+
+    Args:
+        rest: Rest angle by the record or model [rad or m].
 
     Raises:
         SysidError: A log cannot be read, holds no free decay, was given twice, or would be overwritten.
@@ -237,17 +242,20 @@ def load_recordings(logs: Sequence[Path], arguments: LogArguments, printer: Prin
         raise SysidError("no log was given.")
     refuse_overwriting_logs(logs, arguments, printer)
     refuse_duplicates(logs)
-    return [recording_of(load_roll(log, arguments, printer), arguments, printer) for log in logs]
+    return [recording_of(load_roll(log, arguments, printer), arguments, printer, rest=rest) for log in logs]
 
 
-def recording_of(roll: Roll, arguments: LogArguments, printer: Printer | None = None) -> Recording:
-    """Find the releases in the part of a roll that the user named, and say on stderr what is wrong with that.
+def recording_of(
+    roll: Roll, arguments: LogArguments, printer: Printer | None = None, *, rest: float = 0.0
+) -> Recording:
+    """Find the releases in the part of a roll that the user named, and print their problems on stderr.
 
     Raises:
         SysidError: There is none.
     """
     recording = Recording.of(
         roll, start=arguments.start, stop=arguments.stop, release=arguments.release, keep_zero=arguments.keep_zero,
+        rest=rest,
     )  # fmt: skip
     if printer is not None:
         for warning in recording.warnings[len(roll.warnings) :]:

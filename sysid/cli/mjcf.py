@@ -1,4 +1,4 @@
-"""`husky-sysid mjcf`: a board as an MJCF file."""
+"""`husky-sysid mjcf`: a board as an MJCF or USD file."""
 
 from typing import TYPE_CHECKING, Literal
 
@@ -10,8 +10,7 @@ if TYPE_CHECKING:
     from sim.mjcf import Mjcf
 
 WARNING_NRMSE, MAX_NRMSE = 0.02, 0.1
-"""NRMSE of the unloaded decay beyond which a file is warned of, as the gate would fail it, and beyond which none is
-written [1]."""
+"""NRMSE of the unloaded decay above which a warning is printed, as the gate fails, and above which writing is refused [1]."""
 
 
 def mjcf(
@@ -24,13 +23,14 @@ def mjcf(
     integrator: str = "implicitfast",
     export: Literal["physical", "step-compensated", "in-scene"] | None = None,
     coupling: Literal["equality", "direct"] = "equality",
+    usd: Flag = False,
     common: Common = Common(),
 ) -> int:
     """Write a board as MJCF.
 
     Args:
         board: Name of the board.
-        output: XML file to write.
+        output: File to write: .xml, or .usd, .usda or .usdc.
         bench: The clamped free-decay rig: the deck on its tilt joint.
         scene: The free board with trucks and wheels on the ground; this is the default.
         timestep: Step in s for which the file is meant.
@@ -39,6 +39,7 @@ def mjcf(
             this step; 'in-scene' those that make it right with wheels and coupling too. By default in-scene
             for a scene, and for a bench physical up to 1 ms and step-compensated above.
         coupling: How tilt steers the trucks: a joint equality, or trucks set from outside after each step.
+        usd: Convert to OpenUSD (extra usd); refused where USD would drop an effect.
     """
     from sim.mjcf import board_mjcf
     from sysid.cli.bars import working
@@ -48,7 +49,12 @@ def mjcf(
         raise SysidError("--bench and --scene exclude each other.")
     if not 0 < timestep <= 0.05:
         raise SysidError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
-    refuse_other_kind(output, ".xml")
+    if usd:
+        from sim.usd import SUFFIXES
+
+        refuse_other_kind(output, *SUFFIXES)
+    else:
+        refuse_other_kind(output, ".xml")
     printer = Printer(common)
     record = common.space.load_board(board)
     kind = "bench" if bench else "scene"
@@ -63,7 +69,12 @@ def mjcf(
     why = _why(made, kind, coupling)
     if done.decay_error > MAX_NRMSE and made.export != "physical":
         raise SysidError(f"{output}: not written: {error}. {why} --export physical writes it all the same.")
-    write_atomically(output, made.xml)
+    if usd:
+        from sim.usd import write_usd
+
+        write_usd(made.xml, output)
+    else:
+        write_atomically(output, made.xml)
     printer.say(f"{output}: {kind} of board {board}, {made.export}")
     for line in done.lines():
         printer.say(f"  {line}")
@@ -94,10 +105,10 @@ def mjcf(
 
 
 def _why(made: "Mjcf", kind: str, coupling: str) -> str:
-    """Return what takes a decay away from the board's, and what helps."""
+    """Return the cause of a decay's error, and the remedy."""
     done = made.compensation
     said = [f"{line[0].upper()}{line[1:]}." for line in made.substitutes]
-    # What is left out is told from what the step costs; of another law in an effect's place that is not known.
+    # The error of a left-out part is known apart from the step's; the error of a substitute is not.
     if said and (len(said) > len(done.left_out) or done.step_error < WARNING_NRMSE):
         return " ".join(said)
     if made.export == "physical":
@@ -105,8 +116,8 @@ def _why(made: "Mjcf", kind: str, coupling: str) -> str:
         said.append(f"It holds the record's numbers as they are; --export {other} compensates them.")
     elif kind == "scene" and coupling == "equality":
         said.append(
-            "The wheels, which the joint equality drags over the ground, damp by more than can be taken off so light a "
-            "damping: choose --coupling direct, which sets the trucks after each step."
+            "The wheels, dragged over the ground by the joint equality, damp more than this lightly damped joint. Choose --coupling "
+            "direct, which sets the trucks after each step."
         )
     else:
         said.append(f"Choose a smaller --timestep{' for the rest' if said else ''}.")

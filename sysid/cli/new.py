@@ -16,14 +16,14 @@ from sysid.quantity import Quantity, parse_quantity, propagate
 
 Kind = Literal["board", "pendulum", "rig", "joint"]
 QUESTIONS = {
-    "kind": "What is it: a board, a pendulum, a rig (a torsion spring or servo without weight), or the joint of a model?",
+    "kind": "Is it a board, a pendulum, a rig (a torsion spring or servo without weight), or the joint of a model?",
     "inertia": "Inertia about the axis in kg*m^2, e.g. 0.0087±0.0001 (docs/inertia.md tells how to measure it)",
     "mass": "Mass that swings in kg, e.g. 0.49±0.002",
     "arm": "Distance from the axis to its centre of mass in m, e.g. 0.1±0.001",
     "model": "MuJoCo model, a file",
     "joint": "Joint of it",
 }
-"""Asked at a terminal where the options leave something open."""
+"""Questions at a terminal, for missing options."""
 FULL_TURN = Quantity(3.14159, 0.0, "rad")
 
 
@@ -38,14 +38,14 @@ def new(
     subject: Subject = Subject(),
     common: Common = Common(),
 ) -> int:
-    """Write the smallest record of a joint; what the options leave open is asked, at a terminal.
+    """Write the smallest record of a joint; a terminal asks for missing options.
 
     A decay gives k/I and d/I: the record says where I comes from. Geometry and masses of a whole board are needed for its
     scene only, and can be added later.
 
     Args:
         name: Of the record, which becomes data/boards/NAME.toml of the workspace.
-        kind: What it is.
+        kind: Kind of the joint.
         inertia: Inertia about the axis [kg*m^2], of a board or a rig; of a pendulum, that about its own centre.
         mass: Mass of a pendulum [kg].
         arm: From its axis to its centre of mass [m].
@@ -54,8 +54,10 @@ def new(
     from sysid.fitting.joint import known_priors, prior_in_words
 
     printer = Printer(common)
-    if not name or Path(name).name != name:
-        raise SysidError(f"'{name}' is no name for a record: it becomes a file's, so leave out folders.")
+    if not name.strip(" .") or name.startswith(".") or Path(name).name != name or not name.isprintable():
+        raise SysidError(
+            f"{name!r} is no name for a record: it becomes a file's. Use letters, digits and hyphens."
+        )
     if name in common.space.board_names():
         raise SysidError(
             f"there is a record '{name}' already. Choose another name, or remove {common.space.board_path(name)}."
@@ -112,7 +114,7 @@ def _pendulum(name: str, mass: Quantity, arm: Quantity, own: str | None) -> Boar
 
 
 def _record(name: str, description: str, inertia: Quantity) -> Board:
-    """Return a record of an inertia and nothing else: its stiffness and damping are what a fit starts from."""
+    """Return a record with an inertia only, from which a fit starts."""
     return Board(
         name=name, description=description, source="husky-sysid new",
         inertia=inertia if inertia.method else inertia.with_method("as given to `new`"),
@@ -128,10 +130,10 @@ def _read(option: str, text: str | None, unit: str) -> Quantity:
 
 
 def _ask(option: str) -> str:
-    """Return what a person answers.
+    """Return the answer to a question.
 
     Raises:
-        UsageError: Nobody is there to ask.
+        UsageError: There is no terminal.
     """
     if not sys.stdin.isatty():
         raise UsageError(f"--{option} is missing, and there is no terminal to ask at. {QUESTIONS[option]}")

@@ -40,7 +40,7 @@ def parse_or_read(text: str, key: str, unit: str, where: str) -> Quantity:
     """Return a positive quantity as it was typed, or the one under a key of a result file (.json) that is named instead.
 
     Raises:
-        SysidError: It is none, or the file holds none in this unit.
+        SysidError: The text is no quantity, or the file lacks one in this unit.
     """
     if not text.endswith(".json"):
         return parse_quantity(text, unit, where)

@@ -33,7 +33,7 @@ def report(
     Args:
         logs: Logs of the board; those that its record was fitted to, if left out.
         output: File to write; reports/BOARD/report.html of the workspace if left out.
-        one_page: Also write it on one page, as PDF and PNG beside the file.
+        one_page: Write one page as PDF and PNG beside the file.
         tolerance: Error beyond the noise, over the RMS motion, at which the comparison passes.
     """
     from reports.evidence import gather, last_diagnosis
@@ -48,7 +48,7 @@ def report(
     files = logs_of(record, logs, arguments, printer, output)
     if output is not None:
         refuse_other_kind(output, ".html", ".htm")
-    material = read_logs(files, arguments, printer)
+    material = read_logs(files, arguments, printer, rest=record.rest_angle)
     provenance = Provenance(
         command=shlex.join(["husky-sysid", *sys.argv[1:]]),
         space=space,

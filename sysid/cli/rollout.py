@@ -30,7 +30,7 @@ def rollout(
 ) -> int:
     """Measure rake and rolling resistance of a whole board that is let go on a slope or pushed, and rolls by itself.
 
-    Tilt its deck while it rolls, by a weight beside the axis or by hand, to both sides if you can: that is what tells the rake.
+    Tilt its deck to both sides while it rolls, by a weight beside the axis or by hand: that shows the rake.
 
     Args:
         log: CSV files. From above (film, motion capture): time_s,x_m,y_m,roll_rad, from when nothing touches the board any
@@ -69,7 +69,7 @@ def rollout(
     if save:
         path = common.space.save_board(found.board(record), since=record)
         printer.say(f"saved: {path}")
-        if record.check:
+        if record.last_check:
             printer.warn(f"{board}: the check of the old record no longer counts; run it again.")
         content["saved"] = str(path)
     printer.result(content)

@@ -18,10 +18,9 @@ _received: list[int] = []
 
 
 def listen() -> None:
-    """Let SIGINT and SIGTERM unwind the command, so that nothing is left half-written.
+    """Let SIGINT and SIGTERM unwind the command, so that every file is whole.
 
-    What they raise may be lost where Python calls back from C, or be turned into another error amid an import;
-    therefore they raise again, until `stop_listening`.
+    Python may lose an exception in a callback from C, or turn it into another amid an import. So they raise again, until `stop_listening`.
     """
     _received.clear()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -59,7 +58,7 @@ def open_streams() -> None:
 
 
 def drop_output() -> None:
-    """Send what is left in the buffer of standard output nowhere: who should read it is gone, or the disk full."""
+    """Drop the buffer of standard output: its reader is gone, or the disk is full."""
     try:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (OSError, ValueError):  # a test's own stream

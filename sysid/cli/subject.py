@@ -69,7 +69,7 @@ class Subject:
         """Return the record of the board, or the one that the joint of the model makes.
 
         Raises:
-            SysidError: Neither was given, or it cannot be read.
+            SysidError: Board and model are missing, or cannot be read.
         """
         record = self.find(common, printer)
         if record is None:
@@ -83,6 +83,7 @@ class Subject:
         setup = self.setup
         if setup is None:
             return None if self.board is None else common.space.load_board(self.board)
+        from sim.model.faults import warnings_of
         from sim.model.subject import board_of
 
         if not 0 <= self.mass_error < 1:
@@ -91,10 +92,11 @@ class Subject:
         printer.note("\n".join((f"joint '{setup.joint}' of {setup.file}", *(f"  {note}" for note in notes))))
         if self.mass_error == 0:
             printer.note("  the model's masses are taken as exact (--mass-error says otherwise)")
+        printer.warnings(warnings_of(setup))
         return record
 
     def logs(self, given: Sequence[Path]) -> "tuple[list[Path], list[Setup]]":
-        """Return the logs, with those that a list (a TOML file) names, and how each was measured; no how for a board.
+        """Return the logs, with the logs of lists (TOML files), and the setup of each; no setups for a board.
 
         Raises:
             SysidError: A list cannot be read, or is not of a model's joint.
@@ -118,7 +120,7 @@ class Subject:
     def posed(
         self, record: Board, recordings: "list[Recording]", setups: "list[Setup]"
     ) -> "tuple[Board, list[Recording]]":
-        """Return record and recordings with what each pose and load makes of the joint; as they are for a board."""
+        """Return record and recordings with the numbers of each pose and payload; unchanged for a board."""
         if not setups:
             return record, recordings
         from sim.model.subject import pose_releases
@@ -126,7 +128,7 @@ class Subject:
         return pose_releases(record, recordings, setups)
 
     def save(self, record: Board, since: Board, common: Common) -> Path:
-        """Write a record into the workspace; that of a model replaces what was there, which `undo` brings back."""
+        """Write a record into the workspace; a model's record replaces the old one, which `undo` restores."""
         if self.model and record.name not in common.space.board_names():
-            common.space.save_board(since)  # what the model said: the report begins there
+            common.space.save_board(since)  # the model as it stood: the report begins there
         return common.space.save_board(record, since=None if self.model else since)

@@ -3,10 +3,13 @@
 import math
 import shlex
 import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Annotated
 
 from cyclopts import Parameter
 
+from sysid.board import Board
 from sysid.cli.console import Common, Output, Printer
 from sysid.cli.subject import Subject
 from sysid.effects import effect as known_effect
@@ -21,9 +24,61 @@ LeverArm = Annotated[tuple[float, float, float], Parameter(negative="", allow_le
 DEFAULT_ANGLE = 0.87
 """First release angle as a share of the joint's range: 10 degrees of 0.2 rad."""
 WIDEST = math.radians(45)
-"""First release angle of a joint that turns farther."""
+"""Largest first release angle [rad]."""
 NOISE = {False: math.radians(0.1), True: 1e-4}
 """White noise of an angle sample [rad], and of a position [m]."""
+
+
+@Parameter(name="*", group="Recording")
+@dataclass(frozen=True, kw_only=True)
+class RecordingArguments:
+    """The recording: time, samples, file."""
+
+    rate: float | None = None
+    """Samples per second; 1000, or the rate of the simulator's steps with the effect 'discretisation'."""
+    duration: float = 2.0
+    """Time of each free decay [s]."""
+    hold: float = 0.6
+    """Time of the hold before each release [s]."""
+    jitter: float = 0.0
+    """Standard deviation of the sampling instants, in sampling periods."""
+    dropout: float = 0.0
+    """Share of samples that are missing."""
+    seed: int = 0
+    """Seed of everything random; the same seed makes the same file."""
+    dialect: Dialect | None = None
+    """Channels and format of the log: angle; position for a slide."""
+    hand: bool = True
+    """Keep rest and hand in the log; without, it starts at the only release."""
+
+
+@Parameter(name="*", group="Sensor")
+@dataclass(frozen=True, kw_only=True)
+class SensorArguments:
+    """The sensor."""
+
+    noise_deg: float | None = None
+    """White noise of an angle sample [degrees]; 0.1."""
+    noise_mm: float | None = None
+    """White noise of a sample of a slide's position [mm]; 0.1."""
+    quantisation_deg: float | None = None
+    """Step of an angle sensor [degrees]; 0."""
+    quantisation_mm: float | None = None
+    """Step of a position sensor [mm]; 0."""
+    lever_arm: LeverArm = (0.1, 0.03, 0.05)
+    """Place of an IMU, from the tilt axis: forward, left, up [m]."""
+    gyro_bias: float = 0.01
+    """Offset of a gyro [rad/s]."""
+
+    def sensor(self, show: Display) -> Sensor:
+        """Return the sensor of a joint that is displayed so.
+
+        Raises:
+            SysidError: A size is negative or in the unit of the other kind of joint.
+        """
+        noise = _size("noise", self.noise_deg, self.noise_mm, show, NOISE[show.name == "position"])
+        step = _size("quantisation", self.quantisation_deg, self.quantisation_mm, show, 0.0)
+        return Sensor(noise=noise, quantisation=step, lever_arm=self.lever_arm, gyro_bias=self.gyro_bias)
 
 
 def synth(
@@ -33,22 +88,8 @@ def synth(
     effect: Annotated[Texts, Parameter(name=["--effect", "-e"])] = (),
     release_angle: Annotated[Texts, Parameter(allow_leading_hyphen=True)] = (),
     releases: int | None = None,
-    rate: float | None = None,
-    duration: float = 2.0,
-    hold: float = 0.6,
-    noise_deg: float | None = None,
-    noise_mm: float | None = None,
-    quantisation_deg: float | None = None,
-    quantisation_mm: float | None = None,
-    jitter: float = 0.0,
-    dropout: float = 0.0,
-    seed: int = 0,
-    dialect: Dialect | None = None,
-    lever_arm: LeverArm = (0.1, 0.03, 0.05),
-    gyro_bias: float = 0.01,
-    gyro_noise: float = 0.003,
-    accelerometer_noise: float = 0.03,
-    hand: bool = True,
+    recording: RecordingArguments = RecordingArguments(),
+    sensor: SensorArguments = SensorArguments(),
     common: Common = Common(),
 ) -> int:
     """Make a synthetic log with a known truth, for trying the tool out.
@@ -58,27 +99,9 @@ def synth(
     Args:
         output: The log to write: .csv, or .zip for the dialects phyphox and sensor-logger.
         effect: A hidden effect, NAME=V[,V...] in SI units, e.g. coulomb=0.1; may be repeated.
-        release_angle: Roll at a release, e.g. 10, 10deg or 0.17rad (degrees without a unit), right edge down
-            positive; of a joint of a model, its position, e.g. 40deg, 20mm or 0.02m (mm without a unit); may be
-            repeated, one release each.
-        releases: Number of releases where no angles are given: alternating sides, each smaller than the one
-            before.
-        rate: Samples per second; 1000, or what the simulator's step gives with the effect 'discretisation'.
-        duration: Time left to each free decay [s].
-        hold: Time for which the deck is held before each release [s].
-        noise_deg: White noise of an angle sample [degrees]; 0.1.
-        noise_mm: White noise of a sample of a slide's position [mm]; 0.1.
-        quantisation_deg: Step of an angle sensor [degrees]; 0.
-        quantisation_mm: Step of a position sensor [mm]; 0.
-        jitter: Standard deviation of the sampling instants, in sampling periods.
-        dropout: Share of samples that are missing.
-        seed: Seed of everything random; the same seed makes the same file.
-        dialect: How the log is written: angle; position for a slide.
-        lever_arm: Where an IMU sits, from the tilt axis: forward, left, up [m].
-        gyro_bias: Offset of a gyro [rad/s].
-        gyro_noise: White noise of a gyro sample [rad/s].
-        accelerometer_noise: White noise of an accelerometer sample [m/s^2].
-        hand: Keep rest and hand in the log; without, it starts at the only release.
+        release_angle: Roll at a release, e.g. 10, 10deg or 0.17rad (degrees without a unit), right edge down positive. For a
+            slide its position, e.g. 20mm or 0.02m (mm without a unit). May be repeated, one release each.
+        releases: Number of releases where no angles are given: alternating sides, each smaller than the one before.
     """
     if output.is_file() and not output.with_suffix(".truth.json").exists():
         raise SysidError(
@@ -87,41 +110,21 @@ def synth(
     printer = Printer(common)
     record = subject.load(common, printer)
     show = display(is_rate=False, slides=record.slides)
-    noise = _size("noise", noise_deg, noise_mm, show, NOISE[record.slides])
-    quantisation = _size("quantisation", quantisation_deg, quantisation_mm, show, 0.0)
-    dialect = dialect or ("position" if record.slides else "angle")
-    limit = record.tilt["range"].value
     effects = complete_effects(dict(parse_effect(text) for text in effect))
     if len(effects) < len(effect):
         raise SysidError("an effect is given twice; each may be given once.")
-    own = {part.name: [q.value for q in part.parameters.values()] for part in record.effects}
-    law = true_law(record, {**own, **effects})
-    rest = law.equilibrium() if record.model else 0.0
-    angles = _angles(release_angle, releases, limit, rest, show)
-    if not any(law.pull(angle) for angle in angles):
-        raise SysidError(
-            f"nothing pulls '{record.name}' back to its rest, neither a spring nor a weight: let go, it stays where it is. "
-            "Give its joint a stiffness, or choose another."
-        )
-    if beyond := [a for a in angles if abs(a - rest) > limit]:
-        printer.warn(
-            f"release at {show(beyond[0], 3)} is beyond the range of the record ({_about(rest, limit, show)}); "
-            "the synthetic joint has no stop there unless you add end-stop."
-        )
-    if rate is None:
-        rate = 1 / effects["discretisation"][0] if "discretisation" in effects else 1000.0
-    sensor = Sensor(
-        noise=noise, quantisation=quantisation, lever_arm=lever_arm,
-        gyro_bias=gyro_bias, gyro_noise=gyro_noise, accelerometer_noise=accelerometer_noise,
-    )  # fmt: skip
+    angles = _angles_of(record, effects, release_angle, releases, show, printer)
+    usual = 1 / effects["discretisation"][0] if "discretisation" in effects else 1000.0
     options = SynthOptions(
-        angles=angles, rate=rate, duration=duration, hold=hold, jitter=jitter,
-        dropout=dropout, seed=seed, dialect=dialect, hand=hand, sensor=sensor,
+        angles=angles, rate=usual if recording.rate is None else recording.rate, duration=recording.duration,
+        hold=recording.hold, jitter=recording.jitter, dropout=recording.dropout, seed=recording.seed,
+        dialect=recording.dialect or ("position" if record.slides else "angle"), hand=recording.hand,
+        sensor=sensor.sensor(show),
     )  # fmt: skip
     log = synthesise(record, effects, options)
     path, truth = log.save(output, command=shlex.join(["husky-sysid", *sys.argv[1:]]))
     printer.say(
-        f"{path} · {len(log.time)} samples · {options.rate:g} Hz · {log.time[-1]:.1f} s · {dialect} · {record.name}"
+        f"{path} · {len(log.time)} samples · {options.rate:g} Hz · {log.time[-1]:.1f} s · {options.dialect} · {record.name}"
     )
     for number, release in enumerate(log.releases, start=1):
         printer.say(
@@ -130,7 +133,7 @@ def synth(
     hidden = ", ".join(
         f"{name} ({', '.join(f'{v:g}' for v in values)})"
         for name, values in log.effects.items()
-        if not known_effect(name).is_known  # a model says its own weight
+        if not known_effect(name).is_known  # a model states its own weight
     )
     printer.say(f"  hidden: {hidden or 'nothing'}")
     printer.say(f"truth: {truth}")
@@ -138,8 +141,34 @@ def synth(
     return 0
 
 
+def _angles_of(
+    record: Board, effects: Mapping[str, Sequence[float]], given: Sequence[str], count: int | None, show: Display,
+    printer: Printer,
+) -> tuple[float, ...]:  # fmt: skip
+    """Return the release angles or positions [rad or m].
+
+    Raises:
+        SysidError: They are no angles, or nothing pulls the joint back from them.
+    """
+    own = {part.name: [q.value for q in part.parameters.values()] for part in record.effects}
+    law, limit = true_law(record, {**own, **effects}), record.tilt["range"].value
+    rest = law.equilibrium() if record.model else 0.0
+    angles = _angles(tuple(given), count, limit, rest, show)
+    if not any(law.pull(angle) for angle in angles):
+        raise SysidError(
+            f"nothing pulls '{record.name}' back to its rest, neither a spring nor a weight: a released joint stays where it is. "
+            "Give it a stiffness, or choose another joint."
+        )
+    if beyond := [a for a in angles if abs(a - rest) > limit]:
+        printer.warn(
+            f"release at {show(beyond[0], 3)} is beyond the range of the record ({_about(rest, limit, show)}); "
+            "the synthetic joint has no stop there unless you add end-stop."
+        )
+    return angles
+
+
 def _size(name: str, degrees: float | None, millimetres: float | None, show: Display, usual: float) -> float:
-    """Return a size of the sensor [rad or m]: of the option that goes with the joint, or the usual one."""
+    """Return a size of the sensor [rad or m]: the option in the joint's unit, or the usual one."""
     slides = show.name == "position"
     option, value, unit = (
         (f"--{name}-mm", millimetres, "mm") if slides else (f"--{name}-deg", degrees, "degrees")

@@ -16,7 +16,7 @@ from sim.skate.cycle.start import AT_REST, Start
 from sim.skate.options import SkateOptions
 from sysid.board import Board, load_board
 from sysid.cli.console import Common, Printer
-from sysid.errors import QualityGateError, SysidError
+from sysid.errors import QualityGateError, SysidError, install_extra
 
 
 @Parameter(name="*")
@@ -250,7 +250,7 @@ def _require_mjlab() -> None:
     missing = [name for name in ("torch", "mjlab", "rsl_rl") if find_spec(name) is None]
     if missing:
         raise SysidError(
-            f"training needs {', '.join(missing)}, which is not installed. Run `pip install 'husky-sysid[train]'`."
+            f"training needs {', '.join(missing)}, which is not installed: {install_extra('train')}."
         )
 
 

@@ -7,7 +7,7 @@ from sysid.text import count
 
 
 def undo(*, board: BoardName, common: Common = Common()) -> int:
-    """Put a board's record back to what it was before the last change of it: a fit, an inertia, a check.
+    """Undo the last change of a record: a fit, an inertia, a check.
 
     Args:
         board: Name of the board.

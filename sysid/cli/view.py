@@ -52,7 +52,7 @@ def view(
     if not any(file.found for file in files):
         raise SysidError(no_logs(record, space_of(common, arguments)))
     path = output or common.space.outputs(record.name) / "view.rrd"
-    material = read_logs(files, arguments, printer, films=True)
+    material = read_logs(files, arguments, printer, films=True, rest=record.rest_angle)
     evidence = write_recording(path, record, files, material, printer)
     printer.say(f"written: {path}")
     printer.result({"board": record.name, "recording": str(path), "rmse_rad": evidence.comparison.rmse})
@@ -73,7 +73,7 @@ def logs_of(
     """Return the logs given, else those that a board was fitted to; say which of these are not there any more.
 
     Raises:
-        SysidError: There is none, or the output would overwrite one.
+        SysidError: No log is known, or the output would overwrite one.
     """
     from reports.evidence import find_logs
 
@@ -88,6 +88,24 @@ def logs_of(
     return files
 
 
+def logs_or_fitted(
+    record: Board, logs: Sequence[Path], arguments: LogArguments, printer: Printer
+) -> tuple[list[Path], LogArguments]:
+    """Return the logs given and how they are read, else those that a record was fitted to, read as they were then.
+
+    Raises:
+        SysidError: Neither is there.
+    """
+    if logs:
+        return list(logs), arguments
+    arguments = as_fitted(record, logs, arguments, printer)
+    found = [file.found for file in logs_of(record, (), arguments, printer, None) if file.found]
+    if not found:
+        raise SysidError(no_logs(record, space_of(printer.common, arguments)))
+    printer.note(f"logs of the fit: {', '.join(map(str, found))}")
+    return found, arguments
+
+
 def no_logs(board: Board, space: Workspace) -> str:
     """Return why there is nothing to look at, and what to do."""
     if not board.fit.get("logs"):
@@ -96,7 +114,7 @@ def no_logs(board: Board, space: Workspace) -> str:
             f"({space.command('fit', *board.options, logs=())}), or name logs here."
         )
     names = ", ".join(str(entry.get("path")) for entry in board.fit["logs"])
-    return f"none of the logs that board '{board.name}' was fitted to is there any more ({names}). Name logs here."
+    return f"the logs of the fit of '{board.name}' are gone ({names}). Name logs here."
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,9 +127,14 @@ class Material:
 
 
 def read_logs(
-    files: "Sequence[LogFile]", arguments: LogArguments, printer: Printer, *, films: bool = False
+    files: "Sequence[LogFile]",
+    arguments: LogArguments,
+    printer: Printer,
+    *,
+    films: bool = False,
+    rest: float = 0.0,
 ) -> Material:
-    """Read all logs that are there.
+    """Read all logs that are there; `rest` is where the record's joint rests [rad or m].
 
     Raises:
         SysidError: No log was given, one cannot be read, holds no free decay, or was given twice.
@@ -133,7 +156,7 @@ def read_logs(
             say_notes(file.found, roll, printer)
         else:
             roll = load_roll(file.found, arguments, printer)
-        recordings.append(recording_of(roll, arguments, printer))
+        recordings.append(recording_of(roll, arguments, printer, rest=rest))
     return Material(tuple(recordings), pictures)
 
 

@@ -26,16 +26,22 @@ class Backbone:
 def backbone_of(
     compared: Sequence[ComparedRelease], law: JointLaw, signals: Sequence[Array], noise: float
 ) -> Backbone:
-    """Return the backbone of all releases together, about the law's rest angle.
+    """Return the backbone of all releases together, about the rest angle.
 
-    The signals are measured or simulated rolls [rad], shape (n,) each, the noise is their standard deviation [rad].
+    A swing's largest rate is its natural frequency times its amplitude; so a measured rate gives the amplitude too.
+
+    Args:
+        signals: Measured or simulated angles [rad], or rates [rad/s] where these were measured, shape (n,) each.
+        noise: Their standard deviation.
     """
-    parts = [
-        _half_swings(
-            release.time, signal - law.rest_angle, filter_length(release.time, release.measured, law), noise
-        )
-        for release, signal in zip(compared, signals, strict=True)
-    ]
+    parts: list[tuple[Array, Array, Array]] = []
+    for release, signal in zip(compared, signals, strict=True):
+        rest = 0.0 if release.measures_rate else law.rest_angle
+        window = filter_length(release, law)
+        amplitude, period, damping = _half_swings(release.time, signal - rest, window, noise)
+        if release.measures_rate:
+            amplitude = amplitude * period * np.sqrt(1 - damping**2) / (2 * np.pi)
+        parts.append((amplitude, period, damping))
     amplitude, period, damping = (np.concatenate([part[i] for part in parts]) for i in range(3))
     order = np.argsort(amplitude)
     return Backbone(amplitude[order], period[order], damping[order])

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sysid.board import Board
+from sysid.board import Board, require_record
 from sysid.comparison import report as comparison_report
 from sysid.comparison.backbone import Backbone, backbone_of
 from sysid.comparison.error_map import Place, describe_error, locate_error
 from sysid.comparison.force_surface import MissingTorque, missing_torque
 from sysid.comparison.release import ComparedRelease
 from sysid.decay.plausibility import amplitude_warnings
+from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.fitting.initial_state import fit_initial_states
 from sysid.fitting.joint import FitOptions, held_parameters
@@ -26,14 +27,15 @@ from sysid.progress import stage
 from sysid.quantity import Z95
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Array
-from sysid.text import WIDTH, Display, display
+from sysid.shown import Shown
+from sysid.text import WIDTH, Display, count, display
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Comparison(Shown):
     """Result of `compare`: how far a law's simulated releases are from the measured ones, and where."""
 
     board: str
@@ -81,6 +83,11 @@ class Comparison:
         """'within tolerance' or 'beyond tolerance'."""
         return "within tolerance" if self.passed else "beyond tolerance"
 
+    def brief(self) -> str:
+        """Return the error, where it is, and whether it is within the tolerance."""
+        error = f"error {self.show(self.rmse)}, {self.rmse / self.noise.std:.3g} times the noise"
+        return f"Comparison of {self.board} with {count(len(self.releases), 'release')}: {error}\n  {self.summary}\n  {self.status}: {self.verdict()}"
+
     def report(self, width: int = WIDTH) -> str:
         """Return what `husky-sysid compare` prints, in tables of at most `width` characters."""
         return comparison_report.report(self, width)
@@ -126,15 +133,14 @@ def compare(
     Raises:
         SysidError: The law's motion grows without bound.
     """
-    recordings, releases, weak = unpack(data)
+    recordings, releases, weak = unpack(data, whole=True)
+    require_record(board)
     chosen = signal_of(releases, signal)
     use_rate = chosen["use_rate"]
     odd = amplitude_warnings(releases, board)
     law = law or JointLaw.from_board(board)
     if law.stiffness + law.stiffness_of_effects <= 0:
-        odd.append(
-            f"nothing pulls the joint of '{board.name}' back to rest in its record: was it ever fitted? Fit it first"
-        )
+        odd += _require_restoring(board)
     noise = noise_floor(releases, rate=use_rate)
     records = make_records(releases, noise.std, rate=use_rate)
     _, bias = held_parameters(law.structure, board, FitOptions(**chosen))
@@ -153,7 +159,7 @@ def compare(
     least, excess, most = (part / size for part in noise.excess(rmse))
     where = locate_error(compared, law, noise, board)
     with stage(0.4, 1.0):
-        missing = None if use_rate else missing_torque(compared, law)
+        missing = missing_torque(compared, law)
     return Comparison(
         board=board.name,
         law=law,
@@ -174,6 +180,26 @@ def compare(
         heldout_rmse=_heldout(board, recordings, rmse),
         warnings=(*reading_warnings(recordings), *weak, *odd),
         recordings=recordings,
+    )
+
+
+def _require_restoring(board: Board) -> list[str]:
+    """Return a warning of a fitted joint that nothing pulls back to its rest.
+
+    Raises:
+        SysidError: The record was never fitted: the comparison would say nothing of the joint.
+    """
+    if board.fit or not board.is_unmeasured:
+        return [f"nothing pulls the joint of '{board.name}' back to rest: its law is that of friction alone"]
+    if board.model:
+        raise SysidError(
+            f"nothing pulls the joint '{board.model['joint']}' back to rest in this pose of {board.model['file']}. Is it the pose "
+            "in which it was measured? Give it with --pose JOINT=VALUE or --keyframe. A joint that only friction holds is fitted "
+            "first: husky-sysid fit."
+        )
+    raise SysidError(
+        f"the record of '{board.name}' has no stiffness and no damping: it was never fitted. Fit it first: husky-sysid fit LOG "
+        f"{' '.join(board.options)}"
     )
 
 

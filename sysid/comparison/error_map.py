@@ -49,7 +49,10 @@ def locate_error(
     # Where the joint really was, not where a wrong model has it.
     tilt, rate = (np.concatenate(parts) for parts in zip(*(_motion(c, law) for c in compared), strict=True))
     time = np.concatenate([c.time for c in compared])
-    swing = np.hypot(tilt, rate / law.frequency)
+    pulls_back = law.stiffness + law.stiffness_of_effects > 0
+    swing = (
+        np.hypot(tilt, rate / law.frequency) if pulls_back else np.abs(tilt)
+    )  # else it swings about nothing
     places: list[Place] = []
     axes: tuple[tuple[Axis, Array], ...] = (("time", time), ("amplitude", swing), ("velocity", np.abs(rate)))
     for axis, values in axes:
@@ -69,7 +72,7 @@ def locate_error(
 
 def _motion(release: ComparedRelease, law: JointLaw) -> tuple[Array, Array]:
     """Return tilt about rest [rad] and rate [rad/s] as measured, or as simulated where that cannot be differentiated."""
-    window = None if release.measures_rate else filter_length(release.time, release.measured, law)
+    window = None if release.measures_rate else filter_length(release, law)
     if window is None:
         return release.roll - law.rest_angle, release.rate
     roll, rate, _ = derivatives(release.time, release.measured, window)

@@ -54,12 +54,21 @@ class MissingTorque:
     over_rate: TorqueProfile
 
 
-def missing_torque(compared: Sequence[ComparedRelease], law: JointLaw) -> MissingTorque | None:
+def missing_torque(
+    compared: Sequence[ComparedRelease], law: JointLaw, component: Sequence[Array] = ()
+) -> MissingTorque | None:
     """Return the torque that measured and simulated motion differ by, averaged over tilt and rate.
 
-    The measured roll is differentiated by a local quartic over a sixth of its own period, by a local parabola where
-    that holds too few samples. Both motions go through the same filter and law, so that what the filter does to a
+    The measured signal is differentiated by a local quartic over a sixth of its own period, by a local parabola where
+    that holds too few samples. A rate needs one derivative; its angle is the simulated one and the integral of the
+    difference of both rates. Both motions go through the same filter and law, so that what the filter does to a
     correct model cancels.
+
+    Args:
+        compared: Releases, measured and simulated by the law.
+        law: The law.
+        component: Torque of a part of the law along each simulated release [N*m], shape (n,) each, which is shown together with the
+            residual: a component-plus-residual plot (Larsen and McCleary, Technometrics 14, 1972).
 
     Returns:
         The surface, or None where the sampling is too slow to differentiate.
@@ -68,18 +77,18 @@ def missing_torque(compared: Sequence[ComparedRelease], law: JointLaw) -> Missin
     rates: list[Array] = []
     torques: list[Array] = []
     windows: list[int] = []
-    for release in steps(compared):
-        window = filter_length(release.time, release.measured, law)
+    for number, release in enumerate(steps(compared)):
+        window = filter_length(release, law)
         if window is None:
             continue
-        measured = derivatives(release.time, release.measured, window)
-        simulated = derivatives(release.time, release.simulated, window)
+        measured = _motion(release, release.measured, window)
+        simulated = _motion(release, release.simulated, window)
         windows.append(window)
         demanded = _torque_left(law, measured) - _torque_left(law, simulated)
         inner = slice(3, -3)
         tilts.append(measured[0][inner] - law.rest_angle)
         rates.append(measured[1][inner])
-        torques.append(demanded[inner])
+        torques.append(demanded[inner] + (component[number][inner] if component else 0.0))
     if not tilts:
         return None
     tilt, rate, torque = (np.concatenate(part) for part in (tilts, rates, torques))
@@ -97,6 +106,17 @@ def missing_torque(compared: Sequence[ComparedRelease], law: JointLaw) -> Missin
         _profile(tilt, torque, together),
         _profile(rate, torque, together),
     )
+
+
+def _motion(release: ComparedRelease, signal: Array, window: int) -> tuple[Array, Array, Array]:
+    """Return angle [rad], rate [rad/s] and acceleration [rad/s^2] of a measured or simulated signal, shape (n,) each."""
+    if not release.measures_rate:
+        return derivatives(release.time, signal, window)
+    off = signal - release.simulated  # without the sensor's bias, which both have
+    rate, acceleration, _ = derivatives(release.time, release.rate + off, window)
+    steps_between = np.diff(release.time)
+    gone = np.concatenate([[0.0], np.cumsum((off[1:] + off[:-1]) / 2 * steps_between)])
+    return derivatives(release.time, release.roll + gone, window)[0], rate, acceleration
 
 
 def _profile(at: Array, torque: Array, together: float) -> TorqueProfile:
@@ -136,25 +156,25 @@ def _ends(at: Array, together: float) -> list[int]:
         begin = end
 
 
-def filter_length(time: Array, roll: Array, law: JointLaw) -> int | None:
+def filter_length(release: ComparedRelease, law: JointLaw) -> int | None:
     """Return how many samples to smooth over, or None where a swing has too few.
 
-    The period is the measurement's own where it crosses the rest angle three times: a wrong model must not blind the
+    The period is the measurement's own where it crosses its rest three times: a wrong model must not blind the
     comparison that is to show it.
 
     Args:
-        time: [s], shape (n,).
-        roll: Measured roll [rad], shape (n,).
+        release: The measured signal.
         law: Gives the rest angle, and the period of what does not swing.
     """
-    tilt = roll - law.rest_angle
+    time = release.time
+    tilt = release.measured - (0.0 if release.measures_rate else law.rest_angle)
     clear = np.flatnonzero(np.abs(tilt) > SIGN_TILT_SHARE * np.abs(tilt).max())
     turns = np.flatnonzero(np.diff(np.signbit(tilt[clear])))
     crossings = (time[clear[turns]] + time[clear[turns + 1]]) / 2
     period = 2 * float(np.mean(np.diff(crossings))) if len(crossings) >= 3 else 2 * np.pi / law.frequency
     samples = period / float(np.median(np.diff(time)))
     window = max(int(SHARE_OF_PERIOD * samples) | 1, 5)
-    return window if window <= min(LARGEST_SHARE * samples, len(roll) // 2) else None
+    return window if window <= min(LARGEST_SHARE * samples, len(time) // 2) else None
 
 
 def derivatives(time: Array, roll: Array, window: int) -> tuple[Array, Array, Array]:

@@ -1,28 +1,46 @@
-"""A linear decay fitted to whole traces: shared poles, own amplitude, phase and rest angle per release.
+"""A linear decay fitted to whole traces: one law for all, own amplitude, phase and rest angle per release.
 
-    x(t) = r + C u(t) + S v(t),  u = e^(-a t) cos(√q t),  v = e^(-a t) sin(√q t) / √q
+    m ẍ + τ ẋ + (x - r) = 0,  m = I/k = 1/ω_n²,  τ = d/k = 2ζ/ω_n
 
-with a = ζ ω_n and q = ω_n² - a². C, S and r are linear, so they are eliminated (variable projection,
-Golub and Pereyra, 1973) and only a and q are searched for. q passes through zero at critical damping
-and is negative beyond it, where cos and sin become cosh and sinh: one model for all of them. The
-rate of a linear decay has the same form, with the gyro's bias in place of r.
+    x(t) = r + C u(t) + S v(t),  u = e^(-a t) cos(√q t),  v = e^(-a t) sin(√q t) / √q,  a = τ/2m,  q = 1/m - a²
+
+C, S and r are linear, so they are eliminated (variable projection, Golub and Pereyra, 1973) and only ln m and τ are searched for.
+q passes through zero at critical damping and is negative beyond it, where cos and sin become cosh and sinh. Far beyond it, m goes to
+zero and τ stays: what a slow return tells is d/k alone. The rate of a linear decay has the same form, with the gyro's bias as r.
+
+A pendulum's law differs from a spring's by the torque k (x - sin x) of a known motion, whose response is one more known column.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from sysid.decay.trace import Trace, head, traces_of, with_ar1_errors
+from sysid.decay.trace import FEWEST, Trace, head, traces_of, with_ar1_errors
 from sysid.errors import SysidError
 from sysid.least_squares import Normal, minimise
+from sysid.noise.whiteness import lag_one
 from sysid.releases.extrema import half_cycles_of, smoothed
 from sysid.roll import Array, Release
 
 BEST_SENSOR = 1e-6
 """No sensor has less noise than this share of its swing; a log without any was computed."""
+GRID = 40
+"""Points a radian and a half of the fastest motion at which a torque's response is worked out; the trapezoid is then right to 1e-4."""
+MOST = 16_384
+"""Points of that grid at most."""
+
+GROWTH = 20.0
+"""Logarithm of the growth [1] that a trace may have at most: a swing that grows so far began below any noise."""
+OVERDAMPED = 0.95
+"""Damping ratio from which the start of a release is looked at too."""
+ROUNDS = 6
+"""Rounds in which a pendulum's rest angle is found (Newton)."""
+
+Law = Literal["spring", "pendulum", "none"]
+"""Restoring torque of a joint."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,9 +50,17 @@ class FittedTrace:
     trace: Trace
     modelled: Array
     """Fitted roll [rad] or roll rate [rad/s], shape (n,)."""
-    level: float
-    """Rest angle r [rad], or bias of the gyro [rad/s]."""
+    coefficients: Array
+    """C, S and r of the module's equation, shape (3,)."""
     level_std: float
+    """Standard deviation of `level`."""
+    beyond: "Beyond"
+    """What its law adds to a spring's."""
+
+    @property
+    def level(self) -> float:
+        """Rest angle r [rad], or bias of the gyro [rad/s]."""
+        return float(self.coefficients[2])
 
     @property
     def residual(self) -> Array:
@@ -44,13 +70,12 @@ class FittedTrace:
 
 @dataclass(frozen=True, slots=True)
 class TraceFit:
-    """Poles shared by all releases, with the covariance of what is derived from them."""
+    """One law shared by all releases, with its covariance."""
 
-    omega_n: float
-    """[rad/s]"""
-    damping_ratio: float
+    poles: Array
+    """(ln m, τ) of the module's equation, shape (2,)."""
     covariance: Array
-    """Covariance of (ω_n, ζ), shape (2, 2)."""
+    """Covariance of (ln m, τ), shape (2, 2)."""
     white_covariance: Array
     """The same were the residuals independent of each other, shape (2, 2)."""
     degrees_of_freedom: float
@@ -63,13 +88,55 @@ class TraceFit:
     """Share of the measured variance that the fit explains."""
     signal: Literal["roll", "rate"]
     releases: tuple[FittedTrace, ...]
+    law: Law = "spring"
+
+    @property
+    def omega_n(self) -> float:
+        """ω_n [rad/s]."""
+        return math.exp(-self.poles[0] / 2)
+
+    @property
+    def damping_ratio(self) -> float:
+        """ζ [1]."""
+        return float(self.poles[1]) * self.omega_n / 2
+
+    @property
+    def decay_rate(self) -> float:
+        """A = ζ ω_n [1/s], or the slow pole of an overdamped joint."""
+        a, q = rates(self.poles)
+        return a if q > 0 else math.exp(-self.poles[0]) / (a + math.sqrt(-q))
 
 
-def fit_traces(releases: Sequence[Release]) -> TraceFit:
-    """Fit one linear decay to all releases together.
+def rates(poles: Array) -> tuple[float, float]:
+    """Return a [1/s] and q [1/s²] of (ln m, τ)."""
+    stiffness = math.exp(-poles[0])
+    a = 0.5 * float(poles[1]) * stiffness
+    return a, stiffness - a * a
+
+
+def decay_basis(time: Array, a: float, q: float) -> tuple[Array, Array]:
+    """Return u(t) [1] and v(t) [s] of the module's equation, shape (n,) each, on either side of critical damping."""
+    envelope = np.exp(-a * time)
+    root = math.sqrt(abs(q))
+    if q > 0:
+        return envelope * np.cos(root * time), envelope * time * np.sinc(root * time / math.pi)
+    if root * time[-1] < 1e-4:
+        return envelope, envelope * time
+    # cosh and sinh share the envelope's exponential, else they overflow in a long tail; a - root would cancel.
+    slow, fast = np.exp(-(a * a + q) / (a + root) * time), np.exp(-(root + a) * time)
+    return (slow + fast) / 2, (slow - fast) / (2 * root)
+
+
+def fit_traces(releases: Sequence[Release], law: Law = "spring", near: TraceFit | None = None) -> TraceFit:
+    """Fit one law to all releases together.
+
+    Args:
+        releases: Free decays of one joint.
+        law: A spring's, or a pendulum's.
+        near: Another law's fit, from which the search begins.
 
     Raises:
-        SysidError: There are too few samples, or the search finds no decay.
+        SysidError: There are too few samples.
     """
     traces, signal = traces_of(releases)
     count = sum(len(trace.time) for trace in traces)
@@ -78,38 +145,95 @@ def fit_traces(releases: Sequence[Release]) -> TraceFit:
             f"{releases[0].log}: {count} samples in {len(traces)} free decay(s) are too few to fit. "
             "Record faster, or mark longer decays (--release, --to)."
         )
-    poles = _start(traces, releases)
-    traces = [with_ar1_errors(trace, math.sqrt(poles[0] ** 2 + poles[1])) for trace in traces]
+    if near is not None:
+        fit, traces = near, [one.trace for one in near.releases]
+        angles = [_angle(release, trace) for release, trace in zip(releases, traces, strict=True)]
+        for _ in range(ROUNDS):
+            rests = [
+                f.level if signal == "roll" else r.rest for f, r in zip(fit.releases, releases, strict=True)
+            ]
+            beyond = [
+                _pendulum(trace, angle, rest, rate=signal == "rate")
+                for trace, angle, rest in zip(traces, angles, rests, strict=True)
+            ]
+            fit = _with_uncertainty(traces, _search(traces, fit.poles, beyond), signal, beyond)
+        return replace(fit, law=law)
+    poles = _start(traces, releases, signal)
+    traces = [with_ar1_errors(trace, math.exp(-poles[0] / 2)) for trace in traces]
     longest = max(float(trace.time[-1] - trace.time[0]) for trace in traces)
     for swings in (2.0, 5.0, 15.0):  # growing windows: a long trace has many wrong frequencies to lock on to
-        span = 2 * math.pi * swings / math.sqrt(poles[0] ** 2 + poles[1])
+        span = 2 * math.pi * swings * math.exp(poles[0] / 2)
         if span < longest:
             poles = _search([head(trace, span) for trace in traces], poles)
     poles = _search(traces, poles)
-    if not (poles[0] > 0 and poles[0] ** 2 + poles[1] > 0):
-        raise SysidError(
-            f"{releases[0].log}: the best linear fit does not decay (ζω = {poles[0]:.3g} 1/s). Look at the picture; "
-            "mark the free part of the log (--release, --to)."
-        )
+    if 0.5 * poles[1] * math.exp(-poles[0] / 2) > OVERDAMPED:
+        traces = traces_of(releases, whole=True)[0]
+        # A pole that the decay does not excite may lie anywhere: of those that fit alike, take the fastest.
+        starts = [
+            poles,
+            *(
+                np.array([2 * math.log(float(poles[1]) / (2 * zeta)), poles[1]])
+                for zeta in (1.2, 3.0, 10.0, 30.0)
+            ),
+        ]
+        found = [_search(traces, start) for start in starts]
+        costs = [sum(project(one, p, _spring(one))[0] for one in traces) for p in found]
+        least = min(costs) * (1 + 4 / sum(len(one.time) for one in traces))  # two deviations
+        poles = min((p for p, cost in zip(found, costs, strict=True) if cost <= least), key=lambda p: p[0])
     return _with_uncertainty(traces, poles, signal)
 
 
-def decay_basis(time: Array, a: float, q: float) -> tuple[Array, Array]:
-    """Return u(t) [1] and v(t) [s] of the module's equation, shape (n,) each, on either side of critical damping."""
-    envelope = np.exp(-a * time)
-    if q > 0:
-        root = math.sqrt(q)
-        return envelope * np.cos(root * time), envelope * time * np.sinc(root * time / math.pi)
-    root = math.sqrt(-q)
-    # cosh and sinh share the envelope's exponential, else they overflow in a long tail.
-    slow, fast = np.exp((root - a) * time), np.exp(-(root + a) * time)
-    if root * time[-1] < 1e-4:
-        return envelope, envelope * time
-    return (slow + fast) / 2, (slow - fast) / (2 * root)
+def refitted(fit: TraceFit, parts: Sequence[slice]) -> TraceFit | None:
+    """Fit the same law to a part of each release; None where a part is too short for it."""
+    pairs = [(one.trace[rows], rows, one.beyond) for one, rows in zip(fit.releases, parts, strict=True)]
+    pairs = [pair for pair in pairs if len(pair[0].time) >= FEWEST]
+    traces = [trace for trace, _, _ in pairs]
+    if sum(len(trace.time) for trace in traces) < 3 * len(traces) + FEWEST or not traces:
+        return None
+    beyond = [_part(known, rows) for _, rows, known in pairs]
+    return _with_uncertainty(traces, _search(traces, fit.poles, beyond), fit.signal, beyond)
 
 
-def _start(traces: Sequence[Trace], releases: Sequence[Release]) -> Array:
-    """Return a first (a, q): the best of a coarse grid on the first swings, paced by their swings."""
+def response(poles: Array, grid: Array, torque: Array, *, rate: bool) -> Array:
+    """Return how a joint at rest answers a torque per stiffness [rad], shape (n,), on an even grid [s]; its rate where asked [rad/s]."""
+    a, q = rates(poles)
+    u, v = decay_basis(grid - grid[0], a, q)
+    kernel = (u - a * v if rate else v) * math.exp(-poles[0]) * float(grid[1] - grid[0])
+    size = 1 << (2 * len(grid) - 1).bit_length()
+    full = np.fft.irfft(np.fft.rfft(kernel, size) * np.fft.rfft(torque, size), size)[: len(grid)]
+    return full - 0.5 * (kernel * torque[0] + kernel[0] * torque)
+
+
+def motion(fitted: FittedTrace, poles: Array, *, rate: bool) -> tuple[Array, Array, Array]:
+    """Return a fine even grid of a fitted release [s], and its angle about rest [rad] and rate [rad/s] there, shape (n,) each.
+
+    Of a fit to a rate, the angle is what a linear joint has with that rate.
+    """
+    grid = _grid(fitted.trace.time, poles)
+    a, q = rates(poles)
+    u, v = decay_basis(grid - grid[0], a, q)
+    du, dv = -a * u - q * v, u - a * v
+    c, s = (float(value) for value in fitted.coefficients[:2])
+    here, slope = c * u + s * v, c * du + s * dv
+    if rate:  # m v̇ + τ v + x = 0
+        return grid, -(math.exp(poles[0]) * slope + float(poles[1]) * here), here
+    return grid, here, slope
+
+
+def _grid(time: Array, poles: Array) -> Array:
+    span, fastest = float(time[-1] - time[0]), math.exp(-poles[0] / 2)
+    points = int(min(MOST, max(len(time), GRID * span * fastest / 1.5))) + 1
+    return np.linspace(time[0], time[-1], points)
+
+
+def _angle(release: Release, trace: Trace) -> Array:
+    """Return a release's measured angle at the samples of its trace [rad], shape (n,)."""
+    signal = smoothed(release)
+    return np.interp(trace.time, signal.time, signal.roll)
+
+
+def _start(traces: Sequence[Trace], releases: Sequence[Release], signal: str) -> Array:
+    """Return a first (ln m, τ): the best of a coarse grid on the first swings, paced by their swings."""
     paces: list[float] = []
     for trace, release in zip(traces, releases, strict=True):
         swings = half_cycles_of(smoothed(release))
@@ -118,70 +242,130 @@ def _start(traces: Sequence[Trace], releases: Sequence[Release]) -> Array:
     pace = float(np.median(paces))
     largest = sorted(traces, key=lambda trace: -float(np.ptp(trace.measured)))[:3]
     heads = [head(trace, 8.0 * pace) for trace in largest]
-    # A swing's 10 to 90 % time is 1.85/ω undamped and 2.6/ω near critical damping.
+    # A swing's 10 to 90 % time is 1.85/ω undamped, 2.6/ω near critical damping, and 2.2 d/k far beyond it.
     grid = [
-        np.array([zeta * omega, omega**2 * (1 - zeta**2)])
-        for omega in np.array([1.4, 1.6, 1.8, 2.0, 2.3, 2.7]) / pace
-        for zeta in (0.01, 0.05, 0.15, 0.3, 0.5, 0.7, 0.9, 1.3)
+        np.array([-2 * math.log(omega), 2 * zeta / omega])
+        for zeta in (0.01, 0.05, 0.15, 0.3, 0.5, 0.7, 0.9, 1.3, 3.0, 10.0)
+        for omega in np.array([1.4, 1.6, 1.8, 2.0, 2.3, 2.7]) * max(1.0, zeta) / pace
     ]
-    return min(grid, key=lambda poles: sum(_project(part, poles)[0] for part in heads))
+    return min(grid, key=lambda poles: sum(project(part, poles, _spring(part))[0] for part in heads))
 
 
-def _project(trace: Trace, poles: Array) -> tuple[float, Array, Array, Array, Array]:
+Beyond = Callable[[Array], tuple[Array, Array]]
+"""Of (ln m, τ): the response to a known torque at a trace's samples, and the derivative of the signal by r, shape (n,) each."""
+
+
+def _pendulum(trace: Trace, angle: Array, rest: float, *, rate: bool) -> Beyond:
+    """Return what a pendulum's law adds to a trace of known angle [rad], shape (n,), near a rest angle [rad]."""
+
+    def beyond(poles: Array) -> tuple[Array, Array]:
+        grid = _grid(trace.time, poles)
+        swing = np.interp(grid, trace.time, angle - rest)
+
+        def answer(torque: Array) -> Array:
+            return np.interp(trace.time, grid, response(poles, grid, torque, rate=rate))
+
+        known, ones = answer(swing - np.sin(swing)), np.ones(len(trace.time))
+        if rate:  # of a rate the level is the gyro's bias
+            return known, ones
+        by_rest = answer(np.cos(swing) - 1)
+        return known - rest * by_rest, ones + by_rest
+
+    return beyond
+
+
+def _part(beyond: Beyond, rows: slice) -> Beyond:
+    def of_part(poles: Array) -> tuple[Array, Array]:
+        known, level = beyond(poles)
+        return known[rows], level[rows]
+
+    return of_part
+
+
+def _spring(trace: Trace) -> Beyond:
+    nothing = np.zeros(len(trace.time)), np.ones(len(trace.time))
+    return lambda _: nothing
+
+
+def project(trace: Trace, poles: Array, beyond: Beyond) -> tuple[float, Array, Array, Array, Array]:
     """Eliminate the linear parameters of one release.
 
     Returns:
-        The weighted sum of squares, the residual shape (n,), its Jacobian by (a, q) shape (n, 2), the
+        The weighted sum of squares, the residual [rad or rad/s] of shape (n,), its Jacobian by (ln m, τ) of shape (n, 2), the
         coefficients (C, S, r), and the inverse normal matrix of the coefficients.
     """
-    a, q = float(poles[0]), float(poles[1])
+    a, q = rates(poles)
     time = trace.time - trace.time[0]
     u, v = decay_basis(time, a, q)
-    basis = trace.whiten(np.column_stack([u, v, np.ones_like(time)]))
-    orthogonal, triangle = np.linalg.qr(basis)
-    target = trace.whiten(trace.measured)
-    if abs(np.diag(triangle)).min() < 1e-12 * abs(triangle).max():
+    known, level = beyond(poles)
+    raw = trace.whiten(np.column_stack([u, v, level]))
+    size = np.linalg.norm(raw, axis=0) + 1e-300
+    orthogonal, triangle = np.linalg.qr(raw / size)
+    target = trace.whiten(trace.measured - known)
+    if abs(np.diag(triangle)).min() < 1e-10:
         return math.inf, target, np.zeros((len(time), 2)), np.zeros(3), np.zeros((3, 3))
-    inverse = np.linalg.inv(triangle)
+    inverse = np.linalg.inv(triangle) / size[:, None]
     coefficients = inverse @ (orthogonal.T @ target)
-    residual = target - basis @ coefficients
+    residual = target - orthogonal @ (orthogonal.T @ target)
     by_q = (time * u - v) / (2 * q) if abs(q) * time[-1] ** 2 > 1e-3 else -np.exp(-a * time) * time**3 / 6
     c, s = coefficients[0], coefficients[1]
-    slope = trace.whiten(np.column_stack([-time * (c * u + s * v), -c * time * v / 2 + s * by_q]))
+    by_a, by_q = -time * (c * u + s * v), -c * time * v / 2 + s * by_q
+    stiffness = math.exp(-poles[0])
+    slope = np.column_stack(
+        [-a * by_a + (2 * a * a - stiffness) * by_q, 0.5 * stiffness * (by_a - 2 * a * by_q)]
+    )
+    if known.any():
+        for i, nudge in enumerate((1e-4, 1e-4 / math.sqrt(stiffness))):
+            moved, tilted = beyond(poles + np.eye(2)[i] * nudge)
+            slope[:, i] += (moved - known + coefficients[2] * (tilted - level)) / nudge
+    slope = trace.whiten(slope)
     jacobian = -(slope - orthogonal @ (orthogonal.T @ slope))
     return float(residual @ residual), residual, jacobian, coefficients, inverse @ inverse.T
 
 
-def _search(traces: Sequence[Trace], poles: Array) -> Array:
-    """Minimise the sum of squares over (a, q), among decays that come to rest."""
+def _search(traces: Sequence[Trace], poles: Array, beyond: Sequence[Beyond] = ()) -> Array:
+    """Minimise the sum of squares over (ln m, τ)."""
+    known = beyond or [_spring(trace) for trace in traces]
+    interval = min(float(np.median(np.diff(trace.time))) for trace in traces)
+    longest = max(float(trace.time[-1] - trace.time[0]) for trace in traces)
 
     def evaluate(poles: Array) -> Normal:
-        if not (poles[0] > 0 and poles[0] ** 2 + poles[1] > 0):
+        if rates(poles)[0] * longest < -GROWTH:
             return Normal(math.inf, np.zeros(2), np.eye(2))
-        parts = [_project(trace, poles) for trace in traces]
+        parts = [project(trace, poles, one) for trace, one in zip(traces, known, strict=True)]
         gradient = sum((part[2].T @ part[1] for part in parts), np.zeros(2))
         hessian = sum((part[2].T @ part[2] for part in parts), np.zeros((2, 2)))
         return Normal(0.5 * sum(part[0] for part in parts), gradient, hessian)
 
-    everywhere = np.full(2, np.inf)
-    return minimise(evaluate, poles, -everywhere, everywhere, iterations=100, tolerance=1e-13).point
+    # Nothing slower than the log is seen of it, and no fast pole within a tenth of a sample.
+    slow, fast = 2 * math.log(longest), 2 * math.log(interval)
+    low, high = np.array([fast - math.log(100), -longest]), np.array([slow + math.log(100), 100 * longest])
+    return minimise(evaluate, poles, low, high, iterations=100, tolerance=1e-13).point
 
 
-def _with_uncertainty(traces: Sequence[Trace], poles: Array, signal: Literal["roll", "rate"]) -> TraceFit:
-    """Derive the covariance of (ω_n, ζ) from the Jacobian and the residuals."""
-    parts = [_project(trace, poles) for trace in traces]
+def _with_uncertainty(
+    traces: Sequence[Trace],
+    poles: Array,
+    signal: Literal["roll", "rate"],
+    beyond: Sequence[Beyond] = (),
+) -> TraceFit:
+    """Derive the covariance of (ln m, τ) from the Jacobian and the residuals."""
+    known = beyond or [_spring(trace) for trace in traces]
+    parts = [project(trace, poles, one) for trace, one in zip(traces, known, strict=True)]
     residuals, jacobians = [part[1] for part in parts], [part[2] for part in parts]
     count = sum(len(residual) for residual in residuals)
     free = count - 2 - 3 * len(traces)
     finest = BEST_SENSOR * max(float(np.ptp(trace.measured)) for trace in traces)
-    fitted = [_model(trace, poles, part[3]) for trace, part in zip(traces, parts, strict=True)]
+    fitted = [
+        _model(trace, poles, part[3], one) for trace, part, one in zip(traces, parts, known, strict=True)
+    ]
     left = [trace.weight * (trace.measured - model) for trace, model in zip(traces, fitted, strict=True)]
     noise = max(sum(float(residual @ residual) for residual in left) / free, finest**2)
     # What a film's angle is off by lasts, so that a fit takes it up: the least is what the film itself states.
     stated = float(np.mean([trace.known_std**2 for trace in traces]))
     variance = max(sum(float(residual @ residual) for residual in residuals) / free, finest**2, stated)
-    bread = np.asarray(np.linalg.inv(sum((j.T @ j for j in jacobians), np.zeros((2, 2)))), dtype=np.float64)
-    rho = _correlation(residuals)
+    bread = np.asarray(np.linalg.pinv(sum((j.T @ j for j in jacobians), np.zeros((2, 2)))), dtype=np.float64)
+    rho = lag_one(residuals)
     # Correlated residuals count for less (Bartlett, 1935): the variance of a mean grows by (1+ρ)/(1-ρ).
     covariance: Array = bread * (variance * (1 + rho) / (1 - rho))
     if rho > 0:
@@ -189,41 +373,28 @@ def _with_uncertainty(traces: Sequence[Trace], poles: Array, signal: Literal["ro
         covariance = max(
             covariance, robust, key=lambda matrix: float(np.sum(np.diag(matrix) / np.diag(bread)))
         )
-    a, q = float(poles[0]), float(poles[1])
-    omega = math.sqrt(a * a + q)
-    to_numbers = np.array([[a / omega, 0.5 / omega], [q / omega**3, -0.5 * a / omega**3]])
     spread = sum(float(np.var(trace.measured)) * len(trace.measured) for trace in traces)
     inflation = variance * (1 + rho) / (1 - rho)
     return TraceFit(
-        omega_n=omega,
-        damping_ratio=a / omega,
-        covariance=np.asarray(to_numbers @ covariance @ to_numbers.T, dtype=np.float64),
-        white_covariance=np.asarray(to_numbers @ bread @ to_numbers.T * variance, dtype=np.float64),
+        poles=poles,
+        covariance=covariance,
+        white_covariance=bread * variance,
         degrees_of_freedom=max(1.0, free * (1 - rho**2) / (1 + rho**2)),
         noise=math.sqrt(noise),
         correlation=rho,
         explained=1 - noise * free / spread,
         signal=signal,
         releases=tuple(
-            FittedTrace(trace, model, float(part[3][2]), math.sqrt(part[4][2, 2] * inflation))
-            for trace, model, part in zip(traces, fitted, parts, strict=True)
+            FittedTrace(trace, model, part[3], math.sqrt(part[4][2, 2] * inflation), one)
+            for trace, model, part, one in zip(traces, fitted, parts, known, strict=True)
         ),
     )
 
 
-def _model(trace: Trace, poles: Array, coefficients: Array) -> Array:
-    u, v = decay_basis(trace.time - trace.time[0], float(poles[0]), float(poles[1]))
-    return coefficients[0] * u + coefficients[1] * v + coefficients[2]
-
-
-def _correlation(residuals: Sequence[Array]) -> float:
-    """Return the lag-one correlation of the residuals where it is significantly positive, else 0."""
-    count = sum(len(residual) for residual in residuals)
-    power = sum(float(residual @ residual) for residual in residuals)
-    if power == 0 or count < 10:
-        return 0.0
-    rho = sum(float(residual[1:] @ residual[:-1]) for residual in residuals) / power
-    return min(rho, 0.999) if rho > 2.5 / math.sqrt(count) else 0.0
+def _model(trace: Trace, poles: Array, coefficients: Array, beyond: Beyond) -> Array:
+    u, v = decay_basis(trace.time - trace.time[0], *rates(poles))
+    known, level = beyond(poles)
+    return coefficients[0] * u + coefficients[1] * v + coefficients[2] * level + known
 
 
 def _newey_west(
@@ -231,7 +402,7 @@ def _newey_west(
 ) -> Array:
     """Return the long-run covariance of the scores over one period (Newey and West, 1987), shape (2, 2)."""
     interval = float(np.median(np.diff(traces[0].time)))
-    period = 2 * math.pi / math.sqrt(poles[0] ** 2 + max(float(poles[1]), 0.0))
+    period = 2 * math.pi * math.exp(poles[0] / 2)
     total = np.zeros((2, 2))
     for residual, jacobian in zip(residuals, jacobians, strict=True):
         score = jacobian * residual[:, None]

@@ -9,7 +9,8 @@ uncertainty goes into k and d.
 """
 
 import math
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -33,7 +34,7 @@ OF_JOINT = ("inertia", "stiffness", "damping")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DecayNumbers:
-    """A linear free decay in numbers; δ, T and ω_d are NaN where nothing oscillates (ζ ≥ 1)."""
+    """A linear free decay in numbers; NaN for those that the decay does not fix, as δ, T and ω_d where nothing oscillates (ζ ≥ 1)."""
 
     log_decrement: Quantity
     """δ, over a full period [1]."""
@@ -100,6 +101,12 @@ def decay_numbers(
         for i, (name, unit) in enumerate(units.items())
     }
     return DecayNumbers(**quantities)
+
+
+def without(numbers: DecayNumbers, names: Sequence[str], method: str) -> DecayNumbers:
+    """Return the numbers without those that the decay does not fix, and with the reason in their place."""
+    gone = {name: Quantity(math.nan, math.nan, UNITS[name], method) for name in names}
+    return replace(numbers, **gone)
 
 
 def decay_from_peaks(

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from sysid.decay.linear_fit import decay_basis
-from sysid.quantity import Quantity, t95
+from sysid.quantity import Quantity
 from sysid.releases.extrema import smooth_signal
 from sysid.roll import Array, Release
 
@@ -36,20 +36,6 @@ class Peak:
     """Distance from the rest angle [rad], positive."""
     std: float
     """Standard deviation of `roll` [rad]; the rest angle's own is common to all peaks of a release."""
-
-
-@dataclass(frozen=True, slots=True)
-class PeakLine:
-    """ln(amplitude) and time of all usable peaks against their number, one line for all releases."""
-
-    log_decrement: Quantity
-    """δ per full period, from the slope [1]."""
-    period: Quantity
-    """T from the times of the peaks [s]."""
-    degrees_of_freedom: float
-    """Peaks used less parameters of the line of amplitudes."""
-    intercepts: tuple[float, ...]
-    """ln(amplitude) of peak 0 of each release, NaN where the release has no usable peak."""
 
 
 def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, noise: float) -> list[Peak]:
@@ -105,63 +91,6 @@ def log_decrement_two_peaks(peaks: Sequence[Peak], rest_std: float = 0.0) -> Qua
             where = "the next one on the same side" if step == 2 else "the next one on the other side"
             return Quantity(delta, share * math.hypot(own, common), "1", f"first peak and {where}")
     return None
-
-
-def fit_peak_line(peaks: Sequence[Sequence[Peak]], rest_stds: Sequence[float]) -> PeakLine | None:
-    """Fit δ and T to all usable peaks of all releases, weighted by their noise.
-
-    Every release has its own first amplitude and time; slope and period are shared. Scatter beyond the
-    noise widens the intervals. None if no release has two peaks that stand above the noise.
-    """
-    used = [(i, peak) for i, group in enumerate(peaks) if len(group) > 1 for peak in group]
-    if not used:
-        return None
-    number = np.array([peak.number for _, peak in used], dtype=float)
-    owner = np.array([i for i, _ in used])
-    log_amplitude = np.array([math.log(peak.amplitude) for _, peak in used])
-    std = np.array([math.hypot(peak.std, rest_stds[i]) for i, peak in used])
-    slope, slope_std, freedom, intercepts = _shared_slope(
-        number, log_amplitude, std / np.exp(log_amplitude), owner
-    )
-    # A small peak that noise has raised must not count for more: weigh by the line's amplitude instead.
-    fitted = np.exp(np.array([intercepts[int(i)] for i in owner]) + slope * number)
-    # Nor may chance decide which of the smallest ones count: what is near the threshold goes, by the line.
-    kept = (fitted > 1.3 * MIN_PEAK_STDS * std) | (number <= 2)
-    kept &= (np.bincount(owner[kept], minlength=len(peaks)) > 1)[owner]  # one alone says nothing of a slope
-    if not kept.any():
-        return None
-    used = [item for item, keep in zip(used, kept, strict=True) if keep]
-    number, owner, log_amplitude = number[kept], owner[kept], log_amplitude[kept]
-    slope, slope_std, freedom, intercepts = _shared_slope(
-        number, log_amplitude, std[kept] / fitted[kept], owner
-    )
-    times = np.array([peak.time for _, peak in used])
-    half, half_std, _, _ = _shared_slope(number, times, np.array([peak.time_std for _, peak in used]), owner)
-    method = f"{len(used)} peaks, weighted line through ln(amplitude)"
-    quantile = t95(freedom) if freedom > 0 else 1.96
-    lines = [intercepts.get(i, math.nan) for i in range(len(peaks))]
-    return PeakLine(
-        _quantity(-2 * slope, 2 * slope_std, "1", method, quantile),
-        _quantity(2 * half, 2 * half_std, "s", f"{len(used)} peaks, line through their times", quantile),
-        freedom if freedom > 0 else math.inf,
-        tuple(lines),
-    )
-
-
-def _quantity(value: float, std: float, unit: str, method: str, quantile: float) -> Quantity:
-    return Quantity(value, std, unit, method, (value - quantile * std, value + quantile * std))
-
-
-def _shared_slope(x: Array, y: Array, std: Array, owner: Array) -> tuple[float, float, int, dict[int, float]]:
-    """Fit y = intercept(owner) + slope x; return slope, its std, degrees of freedom and the intercepts."""
-    owners = sorted({int(i) for i in owner})
-    design = np.column_stack([x, *(owner == i for i in owners)]) / std[:, None]
-    solution = np.asarray(np.linalg.lstsq(design, y / std, rcond=None)[0], dtype=np.float64)
-    covariance = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
-    freedom = len(y) - design.shape[1]
-    scatter = float(np.sum((y / std - design @ solution) ** 2)) / freedom if freedom > 0 else 1.0
-    slope_std = math.sqrt(float(covariance[0, 0]) * max(1.0, scatter))
-    return float(solution[0]), slope_std, freedom, dict(zip(owners, solution[1:].tolist(), strict=True))
 
 
 def _release_peak(release: Release, rest: float, omega_n: float, omega_d: float, noise: float) -> Peak | None:

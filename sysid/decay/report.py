@@ -2,11 +2,12 @@
 
 import math
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from sysid.quantity import Quantity, slide_unit
 from sysid.releases.phases import Phase, log_phases
-from sysid.text import WIDTH, linear_law, table
+from sysid.text import WIDTH, count, linear_law, table
 
 if TYPE_CHECKING:
     from sysid.free_decay import FreeDecay
@@ -21,105 +22,97 @@ LABELS = {
     "stiffness": "stiffness k = I ω_n²",
     "damping": "damping d = 2 ζ ω_n I",
 }
-FROM_INERTIA = ("inertia", "stiffness", "damping")
-"""What a free decay alone does not hold."""
+OTHERS = {
+    "stiffness_over_damping": "return rate k/d",
+    "damping_over_inertia": "damping d/I",
+    "friction_over_inertia": "dry friction/I",
+}
+ENDS = {"rest": "at rest", "caught": "stopped", "log": "log ends"}
+LAWS = {"spring": "spring", "pendulum": "pendulum: torque k sin φ", "none": "no restoring torque"}
 
 
 def report(decay: "FreeDecay", width: int = WIDTH) -> str:
     """Return logs, releases, quantities, law and verdict."""
     named = f" · {decay.board}" if decay.board else ""
     lines = [
-        f"{roll.log} · {len(roll.time)} samples · {roll.sampling_rate:.4g} Hz · {roll.time[-1] - roll.time[0]:.3g} s{named}"
-        for roll in (recording.roll for recording in decay.recordings)
+        f"{one.roll.log} · {len(one.roll.time)} samples · {one.roll.sampling_rate:.4g} Hz · "
+        f"{one.roll.time[-1] - one.roll.time[0]:.3g} s{named} · {100 * one.used:.0f} % of the motion is free"
+        for one in decay.recordings
     ]
     several = len(decay.recordings) > 1
-    shown, si = decay.position, "m" if decay.slides else "rad"
     rows: list[tuple[str, ...]] = []
     for one, peaks in zip(decay.releases, decay.peaks, strict=True):
         name = f"{Path(one.log).name} {one.number}" if several else str(one.number)
-        size = f"{one.amplitude:.4f} {si} ({shown.scale * one.amplitude:.2f}{shown.unit})"
+        size = f"{decay.position(one.amplitude)} {one.side}"
         hold = f"{one.hold:.2f} s" if one.hold else "moving"
-        end = {"rest": "at rest", "caught": "stopped", "log": "log ends"}[one.end]
         rows.append(
-            (name, f"{one.start:.3f}", one.side, size, hold, f"{one.time[-1]:.3f}", end, str(len(peaks)))
+            (name, f"{one.start:.3f}", size, hold, f"{one.time[-1]:.3f}", ENDS[one.end], str(len(peaks)))
         )
-    head = ("release", "t [s]", "side", "first amplitude", "held before", "until", "end", "peaks")
-    releases = table(head, rows, width=width)
-    value = "value ± 95 %" if decay.linear else "value ± 95 % of a linear decay, which this is not"
-    quantities = table(("quantity", value, "unit", "how"), _rows(decay), width=width)
-    standing = "peaks: turning points that stand above the noise"
-    if any(one.end == "caught" for one in decay.releases):
-        standing += "; stopped: by a hand, by friction or by what hangs on the deck; what follows is left out"
-    lines += [releases, standing, quantities, equation(decay), verdict(decay)]
+    head = ("release", "t [s]", "amplitude", "held", "until", "end", "peaks")
+    shown = [(name, q) for name, q in decay.numbers.items() if math.isfinite(q.value)]
+    values = [(LABELS[name], q) for name, q in shown] + [
+        (OTHERS[name], q) for name, q in decay.others.items()
+    ]
+    value = "value ± 95 %" if decay.linear else "value ± 95 %, if the law were linear"
+    lines += [
+        table(head, rows, width=width),
+        table(("quantity", value, "unit"), [_row(*pair) for pair in values], width=width),
+        f"from the whole trace of {count(len(decay.releases), 'release')}, {decay.show.name}; {LAWS[decay.trace.law]}",
+    ]
+    if decay.two_peaks is not None:
+        lines.append(f"δ = {decay.two_peaks} from two peaks alone, the {decay.two_peaks.method}")
+    if decay.trace.law != "none":
+        lines.append(equation(decay))
+    lines.append(verdict(decay))
     if not decay.has_inertia:
         lines.append(
             "k and d need the mass m that slides: k = m ω_n², d = 2 ζ ω_n m"
             if decay.slides
-            else "k and d need the roll inertia I about the tilt axis: k = I ω_n², d = 2 ζ ω_n I (husky-sysid inertia)"
+            else "k and d need the roll inertia I: k = I ω_n², d = 2 ζ ω_n I (husky-sysid inertia)"
         )
-    return "\n".join(lines)
+    return "\n".join(part for line in lines for part in _wrapped(line, width))
 
 
-def _rows(decay: "FreeDecay") -> list[tuple[str, str, str, str]]:
-    shown = decay.numbers.items()
-    if not decay.has_inertia:
-        shown = [(name, quantity) for name, quantity in shown if name not in FROM_INERTIA]
-    rows = [_row(LABELS[name], quantity) for name, quantity in shown]
-    others = [] if decay.line is None else [_row(LABELS["log_decrement"], decay.line.log_decrement)]
-    others += [] if decay.two_peaks is None else [_row(LABELS["log_decrement"], decay.two_peaks)]
-    if decay.numbers.damping_ratio.value >= 1:
-        others = []  # there is no peak to look for
-    elif decay.line is None:
-        others = [(LABELS["log_decrement"], "-", "1", "peaks: noise leaves no second one")]
-    return [rows[0], *others, *rows[1:]]
+def _wrapped(line: str, width: int) -> list[str]:
+    """Return a line in parts of at most `width` characters; a table as it is."""
+    return [line] if "\n" in line else wrap(line, width, break_long_words=False, break_on_hyphens=False)
 
 
-def _row(name: str, quantity: Quantity) -> tuple[str, str, str, str]:
-    if math.isnan(quantity.value):
-        return name, "none: overdamped", "", quantity.method
-    return name, quantity.number, quantity.printed_unit, quantity.method
+def _row(name: str, quantity: Quantity) -> tuple[str, str, str]:
+    return name, quantity.number, quantity.printed_unit
 
 
 def equation(decay: "FreeDecay") -> str:
     """Return the identified law, as it would be written on a board; over the inertia where that is not known."""
-    numbers = decay.numbers
+    omega_n, zeta = decay.trace.omega_n, decay.trace.damping_ratio
+    inertia = decay.numbers.inertia.value if decay.has_inertia else 1.0
     rest = sum(angle.value for angle in decay.rest_angles) / len(decay.rest_angles)
-    inertia, damping, stiffness = (q.value for q in (numbers.inertia, numbers.damping, numbers.stiffness))
-    if not decay.has_inertia:
-        omega_n, zeta = numbers.omega_n.value, numbers.damping_ratio.value
-        inertia, damping, stiffness = 1.0, 2 * zeta * omega_n, omega_n**2
-    left = linear_law(inertia, damping, stiffness, 0.0 if decay.trace.signal == "rate" else rest)
+    rest = 0.0 if decay.trace.signal == "rate" else rest
+    left = linear_law(inertia, 2 * zeta * omega_n * inertia, omega_n**2 * inertia, rest)
+    if decay.trace.law == "pendulum":
+        head, _, angle = left.rpartition(" φ") if left.endswith(" φ") else left.rpartition(" (")
+        left = f"{head} sin φ" if left.endswith(" φ") else f"{head} sin({angle}"
     return f"{left} = 0   (SI{'' if decay.slides else ', rad'})"
 
 
 def verdict(decay: "FreeDecay") -> str:
-    """Say whether the decay is a linear one, and what the intervals are made of."""
-    ratio = decay.over_noise
-    if not decay.known:
-        return "✗ this log does not tell k and d: their intervals are wider than themselves; see the warnings"
-    if any(found.hidden_by_linear_fit for found in decay.nonlinearities):
-        scale, unit = decay.position.scale, decay.position.unit
-        levels = ", ".join(f"{scale * rest.value:+.2f}{unit}" for rest in decay.rest_angles[:6])
-        return (
-            f"✗ not a linear decay: it rests at {levels}, where a spring and a damper come back to one angle; k and d "
-            "do not hold"
-        )
-    if not decay.linear:
-        return f"✗ not a linear decay: the residual is {ratio:.3g} × the estimated sensor noise; see the warnings"
+    """Return whether the linear law holds, and the next step where it does not."""
+    judgement, others = decay.judgement, decay.others
+    ratio = f"the residual is {judgement.over_noise:.2f} × the sensor noise"
+    wider = f"; intervals {judgement.wider:.2g} × wider for it" if judgement.wider > 1.05 else ""
+    if decay.status == "cannot tell":
+        return f"✗ this log cannot tell: {judgement.reason}. Next: let go from farther, or more releases"
+    if decay.status == "not linear":
+        return f"✗ not linear: {judgement.reason}; {ratio}. Next: husky-sysid diagnose"
+    if decay.trace.law == "none":
+        return f"✓ no restoring torque: d/I and friction/I from the coast-down; {ratio}"
+    if decay.trace.law == "pendulum":
+        return f"✓ large angles: a pendulum, not a spring; {ratio}{wider}"
+    if math.isnan(decay.numbers.omega_n.value):
+        return f"✓ overdamped: only k/d = {others['stiffness_over_damping']} is fixed; {ratio}{wider}"
     share = inertia_share(decay.numbers.inertia, decay.numbers.stiffness)
     closing = f"; {100 * share:.0f} % of k's variance comes from I" if share > 0.5 else ""
-    wider = f"; the intervals are {decay.wider:.2g} × wider for it" if decay.wider > 1.05 else ""
-    if ratio > 1.15:
-        size = max(float(abs(fitted.modelled - fitted.level).max()) for fitted in decay.trace.releases)
-        left = 100 * decay.trace.noise / size
-        return (
-            f"✓ linear to {left:.2g} % of the amplitude; what remains is {ratio:.3g} × the scatter from sample to "
-            f"sample: the law is not quite linear, or a filter or a fusion makes that scatter small{wider}{closing}"
-        )
-    lasting = (
-        f"; the intervals are {decay.wider:.2g} × wider, for the error lasts" if decay.wider > 1.05 else ""
-    )
-    return f"✓ linear decay: the residual is {ratio:.2f} × the estimated sensor noise{lasting}{closing}"
+    return f"✓ linear: the early half of each release predicts the late one; {ratio}{wider}{closing}"
 
 
 def inertia_share(inertia: Quantity, stiffness: Quantity) -> float:
@@ -164,20 +157,24 @@ def to_json(decay: "FreeDecay") -> dict[str, Any]:
         ],
         "phases": [{"t_start_s": phase.start, "t_end_s": phase.end, "kind": phase.kind} for phase in phases],
         **decay.numbers.to_json(),
+        **{name: quantity.to_json() for name, quantity in decay.others.items()},
         "methods": {
             "whole_trace": {**decay.numbers.to_json(), "signal": decay.trace.signal},
-            "peaks": None if decay.from_line is None else decay.from_line.to_json(),
             "two_peaks": None if decay.two_peaks is None else {"log_decrement": decay.two_peaks.to_json()},
         },
         "residual": {
             "rms": decay.trace.noise,
             "noise_floor": decay.floor.std,
             "correlation": decay.trace.correlation,
-            "intervals_widened": decay.wider,
+            "over_noise": decay.judgement.over_noise,
+            "intervals_widened": decay.judgement.wider,
             "unit": (slide_unit if decay.slides else str)("rad" if decay.trace.signal == "roll" else "rad/s"),
             "linear": decay.linear,
+            "status": decay.status,
+            "law": decay.trace.law,
+            "reason": decay.judgement.reason,
         },
-        "patterns": [{"effects": list(p.effects), "text": p.text} for p in decay.nonlinearities],
+        "used": {str(one.path): one.used for one in decay.recordings},
         "notes": [note for recording in decay.recordings for note in recording.notes],
         "warnings": list(decay.warnings),
     }

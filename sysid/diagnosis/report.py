@@ -5,77 +5,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sysid.diagnosis.judgement import TIE
-from sysid.diagnosis.wording import rounded
 from sysid.effects import effect, origin
 from sysid.text import count, display, percent, table
 from sysid.workspace import Workspace
 
 if TYPE_CHECKING:
-    from sysid.diagnosis.diagnose import Candidate, Diagnosis
+    from sysid.diagnosis.diagnose import Diagnosis
+    from sysid.diagnosis.posterior import Size
 
-SHOWN = 8
-"""Models in the table."""
-STRETCHES = 8
-"""Stretches in the table."""
-TIED = 2 * TIE
-"""Score up to which two models are not told apart: it is twice a log-likelihood [1]."""
-
-
-def fittable(names: Sequence[str]) -> tuple[str, ...]:
-    """Return those of some effects that `fit` can add: not what is another number of the record."""
-    parts = [effect(name) for name in names]  # one that was tried beside another has been found so
-    return tuple(part.name for part in parts if part.identifiable_from_decay or part.identifiable_with)
-
-
-def report(result: "Diagnosis", width: int, space: Workspace, logs: Sequence[Path]) -> str:
-    """Return the ranked models, the verdict, how well unseen releases are predicted, and what to do next."""
-    verdict, floor = result.verdict, result.noise
-    show = display(is_rate=result.swing_frequency is not None, slides=result.slides)
-    held_out = "each third of the release though its numbers may move as far as the other two"
-    if len(result.heldout_before) > 1:
-        held_out = "a release though its numbers may move as far as the others"
-    rows = [_row(candidate, floor.std) for candidate in result.candidates[:SHOWN]]
-    if not any(candidate.effects == () for candidate in result.candidates[:SHOWN]):
-        rows.append(_row(result.baseline, floor.std))
-    lines = [
-        f"{result.board} · {count(result.releases, 'release')} · sensor noise {show(floor.std, 3)}, {floor.how}",
-        table(("missing", "error / noise", "held out / noise", "score"), rows, width=width),
-        f"held out: what a model misses of {held_out} leave them open; of means of "
-        "neighbouring samples where the log has many a period, which are less noisy than the samples of the error",
-        "score: twice the log-likelihood of unseen motion that the best has more; models up to "
-        f"{TIED:g}, or more where periods disagree or none is exact, are not told apart: the simplest counts, if what it adds matters",
-        f"Result: {headline(result)} (confidence {percent(verdict.confidence)})",
-        verdict.explanation,
-        _predicted(result, width),
-        "off by: error over the RMS motion",
-    ]
-    lines += [
-        f"  looks the same in these logs: {', '.join(group)}" for group in verdict.indistinguishable_from
-    ]
-    if verdict.next_experiment:
-        lines.append(f"next experiment: {verdict.next_experiment}")
-    if result.learned is not None:
-        errors = (show(error) for error in (result.learned.error_after, result.learned.heldout_rmse))
-        lines.append("{} (error {}, held out {})".format(result.learned.text, *errors))
-        lines.append(result.learned.compared)
-        command = _fit(result, space, logs, (*result.effects, "learned"))
-        refused = result.learned.refused
-        lines.append(f"not to be learned yet: {refused}" if refused else f"to learn it: {command}")
-    if result.effects and not result.ends_at_bound:
-        held = [word for name, value in result.held.items() for word in ("--fix", f"{name}={value:g}")]
-        lines.append(f"to add it: {_fit(result, space, logs, result.effects, *held)}")
-    return "\n".join(lines)
-
-
-def _fit(
-    result: "Diagnosis", space: Workspace, logs: Sequence[Path], names: Sequence[str], *held: str
-) -> str:
-    """Return the command that fits effects to the logs that were diagnosed."""
-    added: list[str] = []
-    for name in names:
-        added += ["--effect-file", file] if (file := origin(name)).endswith(".py") else ["--effect", name]
-    return space.command("fit", *result.options, *added, *held, logs=logs)
+TIE = 12.0
+"""Score up to which two candidates are not told apart: twice a log evidence of 6, odds of 400."""
 
 
 def headline(result: "Diagnosis") -> str:
@@ -85,51 +24,108 @@ def headline(result: "Diagnosis") -> str:
         return "no effect is missing"
     if result.status == "missing":
         return f"{names} {'is' if len(result.verdict.effects) == 1 else 'are'} missing"
-    return "something is missing that no effect of the catalogue explains" + (
-        f"; nearest: {names}" if names else ""
+    return "part of the torque has no name in the catalogue" + (f"; nearest: {names}" if names else "")
+
+
+def explanation(result: "Diagnosis") -> str:
+    """Return the verdict as sentences."""
+    verdict, found = result.verdict, result.posterior
+    noise = result.noise.std
+    parts: list[str] = []
+    if result.status == "missing" and verdict.families:
+        parts.append(
+            f"With {_listed(verdict.effects)} the error falls from {result.baseline.rmse / noise:.3g} to {result.best.rmse / noise:.3g} "
+            f"times the noise ({percent(result.explained)} of the squared error beyond it)."
+        )
+    elif result.status == "none-missing":
+        parts.append(f"The record's law leaves {result.baseline.rmse / noise:.3g} times the noise; nothing that matters is missing.")
+    if result.status == "unexplained":
+        parts.append(
+            f"A torque without a name carries {percent(found.nameless)} of the spring's (RMS); the best candidate leaves "
+            f"{result.best.rmse / noise:.3g} times the noise."
+        )
+    parts += [f"{family}: {size_in_words(found.sizes[family])}." for family in verdict.families if family in found.sizes]
+    if found.by_cycles:
+        parts.append("Judged by amplitude and phase of each cycle: the decay is light and the waveform is not exact.")
+    parts += [result.record_text] if result.record_text else []
+    parts += [f"Hint: {_hint(hint)}." for hint in verdict.hints]
+    return " ".join(parts)
+
+
+def _hint(hint: Any) -> str:
+    size = "" if hint.size is None else f", {size_in_words(hint.size)}"
+    return f"{_listed(hint.effects)}, probability {percent(hint.probability)}{size}"
+
+
+def size_in_words(size: "Size") -> str:
+    """Return the size of a family with its 95 % intervals."""
+    return (
+        f"{percent(size.torque_share)} ± {percent(1.96 * size.torque_std)} of the peak torque, "
+        f"{percent(size.energy_share)} ± {percent(1.96 * size.energy_std)} of the energy lost"
     )
 
 
-def _row(candidate: "Candidate", floor: float) -> tuple[str, ...]:
-    held = "-" if candidate.heldout_rmse is None else f"{candidate.heldout_rmse / floor:.3f}"
-    name = ", ".join(candidate.effects) or "(nothing)"
-    return name, f"{candidate.rmse / floor:.3f}", held, f"{candidate.score:.1f}"
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 2 else names)
 
 
-def _predicted(result: "Diagnosis", width: int) -> str:
-    """Return a table of how well each release or stretch is predicted from the others, the worst where there are many."""
-    errors = {"off by": result.heldout_before}
-    if result.status != "none-missing" and result.heldout_after != result.heldout_before:
-        how = "with the nearest effects" if result.status == "unexplained" else "with what is missing"
-        errors = {f"off by, {how}": result.heldout_after, "without": result.heldout_before}
-    each = list(zip(*errors.values(), strict=True))
-    names = result.stretches if len(each) > 1 else ["thirds of the release"]
-    worst = sorted(range(len(each)), key=lambda i: -each[i][0])[:STRETCHES]
-    what = f"predicted from the others{f', the {STRETCHES} worst of {len(each)}' if len(each) > STRETCHES else ''}"
-    rows = [(names[i], *(f"{rounded(100 * error)} %" for error in each[i])) for i in sorted(worst)]
-    return table((what, *errors), rows, width=width)
+def report(result: "Diagnosis", width: int, space: Workspace, logs: Sequence[Path]) -> str:
+    """Return verdict, candidates and the next step."""
+    verdict, noise = result.verdict, result.noise
+    show = display(is_rate=result.is_rate, slides=result.slides)
+    rows = [
+        (
+            "→" if c is result.best else "", ", ".join(c.effects) or "(the record's law)", f"{c.rmse / noise.std:.3f}",
+            f"{c.heldout_rmse / noise.std:.3f}", f"{c.score:.1f}",
+        )
+        for c in result.candidates
+    ]  # fmt: skip
+    lines = [
+        f"Result: {headline(result)} (confidence {percent(verdict.confidence)})",
+        explanation(result),
+        f"{result.board} · {count(len(result.releases), 'release')} · sensor noise {show(noise.std, 3)}, {noise.how}",
+        table(("", "effects", "error / noise", "held out / noise", "score"), rows, width=width),
+        f"score: twice the log evidence below the best; under {TIE:g} is a tie. held out: error on a release that the fit did not see",
+    ]
+    lines += [f"looks the same in these logs: {', '.join(group)}" for group in verdict.indistinguishable_from]
+    if result.next_experiment:
+        lines.append(f"next experiment: {result.next_experiment}")
+    if result.status == "unexplained":
+        lines.append(f"to learn the torque: {_fit(result, space, logs, (*fittable_names(result), 'learned'))}")
+    if result.effects:
+        lines.append(f"to add it: {_fit(result, space, logs, result.effects)}")
+    return "\n".join(lines)
+
+
+def fittable_names(result: "Diagnosis") -> tuple[str, ...]:
+    """Return the named effects that a fit can add."""
+    return tuple(name for name in result.verdict.effects if effect(name).role in ("torque", "support"))
+
+
+def _fit(result: "Diagnosis", space: Workspace, logs: Sequence[Path], names: Sequence[str]) -> str:
+    """Return the command that fits effects to the logs that were diagnosed."""
+    added: list[str] = []
+    for name in names:
+        added += ["--effect-file", file] if (file := origin(name)).endswith(".py") else ["--effect", name]
+    return space.command("fit", *result.options, *added, logs=logs)
 
 
 def to_json(result: "Diagnosis") -> dict[str, Any]:
     """Return the binding result of the command."""
-    verdict = result.verdict
-    # An error of a measured rate, as the amplitude of a swing at the joint's frequency that has that rate.
-    per = 1.0 if result.swing_frequency is None else 1.0 / result.swing_frequency
-    baseline, heldout = result.baseline, result.baseline.heldout_rmse
+    verdict, found = result.verdict, result.posterior
+    # An error of a rate, as the amplitude of a swing at the natural frequency that has that rate.
+    per = 1.0 / result.baseline.fit.law.frequency if result.is_rate else 1.0
     content: dict[str, Any] = {
         "board": result.board,
         "logs": list(result.logs),
-        "signal": "roll" if result.swing_frequency is None else "rate",
+        "signal": "rate" if result.is_rate else "roll",
         "noise_floor_rad": per * result.noise.std,
-        "baseline": {
-            "rmse_rad": per * baseline.rmse,
-            "heldout_rmse_rad": None if heldout is None else per * heldout,
-        },
+        "baseline": {"rmse_rad": per * result.baseline.rmse, "heldout_rmse_rad": per * result.baseline.heldout_rmse},
         "candidates": [
             {
                 "effects": list(c.effects),
                 "rmse_rad": per * c.rmse,
-                "heldout_rmse_rad": None if c.heldout_rmse is None else per * c.heldout_rmse,
+                "heldout_rmse_rad": per * c.heldout_rmse,
                 "score": c.score,
                 "parameters": {name: quantity.to_json() for name, quantity in c.parameters.items()},
             }
@@ -140,26 +136,60 @@ def to_json(result: "Diagnosis") -> dict[str, Any]:
             "effects": list(verdict.effects),
             "confidence": verdict.confidence,
             "indistinguishable_from": [list(group) for group in verdict.indistinguishable_from],
-            "heldout_nrmse_before": list(result.heldout_before),
-            "heldout_nrmse_after": list(result.heldout_after),
-            "error_before_rad": per * verdict.error_before,
-            "error_after_rad": per * verdict.error_after,
-            "next_experiment": verdict.next_experiment,
-            "explanation": verdict.explanation,
-            "share_of_peak_torque": dict(result.shares),
+            "error_before_rad": per * result.baseline.rmse,
+            "error_after_rad": per * result.best.rmse,
+            "next_experiment": result.next_experiment,
+            "explanation": explanation(result),
             "families": list(verdict.families),
-            "explained": verdict.explained,
-            "matters": None if verdict.matters is None else verdict.matters.to_json(),
-            "remainder": {"rmse_rad": per * verdict.remainder, "text": verdict.remainder_text},
+            "explained": result.explained,
+            "matters": _matters(result),
+            "remainder": {"rmse_rad": per * result.remainder, "text": f"{result.best.rmse / result.noise.std:.3g} times the noise"},
             "hints": [
-                {"effects": list(hint.effects), "size": hint.size.to_json(), "text": hint.text}
-                for hint in verdict.hints
+                {"effects": list(h.effects), "probability": h.probability, "size": None if h.size is None else _size(h.size), "text": _hint(h)}
+                for h in verdict.hints
             ],
-            **({} if result.learned is None else {"learned": result.learned.to_json(per)}),
+            "learned": None,
+            "sets": [{"effects": list(s.effects), "probability": s.probability} for s in found.sets],
+            "inclusion": dict(found.inclusion),
+            "sizes": {family: _size(size) for family, size in found.sizes.items()},
         },
         "warnings": list(result.doubts),
     }
     return _finite(content)
+
+
+def _matters(result: "Diagnosis") -> dict[str, float] | None:
+    sizes = [result.posterior.sizes[f] for f in result.verdict.families if f in result.posterior.sizes]
+    if not sizes:
+        return None
+    return {
+        "torque_share": max(s.torque_share for s in sizes),
+        "energy_share": sum(s.energy_share for s in sizes),
+        "amplitude_after_10_periods": _after_ten(result),
+    }
+
+
+def _after_ten(result: "Diagnosis") -> float:
+    """Return the amplitude of the best law over that of the record's, ten periods after the widest release."""
+    import numpy as np
+
+    from sysid.joint.trajectory import simulate
+
+    first, law = result.baseline.fit.law, result.best.fit.law
+    widest = max(result.releases, key=lambda r: r.amplitude)
+    period = 2 * math.pi / first.frequency
+    time = np.linspace(0.0, 10 * period, 1000)
+    swings = [
+        float(np.ptp(simulate(one, time, one.rest_angle + widest.roll[0] - widest.rest).roll[-100:])) for one in (first, law)
+    ]
+    return swings[1] / max(swings[0], 1e-12)
+
+
+def _size(size: "Size") -> dict[str, Any]:
+    values = {"torque_share": (size.torque_share, size.torque_std), "energy_share": (size.energy_share, size.energy_std)}
+    return {
+        name: {"value": v, "std": s, "ci95": [v - 1.96 * s, v + 1.96 * s], "unit": "1"} for name, (v, s) in values.items()
+    }
 
 
 def _finite(value: Any) -> Any:

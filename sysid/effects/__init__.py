@@ -71,6 +71,17 @@ def use_file(path: Path) -> str:
     return part.name
 
 
+def _meant(name: str, known: Mapping[str, Effect]) -> str:
+    """Return ' Did you mean …?' for the effects that are also called so, else for the closest name."""
+    word = name.lower().replace("_", " ").replace("-", " ")
+    called = [
+        part for part in known.values() if any(word == other.replace("-", " ") for other in part.also_called)
+    ]
+    if called:
+        return f" Did you mean {' or '.join(f'{part.name!r} ({part.title})' for part in called)}?"
+    return did_you_mean(name, known)
+
+
 def origin(name: str) -> str:
     """Return the file or the package that an effect comes from; '' for the catalogue's own."""
     return "" if name in _shipped() else _own.own_effects(_shipped())[name][1]
@@ -84,9 +95,7 @@ def effect(name: str) -> Effect:
     """
     known = catalogue()
     if name not in known:
-        raise SysidError(
-            f"unknown effect '{name}'.{did_you_mean(name, known)} Known effects: {', '.join(known)}."
-        )
+        raise SysidError(f"unknown effect '{name}'.{_meant(name, known)} Known effects: {', '.join(known)}.")
     return known[name]
 
 

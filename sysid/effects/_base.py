@@ -265,6 +265,8 @@ class Effect:
     title: str
     """For people, e.g. 'dry friction'."""
     family: Family
+    also_called: tuple[str, ...] = ()
+    """Other words for it, in lower case, e.g. 'friction'; who asks for one is told the name."""
     parameters: tuple[Parameter, ...]
     role: Role
     law: str

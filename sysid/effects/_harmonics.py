@@ -1,4 +1,4 @@
-"""What a model knows along the arc of a joint, as the first harmonics of its position."""
+"""Tables of a model along the arc of a joint, as the first harmonics of its position."""
 
 import math
 
@@ -9,10 +9,10 @@ from sysid.effects._base import Parameter, Scales
 from sysid.roll import Array
 
 HARMONICS = ("constant", "sine", "cosine", "sine2", "cosine2", "sine3", "cosine3")
-"""The terms 1, sin φ, cos φ, sin 2φ, ... cos 3φ; the weight of a rigid body on a hinge needs the second and third alone, on a
-slide the first."""
+"""The terms 1, sin φ, cos φ, sin 2φ, ... cos 3φ. The weight of a rigid body on a hinge has the second and third, on a slide the
+first."""
 FORMULA = "c + Σ (aₙ sin nφ + bₙ cos nφ), n = 1, 2, 3"
-"""Their sum, as the page of effects shows it."""
+"""Their sum, as printed."""
 QUARTER = math.pi / 2
 """Turn that makes a cosine of a sine [rad]."""
 

@@ -1,4 +1,4 @@
-"""What several effects write into a MuJoCo model: tendons, coefficients of a polynomial, motors without an input."""
+"""Parts of a MuJoCo model that several effects write: tendons, polynomials, motors without an input."""
 
 from collections.abc import Sequence
 from typing import Any, Literal
@@ -10,9 +10,9 @@ from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, Scal
 from sysid.errors import SysidError
 
 UNREACHABLE_TILT = 10.0
-"""Tilt that no joint reaches [rad]: a tendon that is slack up to there never pulls on that side."""
+"""Tilt beyond any joint's [rad]: a tendon that is slack up to it never pulls on that side."""
 _NO_MOTOR = 1e-9
-"""Constant of a motor that is there for its friction alone [N*m/A]; MuJoCo 3.11 wants one above zero."""
+"""Constant of a motor that only rubs [N*m/A]; MuJoCo 3.11 requires one above zero."""
 
 
 def spec_angle(spec: MjSpec, angle: float) -> float:
@@ -21,12 +21,12 @@ def spec_angle(spec: MjSpec, angle: float) -> float:
 
 
 def rest_of(spec: MjSpec, joint: MjsJoint) -> float:
-    """Return the joint's springref [rad], whichever unit the spec's compiler reads."""
+    """Return the joint's springref [rad]."""
     return float(np.radians(joint.springref) if spec.compiler.degree else joint.springref)
 
 
 def add_tendon(spec: MjSpec, joint: MjsJoint, name: str, stiffness: float, slack: Sequence[float]) -> Any:
-    """Add a tendon that pulls the joint with so many N*m/rad, slack between two positions [rad], and return it."""
+    """Add and return a tendon of a stiffness [N*m/rad] on the joint, slack between two positions [rad]."""
     tendon = spec.add_tendon(name=f"{joint.name}_{name}")
     tendon.wrap_joint(joint.name, 1.0)
     tendon.stiffness[0] = stiffness
@@ -37,9 +37,8 @@ def add_tendon(spec: MjSpec, joint: MjsJoint, name: str, stiffness: float, slack
 def set_friction(holder: Any, torque: float) -> None:
     """Give a joint or a tendon dry friction [N*m], its constraint hardened.
 
-    MuJoCo's default friction constraint yields like a damper near the turning points: it takes out
-    85 to 93 % of the true loss at these frequencies, and creeps instead of sticking. A time constant
-    of 2 ms and an impedance of 0.9999 make both right to 0.1 %.
+    MuJoCo's default friction constraint yields near the turning points: it dissipates 85 to 93 % of the true loss at these
+    frequencies, and creeps instead of sticking. A time constant of 2 ms and an impedance of 0.9999 make both right to 0.1 %.
     """
     holder.frictionloss = torque
     holder.solref_friction = [0.002, 1.0]
@@ -74,7 +73,7 @@ def polynomial(effect: str, of: Literal["stiffness", "damping"], power: int, **l
 
 
 def refusing(reason: str) -> ToMjcf:
-    """Return what refuses to write an effect that a bench of one body cannot have, unless its parameters are all zero."""
+    """Return a writer that refuses an effect which a bench of one body lacks, unless its parameters are all zero."""
 
     def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
         if any(parameters.values()):
@@ -85,9 +84,9 @@ def refusing(reason: str) -> ToMjcf:
 
 
 def add_passive_motor(spec: MjSpec, joint: MjsJoint, name: str, *, native: bool, **constants: Any) -> None:
-    """Add a motor to the joint that nobody drives, with these constants of `set_to_dcmotor`, a winding only where they say so.
+    """Add an undriven motor with these constants of `set_to_dcmotor` to the joint.
 
-    Its input is a voltage that stays zero, which every MuJoCo from 3.11 on can have; `native` leaves it out from 3.12 on.
+    Its input is a voltage of zero, in MuJoCo from 3.11 on; `native` leaves the input out from 3.12 on.
     """
     import mujoco
 

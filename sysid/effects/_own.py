@@ -46,7 +46,12 @@ def own_effects(taken: Mapping[str, Effect]) -> dict[str, tuple[Effect, str]]:
     sources = [(str(path), lambda path=path: read(path)) for path in files()]
     sources += [(f"{point.value} (installed)", point.load) for point in entry_points(group=GROUP)]
     for where, load in sources:
-        part = checked(load(), where)
+        try:
+            part = checked(load(), where)
+        except SysidError:
+            raise
+        except BaseException as error:
+            raise SysidError(f"{where}: {_in_words(error)}") from error
         if part.name in taken or part.name in found:
             raise SysidError(f"{where}: there is an effect '{part.name}' already. Give yours another name.")
         found[part.name] = part, where
@@ -67,22 +72,31 @@ def read(path: Path) -> Effect:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except BaseException as error:
         lines = [frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == str(path)]
         line = f"line {lines[-1]}, " if lines else ""
-        raise SysidError(f"{path}: {line}{type(error).__name__}: {error}") from error
+        raise SysidError(f"{path}: {line}{_in_words(error)}") from error
     return checked(getattr(module, "EFFECT", None), str(path))
+
+
+def _in_words(error: BaseException) -> str:
+    """Return an error in one line, whatever its own words do."""
+    try:
+        said = " ".join(str(error).split())[:200]
+    except BaseException:  # noqa: BLE001  the class may be the file's own
+        said = "(no message)"
+    return f"{type(error).__name__}: {said}"
 
 
 def checked(part: object, where: str) -> Effect:
     """Accept an effect whose law runs.
 
     Raises:
-        SysidError: It is none, its name cannot be typed, or its torque is no number or not smooth code; in one line.
+        SysidError: It is no effect, its name cannot be typed, or its torque is not a number or not smooth; in one line.
     """
     if not isinstance(part, Effect):
         raise SysidError(
-            f"{where}: EFFECT is {part!r}; expected TorqueEffect(...), SensorEffect(...) or SupportEffect(...)."
+            f"{where}: EFFECT is of type {type(part).__name__}; expected TorqueEffect(...), SensorEffect(...) or SupportEffect(...)."
         )
     if not re.fullmatch(r"[a-z][a-z0-9]*(-[a-z0-9]+)*", part.name):
         raise SysidError(
@@ -107,9 +121,9 @@ def _run(part: TorqueEffect, where: str) -> None:
     try:
         torque = np.asarray(part.torque(NUMPY, JointState(at, at, at, 10.0), values, ()), dtype=np.float64)
         part.torque(casadi_algebra(), JointState(symbol, symbol, symbol, 10.0), values, ())
-    except Exception as error:
+    except BaseException as error:
         raise SysidError(
-            f"{where}: its torque does not run ({type(error).__name__}: {error}). Use only + - * / ** and m.sin, m.exp, m.abs, "
+            f"{where}: its torque does not run ({_in_words(error)}). Use only + - * / ** and m.sin, m.exp, m.abs, "
             "m.minimum, m.maximum, m.where, and the names of its parameters."
         ) from error
     if not np.all(np.isfinite(torque)):

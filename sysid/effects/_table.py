@@ -62,8 +62,8 @@ def cardinals(m: Algebra, s: Value, n: int) -> list[Value]:
 def bending(n: int) -> Array:
     """Return the quadratic form in a table's values [1] that a rough curve makes large, shape (2n, 2n).
 
-    Second differences along the knots, zero at the middle included; and the values themselves, as little as half a wave
-    over the whole reach bends, so that what nobody has seen is zero.
+    It sums the second differences along the knots, zero at the middle included. A small weight of the values, as of half a wave over
+    the whole reach, makes unmeasured parts zero.
     """
     second = np.diff(np.eye(2 * n + 1), 2, axis=0)
     second = np.delete(second, n, axis=1)

@@ -1,4 +1,4 @@
-"""The file of an effect of the user's own: it works as it is written."""
+"""The file of a user's own effect, ready to run."""
 
 from collections.abc import Sequence
 
@@ -19,8 +19,8 @@ def effect_file(
     """Return the Python source of an effect.
 
     Args:
-        name: What `--effect` takes.
-        does: What it does to a decay, in one sentence.
+        name: Name for `--effect`.
+        does: Its effect on a decay, in one sentence.
         law: The torque as an expression in x, v, parameters and m.
         parameters: Name, unit, size (an expression in s) and example of each.
     """
@@ -36,7 +36,7 @@ from sysid.effects import AS_TABLE, Parameter, TorqueEffect, as_table
 
 
 def torque(m, motion, parameters, states):
-    """Return the torque on the deck [N*m], zero at rest. Of m there are sin, exp, abs, minimum, maximum and where."""
+    """Return the torque on the deck [N*m], zero at rest. m has sin, exp, abs, minimum, maximum and where."""
     x, v = motion.tilt, motion.rate  # from the rest angle [rad], and [rad/s]
     return {law}
 
@@ -44,9 +44,9 @@ def torque(m, motion, parameters, states):
 EFFECT = TorqueEffect(
     name="{name}",
     title="{title}",
-    family="hardening",  # or friction, drag, asymmetry, stop, freeplay, ...: what it is a variant of
-    # The size of a parameter is what shows clearly on a joint of stiffness s.stiffness [N*m/rad] that swings by s.amplitude
-    # [rad] at rates of s.rate [rad/s] and torques of s.torque [N*m]; bounds and starts are in units of it.
+    family="hardening",  # or friction, drag, asymmetry, stop, freeplay, ...
+    # A parameter of its size shows clearly on a joint of s.stiffness [N*m/rad], s.amplitude [rad], s.rate [rad/s] and
+    # s.torque [N*m]. Bounds and starts are in units of it.
     parameters=(
 {table}
     ),

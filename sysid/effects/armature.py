@@ -1,4 +1,4 @@
-"""What a motor's rotor adds to the inertia that a joint sees, beyond what its model states."""
+"""Inertia of a motor's rotor and gear, beyond the model's."""
 
 from dataclasses import replace
 
@@ -21,6 +21,7 @@ EFFECT = TorqueEffect(
     name="armature",
     title="inertia of rotor and gear",
     family="inertia",
+    also_called=("rotor inertia", "reflected inertia"),
     role="record",
     parameters=(Parameter("inertia", "kg*m^2", lambda s: s.inertia, low=-0.95, high=20.0, starts=(0.3,)),),
     law="I → I + A; A = N² J of a rotor of inertia J behind a gear of ratio N",

@@ -14,9 +14,10 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
 
 EFFECT = TorqueEffect(
     name="asymmetric-stiffness",
-    title="left and right springs differ",
+    title="stiffer to one side",
     family="asymmetry",
-    law="τ = -b x²; b > 0 is stiffer with the right edge down",
+    also_called=("asymmetry",),
+    law="τ = -b x²; b > 0 is stiffer at positive angles",
     formula="{coefficient} φ²",
     source="Nayfeh and Mook, Nonlinear Oscillations (1979), quadratic nonlinearity",
     does="Swings to one side are wider and longer than to the other; the middle drifts with amplitude.",

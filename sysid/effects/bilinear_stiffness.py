@@ -31,7 +31,7 @@ EFFECT = TorqueEffect(
     parameters=(
         Parameter("difference", "N*m/rad", lambda s: s.stiffness, low=-0.95, high=0.95, starts=(0.1, -0.1)),
     ),
-    law="τ = -b |x|; the stiffness is k + b with the right edge down and k - b with the left",
+    law="τ = -b |x|; the stiffness is k + b at positive angles and k - b at negative ones",
     formula="{difference} |φ|",
     source="piecewise linear oscillator, Shaw and Holmes, J. Sound and Vibration 90 (1983)",
     does="Half swings to one side are wider and longer than to the other by the same share at every amplitude.",

@@ -30,13 +30,14 @@ EFFECT = TorqueEffect(
     name="coulomb",
     title="dry friction",
     family="friction",
+    also_called=("friction", "dry friction", "stiction"),
     parameters=(
         Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.01, 0.06), rough=True),
     ),
     law="τ = -F sgn v; sticks while the other torques stay within ±F",
     formula="{torque} sgn φ̇",
     source="Coulomb 1785; Feeny and Liang, J. Sound and Vibration 195 (1996): decrement of dry friction",
-    does="Amplitude falls by the same amount 4F/k each period, then the deck stops, not always at rest.",
+    does="Amplitude falls by the same amount 4F/k each period, then the joint stops, not always at rest.",
     look_alikes=("hysteresis", "stribeck", "dahl"),
     experiment="Release from {1°} and from {10°}: dry friction stops the small one at once, within ±F/k of rest.",
     mujoco=MujocoSupport(

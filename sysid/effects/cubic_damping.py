@@ -16,6 +16,7 @@ EFFECT = TorqueEffect(
     name="cubic-damping",
     title="cubic damping",
     family="drag",
+    also_called=("nonlinear damping",),
     law="τ = -c v³",
     formula="{coefficient} φ̇³",
     source="Dalzell, J. Ship Research 22 (1978): cubic in place of quadratic roll damping",

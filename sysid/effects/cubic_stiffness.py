@@ -16,6 +16,7 @@ EFFECT = TorqueEffect(
     name="cubic-stiffness",
     title="hardening or softening spring",
     family="hardening",
+    also_called=("rubber", "hardening", "softening", "duffing"),
     law="τ = -c x³; c > 0 hardens, c < 0 softens",
     formula="{coefficient} φ³",
     source="Duffing 1918; Nayfeh and Mook, Nonlinear Oscillations (1979): ω = ω₀(1 + 3c a²/8k)",

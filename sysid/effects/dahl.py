@@ -58,13 +58,14 @@ EFFECT = TorqueEffect(
     name="dahl",
     title="dry friction that gives way first (Dahl)",
     family="friction",
+    also_called=("presliding",),
     parameters=(
         Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.01, 0.06)),
         Parameter("reach", "rad", lambda s: s.amplitude, low=0.002, high=0.2, starts=(0.03,), neutral=None),
     ),
     law="τ = -F z, ż = (v - |v| z) / a",
     source="Dahl, A Solid Friction Model (1968), with exponent 1",
-    does="Amplitude falls as with dry friction, but the deck ends in small swings on the friction's own spring.",
+    does="Amplitude falls as with dry friction, but the joint ends in small swings on the friction's own spring.",
     look_alikes=("coulomb", "bouc-wen", "hysteresis"),
     experiment="Release from {0.5°} and {1°}: dry friction stops there at once, friction that gives way swings on.",
     mujoco=MujocoSupport(

@@ -17,6 +17,7 @@ EFFECT = TorqueEffect(
     name="discretisation",
     title="the simulator's time step",
     family="clock",
+    also_called=("discretization", "time step", "timestep", "integrator"),
     role="record",
     parameters=(Parameter("timestep", "s", lambda s: 0.1 / s.frequency, low=0.001, high=10.0),),
     law="v⁺ = (v - h k x/I) / (1 + h d/I), x⁺ = x + h v⁺",

@@ -7,15 +7,14 @@ from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Par
 from sysid.effects._mjcf import add_tendon, rest_of
 
 RAMP = 0.1
-"""Width of the range of tilt in which the damper sets in, over the angle of the stop: two steps of the integration, at 1/128 of
-a period each. A stop with a loss, 40 times as stiff as the spring, is then fitted to 1 %."""
+"""Width of the range in which the damper sets in, over the stop's angle [1]: two integration steps of 1/128 period. A lossy stop,
+40 times as stiff as the spring, is then fitted to 1 %."""
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -(k_s (|x| - a) sgn x + d_s v) beyond ±a, else 0 [N*m].
 
-    A damper that sets in at once makes a jump, which no integrator's step and no derivative with respect to `a` sees: it sets
-    in over `RAMP` about ±a instead, which takes the same impulse.
+    The damper sets in over `RAMP` about ±a, with the same impulse as a jump: integrators and derivatives cannot follow a jump.
     """
     angle = parameters["angle"]
     beyond = motion.tilt - m.maximum(-angle, m.minimum(angle, motion.tilt))
@@ -54,6 +53,7 @@ EFFECT = TorqueEffect(
     name="end-stop",
     title="end stop or bumper",
     family="stop",
+    also_called=("stop", "bumper", "limit", "hard stop"),
     parameters=(
         Parameter(
             "angle",

@@ -42,6 +42,7 @@ EFFECT = TorqueEffect(
     name="gravity",
     title="centre of mass off the axis",
     family="hardening",
+    also_called=("weight", "centre of mass", "center of mass"),
     parameters=(Parameter("moment", "N*m", lambda s: s.stiffness, low=-1.0, high=3.0, starts=(0.3, 0.98)),),
     law="τ = -M sin φ; M = m g h with the centre of mass h below the axis",
     formula="{moment} sin φ",

@@ -58,7 +58,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     hinge.stiffness[0] = inertia * frequency**2
     hinge.damping[0] = 2 * parameters["damping_ratio"] * frequency * inertia
     return (
-        f"hanging-body: {inertia:.6g} kg*m^2 on the deck at {frequency:.6g} rad/s, damping ratio "
+        f"hanging-body: {inertia:.6g} kg*m^2 on the joint at {frequency:.6g} rad/s, damping ratio "
         f"{parameters['damping_ratio']:.6g}, on a hinge of its own",
     )
 
@@ -86,9 +86,9 @@ EFFECT = TorqueEffect(
     source="tuned mass damper, den Hartog, Mechanical Vibrations (1934); a mass m hung a beside the axis has J = m a²",
     does="The swing is passed to the body and comes back: the amplitude beats instead of falling steadily.",
     look_alikes=("second-mode", "viscoelastic"),
-    experiment="Take off or hold what hangs on the deck and release again: the beat disappears.",
+    experiment="Take off or hold what hangs on the joint and release again: the beat disappears.",
     mujoco=MujocoSupport(
-        means="a body on the deck with a hinge, a spring and a damper", since="3.0", warp=True
+        means="a body on the joint with a hinge, a spring and a damper", since="3.0", warp=True
     ),
     to_mjcf=to_mjcf,
     example=(0.001, 30.0, 0.03),

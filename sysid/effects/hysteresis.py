@@ -76,6 +76,7 @@ EFFECT = TorqueEffect(
     name="hysteresis",
     title="rate-independent hysteresis (Jenkins slider)",
     family="hysteresis",
+    also_called=("bushing",),
     parameters=(
         Parameter("stiffness", "N*m/rad", lambda s: s.stiffness, low=0.0, high=30.0, starts=(0.3, 2.0)),
         Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.04, 0.3), rough=True),

@@ -1,10 +1,9 @@
-"""The torque over tilt and rate that no formula was found for: tables that the fit fills.
+"""A learned torque over tilt and rate, as tables that the fit fills.
 
     τ = f(x) + g(v) + h(x, v),   f(0) = g(0) = h(0, v) = h(x, 0) = 0
 
-Each is a smooth curve (a surface) through a table of torques. What is linear in x or v belongs to the joint's spring and
-damper and is kept out. Nothing is said beyond the support, the range of tilt and rate that was measured: there the torque
-stays what it is at its edge.
+Each is a smooth curve (a surface) through a table of torques. Parts that are linear in x or v belong to the joint's spring and
+damper. Beyond the support, the measured range of tilt and rate, the torque is that of its edge.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -32,13 +31,13 @@ from sysid.errors import SysidError
 from sysid.roll import Array
 
 TILT_KNOTS, TILT_GRADING = 20, 1.0
-"""Number and grading [1] to either side: a magnet a fifth as wide as the swing, or four waves of a cogging torque, to a hundredth of its size."""
+"""Number and grading [1] to either side: they hold a magnet a fifth as wide as the swing, or four waves of cogging, to 1 %."""
 RATE_KNOTS, RATE_GRADING = 8, 0.5
-"""Number and grading [1]: friction bends where the joint turns round, so knots are dense there."""
+"""Number and grading [1]: knots are dense near the turning points, where friction bends."""
 BOTH_KNOTS = 3
 """Of tilt and rate together: every product of powers up to the second."""
 _WIDE = 0.6
-"""Tilt up to which a law is written as a table where the joint has no range [rad]."""
+"""Range of a law's table for a joint without a range [rad]."""
 SUPPORT = ("tilt_low", "tilt_high", "rate_low", "rate_high")
 
 
@@ -123,7 +122,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     numeric.size = len(numeric.data)
     return (
         f"learned: {count} slack tendons, straight between the knots of its table over the tilt",
-        "learned: the nearest damper's polynomial to its table over the rate; sim.board.learned adds what is left",
+        "learned: the nearest damper's polynomial to its table over the rate; sim.board.learned adds the rest",
     )
 
 
@@ -226,7 +225,7 @@ def _polynomial(rate: Value) -> Array:
 
 
 def _damper(parameters: Numbers, damping: float) -> Array:
-    """Return the coefficients of v, v|v| and v³ of a damper that comes nearest to g and leaves no joint that is driven, shape (3,)."""
+    """Return the coefficients of v, v|v| and v³ of the damper nearest to g that never drives the joint, shape (3,)."""
     from scipy.optimize import lsq_linear
 
     rate = np.linspace(parameters["rate_low"], parameters["rate_high"], 201)
@@ -270,11 +269,11 @@ EFFECT = TorqueEffect(
     family="learned",
     role="learned",
     parameters=(*map(_edge, SUPPORT), *map(table_value, (*TILT, *RATE, *BOTH))),
-    law="τ = f(x) + g(v) + h(x, v): smooth tables, zero at rest, constant beyond what was measured",
+    law="τ = f(x) + g(v) + h(x, v): smooth tables, zero at rest, constant beyond the measured range",
     source="smoothing splines, Wahba (1990); knots joined by Keys' cubic, IEEE Trans. ASSP 29 (1981)",
-    does="Whatever the data show beyond the formulas of the catalogue.",
+    does="Any torque of tilt and rate beyond the formulas of the catalogue.",
     look_alikes=(),
-    experiment="Release from more angles, to both sides: a table knows only where the deck has been.",
+    experiment="Release from more angles, to both sides: a table knows only where the joint has been.",
     mujoco=AS_TABLE,
     to_mjcf=to_mjcf,
     example=tuple(_EXAMPLE.values()),

@@ -1,11 +1,10 @@
-"""A learned torque of one internal state: what the joint remembers of its path, without a formula.
+"""A learned torque of one internal state: a memory of the path, without a formula.
 
-An arm is stretched by the motion and lets go as time passes and as the deck moves on:
+An arm is stretched by the motion and relaxes with time and with the path:
 
     τ = q(z),   ż = (v - |v| z) / a - z / T,   q(0) = 0
 
-Rubber that creeps forgets with time alone (a → ∞), a slider with rounded corners with the path alone (T → ∞); q is a smooth
-table.
+Here q is a smooth table. Creeping rubber relaxes with time alone (a → ∞), a slider with rounded corners with the path alone (T → ∞).
 """
 
 from collections.abc import Sequence
@@ -72,9 +71,9 @@ EFFECT = TorqueEffect(
         ),
         *map(table_value, STRETCH),
     ),
-    law="τ = q(z), ż = (v - |v| z) / a - z / T: a smooth table of what the joint remembers",
+    law="τ = q(z), ż = (v - |v| z) / a - z / T: a smooth table of a remembered stretch",
     source="between Maxwell 1867 (a → ∞) and Bouc 1967 (T → ∞)",
-    does="The torque depends on where the deck came from: creep, slip, a second body.",
+    does="The torque depends on where the joint came from: creep, slip, a second body.",
     look_alikes=("viscoelastic", "hysteresis", "bouc-wen", "second-mode"),
     experiment="Hold for 0.2 s and for 5 s before the release, and release from small and wide angles.",
     mujoco=MujocoSupport(

@@ -1,4 +1,4 @@
-"""An inertia that changes along the way, as that of a joint in a loop of others does: known from a model."""
+"""An inertia that changes along the arc, as in a loop of joints: known from a model."""
 
 from sysid.effects._algebra import Algebra, Value, Values
 from sysid.effects._base import MujocoSupport, TorqueEffect
@@ -7,7 +7,7 @@ from sysid.effects._mjcf import refusing
 
 
 def changing(m: Algebra, roll: Value, parameters: Values) -> tuple[Value, Value]:
-    """Return what it adds to the inertia at a roll [kg*m^2], and the derivative of that."""
+    """Return the added inertia at a roll [kg*m^2], and its derivative."""
     return value_of(m, roll, parameters), slope_of(m, roll, parameters)
 
 

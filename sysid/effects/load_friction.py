@@ -1,7 +1,7 @@
 """Dry friction whose bearing is pressed by the spring: it grows with the tilt.
 
-Bushings, leaf springs, belts and gears rub in proportion to what they carry. What grows in proportion to the tilt takes the
-same share of each swing, as a damper does, whatever the amplitude; only its jumps at the turning points tell the two apart.
+Bushings, leaf springs, belts and gears rub in proportion to their load. Friction in proportion to the tilt takes the same share of
+each swing, as a damper does. It differs by its jumps at the turning points.
 """
 
 import math
@@ -60,7 +60,7 @@ EFFECT = TorqueEffect(
     source="Caughey and Vijayaraghavan, Int. J. Non-Linear Mechanics 5 (1970), for F = 0",
     does="Each swing loses the same share, as with a damper, and a fixed amount beside it; the torque jumps at each turning point.",
     look_alikes=("coulomb", "hysteresis"),
-    experiment="Pull the deck slowly to {3°} and to {12°} and back: the force there and back differs by more at {12°}.",
+    experiment="Pull the joint slowly to {3°} and to {12°} and back: the force there and back differs by more at {12°}.",
     mujoco=MujocoSupport(
         means="nothing that grows with the tilt", since="", warp=True,
         substitute="frictionloss, and a damper that takes as much of a swing as what grows",

@@ -23,10 +23,10 @@ def settled(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: 
 
 
 def late_release(m: Algebra, roll: Value, rate: Value, acceleration: Value, parameters: Values) -> Value:
-    """Return the reading of a filter that was settled when a deck was let go, which has reached that rate since [rad].
+    """Return the reading of a settled filter after a release, at the rate that the deck has reached [rad].
 
-    A filter hides the first milliseconds, so the release is noticed late, by δ = v/α, and the reading trails:
-    with a constant acceleration α it is φ - α T² (u - 1 + e^-u), u = δ/T.
+    A filter hides the first milliseconds, so the release is detected late, by δ = v/α. With a constant acceleration α the
+    reading is φ - α T² (u - 1 + e^-u), u = δ/T.
     """
     time_constant = m.maximum(parameters["time_constant"], 1e-6)
     u = m.maximum(rate * acceleration / (time_constant * (acceleration**2 + 1e-9)), -1.0)
@@ -36,7 +36,7 @@ def late_release(m: Algebra, roll: Value, rate: Value, acceleration: Value, para
 def in_motion(roll: Value, rate: Value, joint: LinearJoint, parameters: Values) -> Value:
     """Return the reading of a filter that has followed the linear decay I φ̈ = -k x - d φ̇ for long [rad].
 
-    It is φ - T (I φ̇ + T k x) / (I - T d + T² k): what solves T ṁ = φ - m and decays with φ.
+    It is φ - T (I φ̇ + T k x) / (I - T d + T² k), the solution of T ṁ = φ - m that decays with φ.
     """
     time_constant = parameters["time_constant"]
     square = time_constant * joint.stiffness
@@ -53,6 +53,7 @@ EFFECT = SensorEffect(
     name="lowpass",
     title="a filter in the sensor",
     family="lowpass",
+    also_called=("filter", "low-pass"),
     parameters=(
         Parameter("time_constant", "s", lambda s: 1.0 / s.frequency, low=0.0, high=3.0, starts=(0.1, 0.5)),
     ),

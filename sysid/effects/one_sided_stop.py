@@ -52,7 +52,7 @@ EFFECT = TorqueEffect(
         _STIFFNESS,
         _DAMPING,
     ),
-    law="τ = -k_s (x - a) - d_s v beyond a; a > 0 is met with the right edge down",
+    law="τ = -k_s (x - a) - d_s v beyond a; a > 0 is met at positive angles",
     source=end_stop.EFFECT.source,
     does="Wide swings turn round early on one side; below the angle of the stop nothing changes.",
     look_alikes=("end-stop", "bilinear-stiffness", "asymmetric-stiffness"),

@@ -16,6 +16,7 @@ EFFECT = TorqueEffect(
     name="quadratic-damping",
     title="quadratic damping",
     family="drag",
+    also_called=("drag", "air drag", "aerodynamic drag"),
     law="τ = -c v|v|",
     formula="{coefficient} φ̇|φ̇|",
     source="Froude 1874; ITTC 7.5-02-07-04.5, roll decay: p₁ + p₂|v|",

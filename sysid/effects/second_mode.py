@@ -1,4 +1,4 @@
-"""What the joint stands on gives way: wheels, hanger, carpet."""
+"""A compliant support of the joint: wheels, hanger, carpet."""
 
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, State, SupportEffect
@@ -65,6 +65,7 @@ EFFECT = SupportEffect(
     name="second-mode",
     title="compliant support",
     family="relaxation",
+    also_called=("compliance", "flexibility", "resonance"),
     parameters=(
         Parameter(
             "inertia", "kg*m^2", lambda s: s.inertia, low=0.003, high=20.0, starts=(0.1, 1.0), neutral=None

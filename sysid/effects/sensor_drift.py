@@ -16,6 +16,7 @@ EFFECT = SensorEffect(
     name="sensor-drift",
     title="angle sensor that drifts",
     family="drift",
+    also_called=("drift",),
     parameters=(
         Parameter("rate", "rad/s", lambda s: s.amplitude / s.duration, low=-2.0, high=2.0, starts=(0.02,)),
     ),
@@ -23,7 +24,7 @@ EFFECT = SensorEffect(
     source="integral of a constant gyro bias",
     does="The middle of the decay moves at a constant rate, also at rest.",
     look_alikes=("viscoelastic",),
-    experiment="Leave the deck alone for 30 s and look at the reading: a drifting sensor goes on.",
+    experiment="Leave the joint alone for 30 s and look at the reading: a drifting sensor goes on.",
     example=(0.02,),
     observe=observe,
     excludes=("lowpass",),

@@ -6,12 +6,12 @@ from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, Torq
 from sysid.effects._mjcf import add_passive_motor
 
 BRISTLE_STIFFNESS = 5000.0
-"""Of the LuGre model that stands in for a hard stick in MuJoCo, at most [N*m/rad]; its own damping is none."""
+"""Largest stiffness of the LuGre model that replaces hard sticking in MuJoCo [N*m/rad]; it has no damping."""
 _PER_STEP = 0.4
 _PER_STAGE = 0.03
 """Bristle stiffness over inertia / step² [1], for semi-implicit integrators and for the explicit RK4."""
 _VANISHING = 0.02
-"""Friction of the element at speed, as a share of its own at standstill: it may not be nothing."""
+"""Friction of the element at speed, as a share of its friction at standstill [1]; zero is not allowed."""
 
 
 def friction(m: Algebra, tilt: Value, speed: Value, parameters: Values) -> Value:
@@ -30,7 +30,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
         return coulomb.to_mjcf(spec, joint, {"torque": sliding})
     explicit = spec.option.integrator == mujoco.mjtIntegrator.mjINT_RK4
     if not explicit:
-        # What the element need not hold, the constraint holds exactly; an explicit step bears only one of them.
+        # The constraint holds the sliding friction exactly; an explicit step allows only one of the two.
         coulomb.to_mjcf(spec, joint, {"torque": sliding})
         sliding, static = _VANISHING * (static - sliding), static - sliding
     bristles = [bristle_stiffness(spec, joint), 0.0, sliding, static, velocity]
@@ -91,6 +91,7 @@ EFFECT = TorqueEffect(
     name="stribeck",
     title="dry friction with stiction",
     family="friction",
+    also_called=("friction", "stiction"),
     parameters=(
         Parameter(
             "torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.02,), rough=True, default=0.0
@@ -112,9 +113,9 @@ EFFECT = TorqueEffect(
     law="τ = -(Fc + (Fs - Fc) exp(-(v/vs)²)) sgn v; sticks while the other torques stay within ±Fs",
     formula="({torque} + ({static_torque} - {torque}) exp(-(φ̇/{velocity})²)) sgn φ̇",
     source="Stribeck 1902; Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30 (1994)",
-    does="Slow swings lose more than dry friction alone would take, and the deck stops early and off rest.",
+    does="Slow swings lose more than dry friction alone would take, and the joint stops early and off rest.",
     look_alikes=("coulomb", "hysteresis"),
-    experiment="Pull the deck slowly with a spring balance: stiction shows as a jerk when it lets go.",
+    experiment="Pull the joint slowly with a spring balance: stiction shows as a jerk when it lets go.",
     mujoco=MujocoSupport(means="dcmotor without power, with LuGre friction", since="3.11", warp=True),
     to_mjcf=to_mjcf,
     example=(0.08, 0.25, 0.5),

@@ -43,6 +43,7 @@ EFFECT = TorqueEffect(
     name="viscoelastic",
     title="viscoelastic rubber (Maxwell arm)",
     family="relaxation",
+    also_called=("rubber", "creep", "relaxation", "maxwell"),
     parameters=(
         Parameter("stiffness", "N*m/rad", lambda s: s.stiffness, low=0.0, high=5.0, starts=(0.15,)),
         Parameter(
@@ -57,7 +58,7 @@ EFFECT = TorqueEffect(
     ),
     law="τ = -k₁ z, ż = v - z/T",
     source="Maxwell 1867; Zener, Elasticity and Anelasticity of Metals (1948)",
-    does="After a long hold the deck creeps back late; stiffness and damping depend on frequency.",
+    does="After a long hold the joint creeps back late; stiffness and damping depend on frequency.",
     look_alikes=("second-mode", "hanging-body", "two arms"),
     experiment=(
         "Hold for 0.2 s and for 5 s before release: rubber remembers the hold, a second mode does not. Two arms look "

@@ -1,4 +1,4 @@
-"""The weight of what hangs on a joint, as a model of it states: known along the whole arc, so that it is not fitted."""
+"""The weight on a joint along its whole arc, as a model states it: known, so that it is not fitted."""
 
 import math
 from collections.abc import Sequence
@@ -9,8 +9,8 @@ from sysid.effects._harmonics import FORMULA, HARMONICS, held, slope_of, value_o
 from sysid.errors import SysidError
 
 ASSUMED = 0.01
-"""Share to which the weight of a record is known, over its inertia, where it says nothing else: what a tape says of an arm of 0.1 m. Places
-on Earth differ by 0.5 % [1]."""
+"""Assumed standard deviation of weight over inertia where a record states none [1]: an arm of 0.1 m by a tape. Places on Earth
+differ by 0.5 %."""
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
@@ -24,7 +24,7 @@ def slope(parameters: Numbers, roll: float) -> float:
 
 
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
-    """Put the centre of mass of a bench's body where it pulls so; a model of the robot has its masses already.
+    """Move the centre of mass of a bench's body to make that weight; a model of the robot has its masses already.
 
     Raises:
         SysidError: More than one rigid body on a hinge pulls there.
@@ -69,7 +69,7 @@ EFFECT = TorqueEffect(
         *held("N*m"),
     ),
     law=f"τ = s ({FORMULA}), all but s from the masses of a model",
-    source="mj_inverse along the arc of the joint; s = 1 is known as well as the record says, and fitted where nothing but the weight pulls back",
+    source="gravity and bias forces along the arc of the joint; s is fitted within the record's deviation where only the weight pulls back",
     does="Pulls the joint to where its weight hangs, with a torque known in N·m that gives the others a scale.",
     look_alikes=("gravity", "stiffness of the record"),
     experiment="Measure in another pose or with a known mass added: weight changes as the model says, a spring does not.",

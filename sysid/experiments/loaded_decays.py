@@ -1,8 +1,10 @@
-"""The spring under load: decays of the deck with known weights on it tell whether a bushing that bears more is another spring.
+"""Stiffness under load, from decays of the deck with known weights on it.
 
-A weight m at height h above the tilt axis, of inertia J about its own axis, makes of the joint (I + m h² + J) φ̈ + d φ̇ + (k − m g h) φ = 0. So each
-decay's ω_n gives the spring as it is under that weight, k = (I + m h² + J) ω_n² + m g h, and a line through k against m g what
-a newton of load adds to it.
+A weight m at height h above the tilt axis, of inertia J about its own axis, changes the joint to
+
+    (I + m h² + J) φ̈ + d φ̇ + (k − m g h) φ = 0.
+
+The natural frequency of each decay gives k = (I + m h² + J) ω_n² + m g h. A line through k against m g gives the change per newton.
 """
 
 import math
@@ -41,7 +43,7 @@ class LoadedStiffness:
     bare: Quantity
     """Without load [N*m/rad]."""
     per_newton: Quantity
-    """What a newton of load adds [m/rad]."""
+    """Change per newton of load [m/rad]."""
     covariance: Array
     """Of the two, shape (2, 2)."""
     chi_square: float
@@ -60,8 +62,8 @@ class LoadedStiffness:
 def loaded_stiffness(readings: Sequence[LoadedDecay], inertia: Quantity) -> LoadedStiffness:
     """Return the spring under load, by a line of generalised least squares.
 
-    The deck's inertia is common to all readings, so that its deviation moves them together. Where the scatter about the line is
-    larger than the readings' deviations say, the scatter counts.
+    The error of the deck's inertia is common to all readings. Scatter about the line beyond the stated deviations widens the
+    intervals.
 
     Args:
         readings: At least three, with two different weights at least.
@@ -106,10 +108,7 @@ def loaded_stiffness(readings: Sequence[LoadedDecay], inertia: Quantity) -> Load
         for v, s, h, unit in zip(line, np.sqrt(np.diag(covariance)), half, ("N*m/rad", "m/rad"), strict=True)
     )
     return LoadedStiffness(
-        stiffness=tuple(springs),
-        bare=bare,
-        per_newton=slope,
-        covariance=np.asarray(covariance, dtype=np.float64),
-        chi_square=chi_square,
+        stiffness=tuple(springs), bare=bare, per_newton=slope,
+        covariance=np.asarray(covariance, dtype=np.float64), chi_square=chi_square,
         degrees_of_freedom=freedom,
-    )
+    )  # fmt: skip

@@ -1,12 +1,12 @@
 """Rake and rolling resistance of a whole board from a roll-out: it is let go on a slope or pushed, and rolls by itself.
 
-Two things are read of it over time: how fast it goes, and where it heads; beside them the roll of its deck, which a weight
-beside the axis or a hand's push gives it. Both trucks steer by tan σ = tan λ sin γ, so the heading turns by
-2 tan λ sin γ / L for every metre rolled: tan λ is the slope of a line through heading against ∫ sin γ ds. On ground of gradient θ
-along its way, uphill positive, a board loses a₀ + a₁ v + g sin θ of speed a second: a₀ and a₁ are slopes of speed against time and path.
+Speed, heading and roll are measured over time. A weight beside the axis or a push gives the deck its roll. Both trucks steer by
+tan σ = tan λ sin γ, so the heading turns by 2 tan λ sin γ / L per metre: tan λ is the slope of heading against ∫ sin γ ds. On
+ground of gradient θ, uphill positive, the speed falls by a₀ + a₁ v + g sin θ per second: a₀ and a₁ are the slopes of speed
+against time and path.
 
-Both lines are drawn through increments over stretches of a quarter of a second, in which the noise of sensor and
-smoothing has died away; the intervals are a block jackknife's, which needs no model of that noise.
+Both lines go through increments over a quarter of a second, longer than the correlation of sensor noise and smoothing. A block
+jackknife gives the intervals without a model of that noise.
 """
 
 import math
@@ -17,22 +17,21 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.errors import SysidError
+from sysid.inertia import GRAVITY
 from sysid.quantity import Quantity, t95
 from sysid.roll import Array
 
-GRAVITY = 9.81
-"""[m/s^2]"""
 INTERVAL = 0.25
-"""Length of the stretches over which speed and heading are compared [s]."""
+"""Length of an increment of speed and heading [s]: beyond the noise's correlation."""
 BLOCKS = 10
-"""Blocks of the jackknife; neighbouring stretches, whose errors go together, are left out together."""
+"""Blocks of the jackknife: neighbouring increments, whose errors are correlated, are left out together."""
 SMOOTHING = 0.3
 """Length of the window in which positions are smoothed by a cubic [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class RollOut:
-    """One board rolling freely, from when nothing touches it until something does."""
+    """One board rolling freely."""
 
     time: Array
     """[s], shape (n,), evenly spaced."""
@@ -53,10 +52,10 @@ class Rolling:
     deceleration: Quantity
     """Loss of speed on level ground at 1 m/s, or at the nearest speed that was rolled [m/s^2]."""
     at_speed: float
-    """Which speed that is [m/s]."""
+    """That speed [m/s]."""
 
     def board(self, record: Board) -> Board:
-        """Return the record with what was measured."""
+        """Return the record with rake and rolling resistance."""
         geometry = dict(record.geometry)
         if self.rake is not None:
             geometry["rake"] = self.rake
@@ -87,10 +86,9 @@ def from_path(time: Array, position: Array, roll: Array) -> RollOut:
 
 
 def from_imu(time: Array, forward: Array, yaw_rate: Array, roll: Array, rest: float, free: float) -> RollOut:
-    """Return a roll-out felt by an IMU on the board, which stands still at the beginning of its log.
+    """Return a roll-out measured by an IMU on a board that stands still at the beginning of its log.
 
-    What it reads then is taken off, and with it bias and slope: the rest integrates to speed and heading, through the push
-    or the letting go.
+    The mean reading at rest, bias and slope, is subtracted. The rest integrates to speed and heading, through the push.
 
     Args:
         time: [s], shape (n,), evenly spaced.
@@ -101,7 +99,7 @@ def from_imu(time: Array, forward: Array, yaw_rate: Array, roll: Array, rest: fl
         free: From when on it rolls freely [s].
 
     Raises:
-        SysidError: There is no time of rest, or none of rolling.
+        SysidError: Rest or rolling is missing.
     """
     step = _step(time)
     still = time < time[0] + rest
@@ -139,7 +137,7 @@ def roll_out(runs: Sequence[RollOut], wheelbase: Quantity, slope: float = 0.0) -
         differences = [np.diff(values[at]) for values in (run.time, path, run.speed, bent, run.heading)]
         time, way, gain, curve, turn = differences
         turns.append(np.column_stack([-curve, turn]))  # right edge down turns right
-        losses.append(np.column_stack([time, way, -GRAVITY * math.sin(slope) * time - gain]))
+        losses.append(np.column_stack([time, way, -GRAVITY.value * math.sin(slope) * time - gain]))
     turned, lost = np.concatenate(turns), np.concatenate(losses)
     if len(lost) < BLOCKS:
         raise SysidError(
@@ -149,7 +147,7 @@ def roll_out(runs: Sequence[RollOut], wheelbase: Quantity, slope: float = 0.0) -
     if speeds.mean() < 0.05:
         raise SysidError(f"the board hardly rolls: {speeds.mean():.3f} m/s on average.")
     at_speed = float(np.clip(1.0, *np.quantile(speeds, (0.1, 0.9))))
-    varied = np.ptp(speeds) > 0.3  # else time and path say the same
+    varied = np.ptp(speeds) > 0.3  # else time and path are proportional
 
     def loss(rows: Array) -> float:
         if not varied:

@@ -1,6 +1,6 @@
 """Static tilt test: known weights at known offsets give the stiffness itself.
 
-A decay gives k/I; with k from weights the two measure the roll inertia, and nobody has to assume a shape.
+A decay gives k/I. With k from weights the two measure the roll inertia without an assumed shape.
 """
 
 import math
@@ -35,7 +35,7 @@ class TiltTest:
     rest: Quantity
     """Roll without a weight [rad]."""
     chi_square: float
-    """Of the readings about the line, with the deviations that were given."""
+    """Of the readings about the line, with the stated deviations."""
     degrees_of_freedom: int
     residuals: tuple[float, ...]
     """Reading minus line [rad]."""
@@ -54,13 +54,13 @@ def static_tilt(
 ) -> TiltTest:
     """Return the stiffness from known weights at known offsets, by a weighted line φ = φ₀ + τ/k.
 
-    τ = m g (r cos φ + z sin φ). Every reading carries the deviation of its angle and, through the slope, of
-    its torque; where the scatter is larger than these say, the scatter counts.
+    The torque is τ = m g (r cos φ + z sin φ). Every reading has the deviation of its angle and, through the slope, of its torque.
+    Scatter beyond these deviations widens the interval.
 
     Args:
-        readings: At least three; weights to both sides tell the rest angle from the stiffness best.
+        readings: At least three, best to both sides.
         height: z of the weights above the tilt axis [m].
-        gravity: g [m/s^2]; common to all readings, so its deviation comes on top.
+        gravity: g [m/s^2]; its error is common to all readings.
 
     Raises:
         SysidError: Too few readings, all at one torque, no uncertainty to go by, or no spring at all.

@@ -1,24 +1,29 @@
 """Fit one joint to releases: the search, then removal of parameters that the data do not need, then outliers."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from sysid.board import Board
 from sysid.effects import catalogue, effect
-from sysid.effects._base import TorqueEffect
+from sysid.effects._base import Scales, TorqueEffect
 from sysid.errors import SysidError, did_you_mean
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, make_records
 from sysid.fitting.result import JointFit, summarise
-from sysid.fitting.search import scales_of, search
+from sysid.fitting.search import scales_of, search, starting_points
 from sysid.fitting.smoothing import is_table, learn
 from sysid.joint.structure import Structure, structure_of
 from sysid.least_squares import Minimum
 from sysid.noise.floor import noise_floor
 from sysid.noise.whiteness import correlation_length
 from sysid.roll import Release
+
+
+BESIDE = 3
+"""Starts of the catalogue tried beside one that is near the minimum."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,9 +196,22 @@ def priors_of(board: Board, options: FitOptions) -> dict[str, tuple[float, float
 
 
 def fit_joint(
-    releases: Sequence[Release], board: Board, effects: Sequence[str] = (), options: FitOptions | None = None
+    releases: Sequence[Release],
+    board: Board,
+    effects: Sequence[str] = (),
+    options: FitOptions | None = None,
+    scales: Scales | None = None,
+    start: Mapping[str, float] | None = None,
 ) -> JointFit:
     """Fit stiffness, damping, rest angle and the parameters of some effects to releases.
+
+    Args:
+        releases: Free decays.
+        board: The record.
+        effects: All effects of the joint.
+        options: Options of the fit.
+        scales: Sizes of the problem, where another fit of these releases knows them.
+        start: All parameters near the minimum, tried beside the first ones of the catalogue.
 
     Raises:
         SysidError: Nothing to fit, an effect that free decays cannot identify, or no convergence.
@@ -205,7 +223,7 @@ def fit_joint(
         raise SysidError("no release to fit. Let the deck go and record until it rests.")
     noise = noise_floor(releases, rate=options.use_rate)
     records = make_records(releases, noise.std, rate=options.use_rate)
-    scales = scales_of(records, board)
+    scales = scales or scales_of(records, board)
     structure = structure_of(effects)
     fixed, bias = held_parameters(structure, board, options)
     fine = options.steps_per_period * (3 if structure.nonsmooth else 1)
@@ -214,7 +232,9 @@ def fit_joint(
         raise SysidError(
             f"a learned torque and a prior of {', '.join(options.priors)}: fit the one without the other."
         )
-    problem, minimum, evaluations = (learn if learns else search)(
+    first = starting_points(structure, scales, fixed)
+    starts = first if start is None else [start, *first[:BESIDE]]
+    problem, minimum, evaluations = (learn if learns else partial(search, starts=starts))(
         structure, records, scales, bias=bias, fixed=fixed, bounded=options.bounds, steps_per_period=fine,
         priors={**record_priors(structure, board, options, fixed), **priors_of(board, options)},
     )  # fmt: skip

@@ -128,7 +128,7 @@ def updated_board(board: Board, fit: JointFit, logs: Mapping[str, Path], *, held
             "version": version("husky-sysid"),
             "date": day,
         },
-        check={},
+        last_check={},
         history=(*board.history, line),
     )
 

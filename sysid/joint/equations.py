@@ -1,9 +1,8 @@
 """The equations of motion of a joint, written in CasADi, and one integration step of them.
 
-A step is RK4. Dry friction and sliders change their branch where the rate passes through zero, so a
-step in which that happens is cut there: friction holds its sign up to the turning point, decides
-between sticking and going back, and the rest of the step follows. Friction therefore sticks exactly
-and dissipates exactly.
+A step is RK4. Dry friction and sliders change their branch where the rate passes through zero. Such a step is cut there:
+friction keeps its sign up to the turning point. Then the joint sticks or returns for the rest of the step. Friction
+therefore sticks and dissipates exactly.
 """
 
 from collections.abc import Callable

@@ -8,10 +8,10 @@ from sysid.roll import Array
 
 
 def hermite_matrix(time: Array, h: float, points: int, *, slope: bool = False) -> Any:
-    """Return the sparse matrix that takes grid values and slopes to values (or slopes) at `time`.
+    """Return the sparse matrix from grid values and slopes to values (or slopes) at `time`.
 
     Args:
-        time: Where to look [s], shape (n,), within the grid.
+        time: Times within the grid [s], shape (n,).
         h: Grid step [s].
         slope: Return the matrix for slopes at `time` instead of values.
 

@@ -14,7 +14,7 @@ from sysid.joint.structure import Structure
 from sysid.roll import Array
 
 BLOCK = 8
-"""Integration steps in one call: a call costs less than one of them, and what is too much at the end at most seven."""
+"""Integration steps in one call: the call costs less than one step, and at most seven steps are computed in vain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +70,21 @@ def _symbols(structure: Structure, *, free_states: bool) -> tuple[Any, Any, Any]
     return parameters, unknowns, fitted
 
 
+def _by_column(by_state: Any, by_fitted: Any, state: Any, own: int) -> Any:
+    """Return the derivatives of a value by parameters and `own` unknowns, from its slopes with a state and with the parameters."""
+    import casadi
+
+    ca: Any = casadi
+    return by_state @ state + ca.horzcat(by_fitted, ca.SX(by_fitted.shape[0], own))
+
+
+def _together(state: Any, columns: Any) -> Any:
+    import casadi
+
+    ca: Any = casadi
+    return ca.vertcat(state, ca.vec(columns))
+
+
 @cache
 def build_stepper(structure: Structure, *, free_states: bool, sensitivities: bool) -> Stepper:
     """Build the functions of one structure; kept for the life of the process.
@@ -93,13 +108,9 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     given = ca.vertcat(parameters, h)
 
     def by_column(by_state: Any, by_fitted: Any, state: Any = carried) -> Any:
-        """Return the columns of what has these slopes with a state, whose columns are given, and with the parameters."""
-        return by_state @ state + ca.horzcat(by_fitted, ca.SX(by_fitted.shape[0], own))
+        return _by_column(by_state, by_fitted, state, own)
 
-    def together(state: Any, columns: Any) -> Any:
-        return ca.vertcat(state, ca.vec(columns))
-
-    accumulated, read = together(y, carried), ca.vertcat(*filtered(equations, y))
+    accumulated, read = _together(y, carried), ca.vertcat(*filtered(equations, y))
     columns = by_column(ca.jacobian(read, y), ca.jacobian(read, fitted))
     output = ca.densify(ca.vec(ca.horzcat(read, columns).T))
     slide = ca.SX.sym("slide") if structure.has_dry_friction else None
@@ -107,32 +118,28 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
 
     if slide is None:
         whole, by_state, by_fitted, _ = stepped
-        moved = together(whole, by_column(by_state, by_fitted))
+        moved = _together(whole, by_column(by_state, by_fitted))
         step = ca.Function("step", [accumulated, given], ca.cse([moved, output]))
         return Stepper(structure, free_states, sensitivities, initial, step)
 
     sliding = ca.Function("sliding", [y, given, slide], stepped)
     direction = equations.sliding(y)
     whole, by_state, by_fitted, _ = sliding(y, given, direction)
-    # A cut costs two steps more and is rare, so it is computed only where the joint does turn.
+    # A cut costs two steps more and is rare: it is computed only where the joint turns.
     turns = equations.turned(y, whole, direction)
-    moved, output, turns = ca.cse([together(whole, by_column(by_state, by_fitted)), output, turns])
+    moved, output, turns = ca.cse([_together(whole, by_column(by_state, by_fitted)), output, turns])
     uncut, follows = ca.SX.sym("uncut", *y.shape), ca.SX.sym("follows", *carried.shape)
     share = equations.turning_share(y, uncut, h)
-    top, by_state, by_fitted, by_step = sliding(
-        y, ca.vertcat(parameters, share * h), ca.sign(equations.motion(y).rate)
-    )
-    earlier = h * (
-        by_column(ca.jacobian(share, y), ca.jacobian(share, fitted)) + ca.jacobian(share, uncut) @ follows
-    )
+    first = ca.vertcat(parameters, share * h), ca.sign(equations.motion(y).rate)
+    top, by_state, by_fitted, by_step = sliding(y, *first)
+    moves = by_column(ca.jacobian(share, y), ca.jacobian(share, fitted))
+    earlier = h * (moves + ca.jacobian(share, uncut) @ follows)
     halts = ca.jacobian(equations.halted(y), y)
     at_top = halts @ (by_column(by_state, by_fitted) + by_step @ earlier)
-    top = equations.halted(top)
-    rest, by_state, by_fitted, by_step = sliding(
-        top, ca.vertcat(parameters, (1 - share) * h), equations.direction(top)
-    )
-    after = together(rest, by_column(by_state, by_fitted, at_top) - by_step @ earlier)
-    cut = ca.Function("cut", [accumulated, given, together(uncut, follows)], [after])
+    top, left = equations.halted(top), ca.vertcat(parameters, (1 - share) * h)
+    rest, by_state, by_fitted, by_step = sliding(top, left, equations.direction(top))
+    after = _together(rest, by_column(by_state, by_fitted, at_top) - by_step @ earlier)
+    cut = ca.Function("cut", [accumulated, given, _together(uncut, follows)], [after])
     state, numbers, slid = (ca.MX.sym("given", *value.shape) for value in (accumulated, given, moved))
     turned = ca.MX.sym("turned")
     met = ca.if_else(turned, cut(state, numbers, slid), slid, True)
@@ -146,15 +153,15 @@ def _rk4_slopes(
 ) -> tuple[Any, Any, Any, Any]:
     """Return the state after a step of RK4, and its slopes with the state before, with parameters and with the step.
 
-    From the last stage to the first: what a stage's rate does to the end of the step is a small matrix, and many parameters
-    are multiplied with it once, instead of being carried through the stages.
+    The slopes run backwards from the last stage. The effect of a stage's rate on the end of the step is a small matrix, which
+    multiplies the many parameters once.
 
     Args:
         y: State, shape (n,).
         fitted: Parameters whose slopes are wanted, shape (p,).
         parameters: All of them, shape (q,).
         h: Step [s].
-        direction: In which dry friction is slid over; None where there is none.
+        direction: Sliding direction of dry friction; None without friction.
     """
     import casadi
 
@@ -178,7 +185,7 @@ def _rk4_slopes(
     whole = y
     for weight, (slope, *_) in zip((h / 6, h / 3, h / 3, h / 6), reversed(stages), strict=True):
         whole = whole + weight * slope
-    # Sliders go with the tilt that the step began at, and end where the step does.
+    # Sliders move from the tilt at the start of the step to the tilt at its end.
     whole, last, by_before, by_fitted = with_slopes("end", carried)(whole, *given)
     by_state, effect, (k1, k2, k3, k4) = last, 0, (slope for slope, *_ in stages)
     by_step = last @ (k1 + 2 * k2 + 2 * k3 + k4) / 6
@@ -198,7 +205,7 @@ def _rk4_slopes(
 
 
 def _first_state(equations: EquationsOfMotion, unknowns: Any, hold: Any, *, free_states: bool) -> Any:
-    """Return the state at release: what is unknown as it is, the rest as the hold left it."""
+    """Return the state at release: the unknowns, and the states after the hold."""
     import casadi
 
     ca: Any = casadi
@@ -219,7 +226,7 @@ def _first_state(equations: EquationsOfMotion, unknowns: Any, hold: Any, *, free
 def _first_reading(
     equations: EquationsOfMotion, state: State, unknowns: Any, hold: Any, values: Values
 ) -> Any:
-    """Return a state of the sensor at release: as the hold left it, noticed late, or as a motion before it did."""
+    """Return a state of the sensor at release: after a hold, a late detection, or a motion."""
     m, joint, roll, rate = equations.m, equations.joint, unknowns[0], unknowns[1]
     if state.late_release is None or state.in_motion is None:
         return state.start(m, roll, hold, joint.stiffness, values)
@@ -232,7 +239,7 @@ def _first_reading(
 def _block(stepper: Stepper) -> Any:
     """Return (start, parameters and step) → (the same after `BLOCK` steps, outputs at the start of each).
 
-    Written out one after the other: a call of a step costs as much as a small one, and what hangs on parameters alone is computed once.
+    The steps are unrolled: a call costs as much as a small step, and values of the parameters alone are computed once.
     """
     import casadi
 
@@ -249,7 +256,7 @@ def _block(stepper: Stepper) -> Any:
 
 
 class Buffered:
-    """A CasADi function with its inputs and outputs in numpy memory: a call costs what it computes. Not for two threads at once."""
+    """A CasADi function with inputs and outputs in numpy memory, so that a call has no overhead. Not for two threads at once."""
 
     def __init__(self, function: Any) -> None:
         """Allocate the memory."""
@@ -263,12 +270,12 @@ class Buffered:
 
 
 def block_of(stepper: Stepper) -> Buffered:
-    """Return (start, parameters and step) → (the same after `BLOCK` steps, outputs at the start of each), with memory of its own."""
+    """Return (start, parameters and step) → (the same after `BLOCK` steps, outputs at the start of each), with its own memory."""
     return Buffered(_block(stepper))
 
 
 class Rollout:
-    """Some steps of a joint, block by block, so that one function does for every length."""
+    """Steps of a joint, block by block: one function serves every length."""
 
     def __init__(self, stepper: Stepper, steps: int, block: Buffered | None = None) -> None:
         """Allocate the buffers for a multiple of `BLOCK` steps; rollouts of one joint may share the block."""
@@ -277,10 +284,14 @@ class Rollout:
         self._seen = np.zeros((steps // BLOCK, BLOCK * self._rows))
 
     def __call__(self, start: Array, given: Array) -> Array:
-        """Return what the sensor sees and its derivatives at the start of each step, and in turn its rate and the same, in SI.
+        """Return reading and rate at the start of each step in turn, with their derivatives, in SI.
 
-        From state and sensitivities, shape (n,), and parameters and step, shape (p + 1,), to shape (2 steps, 1 + columns of the
-        stepper); the next call overwrites it.
+        Args:
+            start: State and sensitivities, shape (n,).
+            given: Parameters and step, shape (p + 1,).
+
+        Returns:
+            Shape (2 steps, 1 + columns of the stepper); the next call overwrites it.
         """
         run, (here, numbers), (there, read) = self._block.run, self._block.inputs, self._block.outputs
         here[:], numbers[:] = start, given
@@ -291,5 +302,5 @@ class Rollout:
 
 
 def steps_for(duration: float, h: float) -> int:
-    """Return how many grid points cover a duration [s] at step h, whole blocks."""
+    """Return the number of grid points that cover a duration [s] at step h [s], in whole blocks."""
     return BLOCK * -(-(int(duration / h) + 2) // BLOCK)

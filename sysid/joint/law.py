@@ -33,12 +33,10 @@ class JointLaw:
     def from_board(cls, board: Board) -> Self:
         """Return the law that a board record holds."""
         return cls(
-            inertia=board.inertia.value,
-            stiffness=board.stiffness,
-            damping=board.damping,
+            inertia=board.inertia.value, stiffness=board.stiffness, damping=board.damping,
             rest_angle=board.rest_angle,
             effects=tuple((e.name, tuple(q.value for q in e.parameters.values())) for e in board.effects),
-        )
+        )  # fmt: skip
 
     @classmethod
     def from_vector(cls, structure: Structure, vector: Array) -> Self:

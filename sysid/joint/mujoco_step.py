@@ -1,8 +1,7 @@
 """MuJoCo's step of one hinge joint, written in CasADi.
 
-For a single joint MuJoCo's forward dynamics, constraint solver and integrator have a closed form: the
-smooth torque is a sum, friction loss and joint limits make a convex problem in one unknown whose
-solution is a clip and a branch, and each integrator is a few lines. Written out, the step has exact
+For a single joint MuJoCo's forward dynamics, constraint solver and integrator have a closed form. The smooth torque is a sum.
+Friction loss and joint limits make a convex problem in one unknown, solved by a clip and a branch. The step has exact
 derivatives with respect to state and parameters, and equals MuJoCo's to rounding.
 
 Source: MuJoCo documentation 4.0, chapters Computation (constraint model, integrators) and Modeling
@@ -39,7 +38,7 @@ class Hinge:
     """One hinge joint as MuJoCo compiles it; numbers may be CasADi symbols unless noted."""
 
     inertia: Expression
-    """Inertia of what hangs on the joint about its axis [kg*m^2]."""
+    """Inertia of the moved bodies about the axis, armature excepted [kg*m^2]."""
     armature: Expression = 0.0
     """[kg*m^2]."""
     stiffness: tuple[Expression, Expression, Expression] = (0.0, 0.0, 0.0)
@@ -70,13 +69,9 @@ class Hinge:
 
 
 def step(
-    hinge: Hinge,
-    q: Expression,
-    v: Expression,
-    *,
-    timestep: Expression,
+    hinge: Hinge, q: Expression, v: Expression, *, timestep: Expression,
     integrator: Integrator = "implicitfast",
-) -> tuple[Expression, Expression]:
+) -> tuple[Expression, Expression]:  # fmt: skip
     """Advance position [rad] and velocity [rad/s] by one MuJoCo step.
 
     Args:
@@ -97,7 +92,7 @@ def step(
             f"unknown integrator '{integrator}'.{did_you_mean(integrator, get_args(Integrator))} Known: {known}."
         )
     force = _force(hinge, q, v, timestep)
-    # For one joint all that 'implicit' adds to Euler is in its damper, which Euler treats implicitly too.
+    # For one joint 'implicit' differs from Euler in the damper only, which Euler treats implicitly too.
     slope = _damping_slope(hinge, q, v)
     if integrator == "Euler":
         slope = ca.if_else(_damps(hinge), slope, 0.0) if hinge.eulerdamp else 0.0
@@ -123,7 +118,7 @@ def _damping_slope(hinge: Hinge, q: Expression, v: Expression) -> Expression:
 
 
 def _damps(hinge: Hinge) -> Expression:
-    """Whether any coefficient of the damper is positive: otherwise Euler finds nothing to treat implicitly."""
+    """Whether any coefficient of the damper is positive: else Euler is explicit."""
     a, b, c = hinge.damping
     return ca.logic_or(ca.logic_or(a > 0, b > 0), c > 0)
 
@@ -178,8 +173,8 @@ def _solved(
 ) -> Expression:
     """Return the acceleration that minimises ½ m (a - force/m)² + s(a) [rad/s^2].
 
-    s is quadratic around each row's reference, with the row's weight; linear where friction slips, and zero
-    where a limit would pull.
+    Here s is quadratic around each row's reference, with the row's weight. It is linear where friction slips, and zero where a
+    limit would pull.
     """
 
     def slid(force: Expression, mass: Expression) -> Expression:
@@ -244,9 +239,8 @@ def _discrete(
 ) -> tuple[Expression, Expression]:
     """Return the step of MuJoCo's 'discrete': implicit in velocity, in the spring's position, and in each row.
 
-    The solver works in the metric M + h D + h² K. A row pulls towards where its constraint will be after the
-    step, so its reference is that of the end of the step and its weight grows in the same proportion; a limit
-    may be so stiff that it is undone in one step, but no stiffer.
+    The solver works in the metric M + h D + h² K. The reference of a row is that of the end of the step, and its weight grows
+    in the same proportion. A limit is at most so stiff that one step undoes it.
     """
     slope = ca.fmax(_stiffness_slope(hinge, q), 0.0)
     metric = hinge.mass + timestep * ca.fmax(_damping_slope(hinge, q, v), 0.0) + timestep**2 * slope

@@ -1,8 +1,8 @@
 """The joint under a simulator's time step: poles of MuJoCo's discrete map, from and to parameters, and its motion.
 
-Of spring, damper and inertia alone the step is a linear map of (roll, rate). With the metric M = I + h d, which
-'discrete' raises to I + h d + h² k, its determinant is a = I/M and its trace 1 + a - h² k/M. RK4 takes four
-terms of the exponential, and its poles are the continuous ones to 1e-6 at any step that a scene runs at.
+With spring, damper and inertia alone the step is a linear map of (roll, rate). Its determinant is a = I/M, its trace
+1 + a - h² k/M, with the metric M = I + h d, or I + h d + h² k for 'discrete'. The poles of RK4 are the continuous ones to 1e-6
+at the steps of a scene.
 """
 
 import cmath
@@ -18,7 +18,7 @@ from sysid.roll import Array
 
 
 def continuous_map(inertia: float, stiffness: float, damping: float, timestep: float) -> tuple[float, float]:
-    """Return (trace, determinant) of what a continuous joint of I, k, d does in one step h: e^(s₁h) + e^(s₂h), e^((s₁+s₂)h)."""
+    """Return (trace, determinant) of the motion of a continuous joint in one step h: e^(s₁h) + e^(s₂h), e^((s₁+s₂)h)."""
     root = cmath.sqrt(damping * damping - 4 * inertia * stiffness)
     poles = np.array([-damping + root, -damping - root]) / (2 * inertia)
     return float(np.exp(poles * timestep).sum().real), float(np.exp(-damping / inertia * timestep))
@@ -73,7 +73,7 @@ def stepped(law: JointLaw, time: Array, angle: float, rate: float) -> tuple[Arra
 
     Args:
         law: The joint; its torques may depend on tilt and rate only.
-        time: When to look [s], shape (n,), ascending, from 0 on; straight lines between steps.
+        time: Times [s], shape (n,), ascending, from 0 on; linear between steps.
         angle: Roll at release [rad].
         rate: Roll rate at release [rad/s].
 

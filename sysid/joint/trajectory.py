@@ -13,26 +13,32 @@ from sysid.joint.law import JointLaw
 from sysid.joint.sampled import stepped
 from sysid.joint.sensor import clock_ratio, read
 from sysid.roll import Array
+from sysid.shown import Shown
 
 if TYPE_CHECKING:
     import pandas as pd
 
 STEPS_PER_PERIOD = 120
-"""RK4 steps in one natural period: the local error is then below 1e-8 of the amplitude."""
+"""RK4 steps in one natural period: the local error is below 1e-8 of the amplitude."""
 FINER = (1, 2, 4, 8)
-"""Factors of that number, tried in turn where the motion runs away: a stiff internal state may do so under too long a step."""
+"""Factors of that number, tried in turn where the motion diverges: a stiff internal state may need shorter steps."""
 
 
-@dataclass(frozen=True, slots=True)
-class Trajectory:
+@dataclass(frozen=True, slots=True, repr=False)
+class Trajectory(Shown):
     """A simulated release."""
 
     time: Array
     """Time since the release [s], shape (n,)."""
     roll: Array
-    """What an angle sensor would read [rad], shape (n,)."""
+    """Reading of an angle sensor [rad], shape (n,)."""
     rate: Array
     """Its rate [rad/s], shape (n,)."""
+
+    def brief(self) -> str:
+        """Return how long it is, and between which angles it moves."""
+        low, high = float(self.roll.min()), float(self.roll.max())
+        return f"Trajectory: {len(self.time)} samples in {self.time[-1]:.4g} s, {low:.4g} to {high:.4g} rad"
 
     def to_dataframe(self) -> "pd.DataFrame":
         """Return a table: time_s, roll_rad, rate_rad_s."""
@@ -42,23 +48,18 @@ class Trajectory:
 
 
 def simulate(
-    law: JointLaw | Board,
-    time: Array,
-    angle: float,
-    rate: float = 0.0,
-    *,
-    hold: float = 1e3,
+    law: JointLaw | Board, time: Array, angle: float, rate: float = 0.0, *, hold: float = 1e3,
     begin: float = 0.0,
-) -> Trajectory:
+) -> Trajectory:  # fmt: skip
     """Simulate a release.
 
     Args:
         law: The joint, or a board whose joint it is.
-        time: Times since the release at which to look [s], shape (n,), ascending, from 0 on.
+        time: Times since the release [s], shape (n,), ascending, from 0 on.
         angle: Roll at release [rad].
         rate: Roll rate at release [rad/s].
-        hold: Time for which the deck was held there before [s]; matters for creep only.
-        begin: The release on the log's clock [s]; only a sensor that drifts counts from there.
+        hold: Time of the hold before the release [s]; counts for creep only.
+        begin: Time of the release on the log's clock [s], for a sensor that drifts.
 
     Raises:
         SysidError: The motion grows without bound however fine the step: the law has no stable rest there.

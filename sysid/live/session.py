@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sysid.board import Board
+from sysid.decay.report import verdict
 from sysid.errors import SysidError
 from sysid.free_decay import FreeDecay, fit_decay
 from sysid.quantity import Quantity
@@ -18,11 +19,11 @@ EACH_SIDE = 3
 AMPLITUDE_RATIO = 3.0
 """Ratio of the widest to the smallest first amplitude from which what grows with it shows."""
 BEGINNING = 0.3
-"""Stretch at the beginning of a log in which nobody has touched the deck yet [s]."""
+"""Stretch at the beginning of a log before anybody touches the deck [s]."""
 SAME_REST = 0.4
 """Share of an amplitude by which two rest levels may differ: friction makes less, a hand that holds the deck all of it."""
 DEFAULT_ANGLE = np.radians(10.0)
-"""Where nobody has released yet [rad]."""
+"""Angle of the first release [rad]."""
 _NUMBERS = ("no", "one", "two", "three")
 
 
@@ -33,6 +34,8 @@ class Numbers:
     releases: int
     stiffness: Quantity
     damping: Quantity
+    verdict: str
+    """Whether the law is linear, as `decay` says it."""
 
 
 @dataclass(slots=True)
@@ -71,7 +74,7 @@ class Session:
         else:
             self.trouble = ""
             numbers = self.decay.numbers
-            self.history.append(Numbers(len(found), numbers.stiffness, numbers.damping))
+            self.history.append(Numbers(len(found), numbers.stiffness, numbers.damping, verdict(self.decay)))
         return new
 
     @property

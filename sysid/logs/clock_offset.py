@@ -23,13 +23,12 @@ MAX_CORRELATION_TIME = 0.12
 def clock_offset(one: Roll, other: Roll) -> Quantity:
     """Return what to add to the times of `other` to bring them onto the clock of `one` [s].
 
-    A coarse search by cross-correlation of the rolls, then least squares over offset, gain and a
-    common angle (records may differ in zero, and an uncalibrated gyro or camera in scale), with the
-    finer record interpolated by a cubic spline.
+    A coarse search by cross-correlation of the rolls comes first. Least squares over offset, gain and a common angle
+    follow, with the finer record interpolated by a cubic spline.
 
     Both are smoothed alike before: between two samples a spline averages their noise, so that records of one
-    rate would fit best half a sample off. The interval counts with what is left as it is, correlated from
-    sample to sample and largest where the deck moves.
+    rate would fit best half a sample off. The interval allows for residuals that are correlated and grow with the
+    motion.
 
     Raises:
         SysidError: The records do not show the same motion, or nothing moves in them.
@@ -117,7 +116,7 @@ def _offset_std(
     Args:
         slope: Derivative of the model by the offset [rad/s], shape (n,).
         others: Those by gain and common angle, shape (n, 2).
-        residual: What the fit leaves, in units of `noise`, shape (n,).
+        residual: Residuals of the fit, in units of `noise`, shape (n,).
         noise: Standard deviations that the samples were weighted by [rad], shape (n,).
         time: Times of the samples [s].
     """
@@ -133,7 +132,7 @@ def _offset_std(
     two[0] = 1.0
     power = float(own @ own)
     grown = max(float(np.sum(two * shape * taper * alike / alike[0])), 0.1 * power)
-    # Where the deck moves, interpolation and sensors err more than at rest.
+    # In motion, interpolation and sensors err more than at rest.
     variance = max(float(residual @ residual) / (count - 3), float(own**2 @ residual**2) / power)
     telling = power**2 / float(np.sum(own**4))
     return float(np.sqrt(variance * grown) / power), max(telling - 3, 1.0)

@@ -1,7 +1,7 @@
 """Reads any log or film into one `Roll`.
 
-What is inferred (column, unit, axis, clock) is written into `Roll.notes`, what is wrong with the log into
-`Roll.warnings`, and every inference can be overridden by `LogOptions`.
+Inferences (column, unit, axis, clock) go into `Roll.notes`, faults of the log into `Roll.warnings`. `LogOptions`
+override every inference.
 """
 
 from dataclasses import replace
@@ -10,16 +10,19 @@ from pathlib import Path
 import numpy as np
 
 from sysid.errors import SysidError
+from sysid.logs.formats.own_clock import with_own_clocks, with_whole_clock
 from sysid.logs.formats.registry import open_log
+from sysid.logs.gates import refuse_with_numbers
 from sysid.logs.sources.registry import Reading, Source, choose_source
-from sysid.logs.table.choose import Choice, columns_of
+from sysid.logs.table.choose import Choice, columns_of, find_column
 from sysid.logs.table.clock import MIN_SAMPLES, Clock, even_clock, repair_clock, usual_step
+from sysid.logs.table.file import LogFile
+from sysid.logs.table.free import free_rows, telling_column
 from sysid.logs.table.names import Column
 from sysid.logs.table.options import LogOptions
 from sysid.logs.table.outliers import measured_motion
 from sysid.logs.table.remarks import Remarks
 from sysid.logs.table.rows import measured_rows, on_common_rows
-from sysid.logs.table.split_clock import with_whole_clock
 from sysid.roll import Array, Roll
 from sysid.video.options import VideoOptions, is_film
 
@@ -46,11 +49,25 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
         from sysid.video_roll import roll_from_video
 
         return roll_from_video(path, replace(options.video or VideoOptions(), rate=options.rate))
-    log = with_whole_clock(open_log(path))
+    return roll_of_table(open_log(path), options)
+
+
+def roll_of_table(table: LogFile, options: LogOptions) -> Roll:
+    """Turn named columns, of a file or in memory, into roll against time.
+
+    Raises:
+        SysidError: They hold no roll, or too little to be a measurement.
+    """
+    path, log = table.path, with_own_clocks(with_whole_clock(table))
+    if options.column is None:
+        refuse_with_numbers(log)
     time, columns = columns_of(log, options)
     source, choice = choose_source(log, columns, time, options)
-    names = [name for name in (*choice.columns, time and time.name, choice.std) if name]
-    data = log.read(names)
+    also = [find_column(log, name, columns, "also").name for name in options.also]
+    tells = telling_column(columns, choice.columns[0])
+    says = () if tells is None else (tells[1],)
+    names = [name for name in (*choice.columns, time and time.name, choice.std, *also, *says) if name]
+    data = log.read(list(dict.fromkeys(names)))
     try:
         clock, data, cleaned = _clean(choice, time, data, options)
         if source.unwrap is not None:
@@ -65,10 +82,18 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
         roll = _checked(source.to_roll(Reading(str(path), choice, clock.time, signals, std, options)))
     except SysidError as error:
         raise SysidError(f"{path}: {error}") from None
+    kept = np.searchsorted(clock.time, roll.time)  # a source may leave out samples
+    extra = {name: data[name][kept] for name in also}
+    free = None
+    if tells is not None:
+        free, said = free_rows(*tells, data[tells[1]][kept], roll.time, data[choice.columns[0]][kept])
+        cleaned += said
     rate = 1 / usual_step(roll.time)
     sampling = f"samples: {roll.time.size} in {roll.time[-1] - roll.time[0]:.4g} s at {rate:.4g} Hz"
     return replace(
         roll,
+        extra=extra,
+        free=free,
         notes=(*log.notes, *choice.remarks.notes, *cleaned.notes, *roll.notes, *clock.notes, sampling),
         warnings=(*clock.warnings, *cleaned.warnings, *choice.remarks.warnings, *roll.warnings),
     )
@@ -79,7 +104,9 @@ def _clean(
 ) -> tuple[Clock, dict[str, Array], Remarks]:
     """Drop rows without numbers and repair the clock; the returned columns have the clock's rows."""
     stamps = data.pop(time.name) if time else None
-    data, joined = on_common_rows(data, stamps)
+    measured = [name for name in (*choice.columns, choice.std) if name]
+    common, joined = on_common_rows({name: data[name] for name in measured}, stamps)
+    data |= common
     signals = {name: data[name] for name in choice.columns}
     rows = signals[choice.columns[0]].size
     kept, dropped = measured_rows(signals, stamps)
@@ -112,7 +139,7 @@ def _clean(
 def _without_outliers(
     source: Source, choice: Choice, clock: Clock, data: dict[str, Array]
 ) -> tuple[dict[str, Array], Remarks]:
-    """Drop lone samples that no motion explains, from the clock too, and say where they were."""
+    """Drop lone outliers, from the clock too, and report where they were."""
     motion = {name: data[name] for name in choice.columns[: source.moving]}
     kept, remarks = measured_motion(motion, clock.time, choice.unit, rates=source.quantity == "rate")
     if kept is not None:

@@ -21,6 +21,8 @@ _NEIGHBOURS = comb(4 * _ORDERS[-1], 2 * _ORDERS[-1]) / comb(2 * _ORDERS[-1], _OR
 """Σ ρ² of differences of the highest order: so many of them say as much as one independent sample."""
 
 
+_FREEDOMS = 8
+"""Of a linear law in one swing: level and drift, amplitude and phase with their drifts, and twice the frequency."""
 _ENOUGH = 8
 """Differences of a release from which it tells its noise."""
 BY_CHANCE = 3.0
@@ -147,6 +149,59 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
         f"{FROM_SCATTER} of the {count} samples of the releases",
         float(np.sqrt(0.5 * _NEIGHBOURS / max(count - _ORDERS[-1] * len(releases), 8))),
     )
+
+
+def local_noise(curves: Sequence[tuple[Array, Array]], poles: Array) -> NoiseFloor:
+    """Return the noise of sampled decays: their scatter about a linear law whose amplitude, phase and level change with time.
+
+    A window lasts a period, and has three samples for each freedom of the law. Filtered noise counts in full if it lasts for less
+    than a window. Motion that is sampled coarsely does not count.
+
+    Args:
+        curves: When each decay was sampled [s], and its signal, each pair of shape (n,).
+        poles: (ln m, τ) of m ẍ + τ ẋ + x = 0, shape (2,).
+    """
+    stiffness = float(np.exp(-poles[0]))
+    decay = 0.5 * float(poles[1]) * stiffness
+    square = stiffness - decay**2
+    power, free, quiet = 0.0, 0, list[float]()
+    for time, signal in curves:
+        slow = np.sqrt(square) if square > 0 else stiffness / (decay + np.sqrt(-square))
+        count = int(np.searchsorted(time, time[0] + 2 * np.pi / slow))
+        pieces = max(1, len(time) // max(count, 3 * _FREEDOMS))
+        for rows in np.array_split(np.arange(len(time)), pieces):
+            if len(rows) <= _FREEDOMS:
+                continue
+            t = time[rows] - time[rows[0]]
+            ramp = 2 * t / max(float(t[-1]), 1e-300) - 1
+            if square > 0:
+                fade, phase = np.exp(-decay * t), np.sqrt(square) * t
+                c, s = fade * np.cos(phase), fade * np.sin(phase)
+                table = np.column_stack(
+                    [
+                        np.ones_like(t),
+                        ramp,
+                        c,
+                        s,
+                        ramp * c,
+                        ramp * s,
+                        fade**2 * np.cos(2 * phase),
+                        fade**2 * np.sin(2 * phase),
+                    ]
+                )
+            else:
+                table = np.polynomial.legendre.legvander(ramp, _FREEDOMS - 1)
+            orthogonal, _ = np.linalg.qr(table / (np.linalg.norm(table, axis=0) + 1e-300))
+            left = signal[rows] - orthogonal @ (orthogonal.T @ signal[rows])
+            power, free = power + float(left @ left), free + len(rows) - _FREEDOMS
+            quiet.append(float(left @ left) / (len(rows) - _FREEDOMS))
+    if not free:
+        return NoiseFloor(float("inf"), "the releases are too short to tell noise from motion", 1.0)
+    std = float(np.sqrt(power / free))
+    usual = float(np.sqrt(np.median(quiet)))
+    if std > 1.3 * usual > 0 and len(quiet) > 4:  # a few kinks, not the noise
+        std = usual
+    return NoiseFloor(std, f"scatter within a swing, of {free} samples", float(np.sqrt(0.5 / free)))
 
 
 def held_noise(releases: Sequence[Release], *, rate: bool = False) -> float:

@@ -19,6 +19,16 @@ def autocorrelation(residuals: Sequence[Array], lags: int) -> Array:
     return total / max(total[0], 1e-300)
 
 
+def lag_one(residuals: Sequence[Array]) -> float:
+    """Return the correlation [1] of successive residuals, each of shape (n,) in any unit, where it is significantly positive, else 0."""
+    count = sum(len(residual) for residual in residuals)
+    power = sum(float(residual @ residual) for residual in residuals)
+    if power == 0 or count < 10:
+        return 0.0
+    rho = sum(float(residual[1:] @ residual[:-1]) for residual in residuals) / power
+    return min(rho, 0.999) if rho > 2.5 / np.sqrt(count) else 0.0
+
+
 def ljung_box(residuals: Sequence[Array], lags: int = 20) -> tuple[float, int]:
     """Return the Ljung–Box statistic pooled over releases and its degrees of freedom (Biometrika 1978).
 

@@ -6,7 +6,6 @@ at another pace, or makes swings that grow.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -24,17 +23,12 @@ MANY = 6
 PACE, YIELDS = 2.5, 3.2
 """How many times as long as another a swing of the same decay lasts at most, and as the second the first: a slider that yields in that
 one and holds in all that follow makes them up to three times as quick. A hand takes four times as long as a deck to lift it."""
-LIFTED = 0.12
-"""Share of its first swing by which a deck was lifted at least that was let go: in random logs a hand that led one home had moved it by at
-most 0.08 before, one that let it go from beside where a gap had held it by 0.17."""
-FADED, SWELLS = 1.5, 0.9
-"""How many times its last swings, and up to what share of its first, a decay may swell again without a hand."""
 AGAIN = 0.12
 """Share of the first swing over which nothing swings on in the way that it came: a hand let go of it, or took it home."""
 WANDER = 0.03
 """Share of the first swing by which the zero of a sensor may move within one swing: a gyro's integral, a warm IMU."""
-HAND = 0.025
-"""Logarithm of two swings' ratio by which a first one from no rest may lose more than any free one: 2.5 % of its size."""
+SURE, TURN = 4.0, 0.015
+"""Deviations from which a loss is too small, and the share of a swing to which its turns are known: 18 samples a period lose so much."""
 SHARE_OF_HALF = 0.59
 """10 to 90 % time of a swing over half a period, lightly damped."""
 
@@ -51,11 +45,18 @@ class Segment:
     """The swing that breaks the segment: a hand moves the deck again."""
     start: float | None = None
     """Time of the release [s] where the user gave it."""
+    driven_until: float | None = None
+    """Until when something drove the joint before [s]."""
 
     @property
     def pace(self) -> float:
         """10 to 90 % time of a swing [s]."""
         return float(np.median([swing.duration for swing in self.swings[:4]]))
+
+    @property
+    def size(self) -> float:
+        """First amplitude about rest [rad]."""
+        return self.sizes[0]
 
     @property
     def wide(self) -> list[HalfCycle]:
@@ -78,7 +79,7 @@ class Segment:
 
 def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segment]:
     """Return the segments that share one rest angle and one pace."""
-    segments = [one for one in _shrinking_segments(signal, swings) if not _jumped(signal, one)]
+    segments = _shrinking_segments(signal, swings)
     if not segments:
         return []
     largest = max(segment.swings[0].size for segment in segments)
@@ -86,98 +87,40 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
         return []
     segments = [segment for segment in segments if segment.swings[0].size > SMALLEST_RELEASE * largest]
     groups = [[other for other in segments if _same_board(segment, other, signal)] for segment in segments]
-    swinging = any(len(segment.wide) > 1 for segment in segments)
-    group = max(groups, key=lambda group: _segment_score(group, signal, swinging=swinging))
-    led = [_led_home(signal, one, other) for one, other in pairwise(group)]
-    return _swelling(
-        signal, swings, [one for one, home in zip(group, [False, *led], strict=True) if not home]
-    )
+    return [_undriven(signal, one) for one in max(groups, key=lambda group: _segment_score(group, signal))]
 
 
-def _jumped(signal: SmoothedSignal, segment: Segment) -> bool:
-    """Whether the deck was taken from one place to another between two samples, and swings no more: nothing of a joint is seen there."""
-    swing = segment.swings[0]
-    return (
-        len(segment.wide) == 1
-        and segment.settles
-        and any(swing.begin <= i < swing.finish for i in signal.jumps)
-    )
+def _undriven(signal: SmoothedSignal, segment: Segment) -> Segment:
+    """Return a segment without the swings at its beginning that something drives.
 
-
-def _led_home(signal: SmoothedSignal, one: Segment, other: Segment) -> bool:
-    """Whether a hand only takes the deck to rest from where a decay has ended: nobody lifts it in between, and it swings no more.
-
-    Who stops a deck that swings may carry it on a little.
+    A passive joint loses at least as much of a wide swing as of a small one. Where the first swings lose less than a quarter of
+    the later ones' loss, energy comes from outside. The first and the last swing give the mean loss and its deviation.
     """
-    since, until, home = one.swings[-1].finish, other.swings[-1].left, other.swings[0]
-    if len(other.swings) > 2 or not other.settles:
-        return False
-    reached = np.abs(signal.roll[since : until + 1] - one.rest).max(initial=0.0)
-    carried = len(one.wide) > 2 and reached < FADED * max(one.sizes[-2:])
-    lifted = (one.swings[-1].target - home.origin) * np.sign(home.way)
-    return bool(carried or lifted < LIFTED * home.size)
+    whole = segment.swings[:-2]  # a hand or the end of the log cuts the last ones
+    sizes = np.array([swing.size for swing in whole])
+    sizes = sizes[sizes > AGAIN * segment.swings[0].size]
+    best, cut = SURE, 0
+    for first in range(MANY, len(sizes) - MANY):
+        last = min(len(sizes) - 1, 2 * first)
+        before, after = (sizes[0] - sizes[first]) / first, (sizes[first] - sizes[last]) / (last - first)
+        doubt = max(2.0 * signal.noise, TURN * sizes[0]) * math.sqrt(2 / first**2 + 2 / (last - first) ** 2)
+        if before < 0.25 * after and (after - before) / doubt > best:
+            best, cut = (after - before) / doubt, first
+    if not cut:
+        return segment
+    until = float(signal.time[segment.swings[cut].begin])
+    return replace(segment, swings=segment.swings[cut:], driven_until=until)
 
 
-def _swelling(signal: SmoothedSignal, swings: Sequence[HalfCycle], group: Sequence[Segment]) -> list[Segment]:
-    """Join segments of one decay that fades and swells again: what hangs on the deck, or carries it, gives back what it took.
+def _segment_score(group: list[Segment], signal: SmoothedSignal) -> tuple[float, float, float]:
+    """Rank a group of segments: by its swings beyond the first ones, then by the visits of its rest, then by its pace.
 
-    A hand would take longer for a swing or between two, or hold the deck off its rest. It might add to a swing too: so the first time
-    it must have faded.
+    A hand makes one swing and stays; a joint comes back to one rest.
     """
-    joined, swells = [group[0]], False
-    for segment in group[1:]:
-        one, widest = joined[-1], max(segment.sizes)
-        last, again = one.swings[-1], segment.swings[0]
-        path = [last, *(s for s in swings if last.finish <= s.begin and s.finish <= again.begin), again]
-        held = any(s.from_plateau and abs(s.origin - one.rest) > 0.5 * widest for s in path[1:])
-        soon = all(
-            signal.time[b.left] - signal.time[a.reached] < 3 * one.half_period for a, b in pairwise(path)
-        )
-        soon &= all(_same_pace(signal, one.pace, swing) for swing in path[1:])
-        faded = swells or FADED * min(one.sizes[-2:]) < widest
-        swells = bool(soon and faded and not held and widest < SWELLS * one.sizes[0])
-        if swells:
-            joined[-1] = replace(segment, swings=one.swings + segment.swings, rest=one.rest)
-        else:
-            joined.append(segment)
-    return joined
-
-
-def segments_after_hands(
-    signal: SmoothedSignal, swings: list[HalfCycle], found: list[Segment], ends: list[float]
-) -> list[Segment]:
-    """Return the segments that were found and those that begin within one, after a hand had ended it [s]."""
-    segments: list[Segment] = []
-    for segment, end in zip(found, ends, strict=True):
-        last = segment.swings[-1].finish
-        rest = [s for s in swings if signal.time[s.left] > end and s.finish <= last]
-        later = _shrinking_segments(signal, rest) if signal.time[last] - end > 4 * segment.half_period else []
-        largest = segment.swings[0].size
-        same = [
-            s
-            for s in later
-            if s.swings[0].size > SMALLEST_RELEASE * largest and _same_board(s, segment, signal)
-        ]
-        segments += [segment, *(s for s in same if len(s.swings) > 1)]
-    return segments
-
-
-def _segment_score(group: list[Segment], signal: SmoothedSignal, *, swinging: bool) -> tuple[float, float]:
-    """How much segments look like free decays: quick swings, many that are not small, an angle often come to.
-
-    Where nothing swings, a hand may be quicker than the joint: the angle that it comes to most often counts first, for a hand may hold it anywhere.
-    """
-    speed = sum(
-        sum(swing.size**2 / swing.duration for swing in segment.swings[:8]) / segment.swings[0].size
-        for segment in group
-    )
     room = max(5.0 * signal.noise, 0.1 * group[0].sizes[0])
-
-    def visits(segments: list[Segment]) -> int:
-        there = [any(abs(level - one.rest) < room for one in segments) for level in signal.levels]
-        return max(1, sum(now and not before for before, now in pairwise([False, *there])))
-
-    return (0.0 if swinging else float(visits(group)), speed * visits(group[:1]))
+    there = [any(abs(level - one.rest) < room for one in group) for level in signal.levels]
+    visits = sum(now and not before for before, now in pairwise([False, *there]))
+    return sum(len(one.wide) - 1 for one in group), visits, -float(np.median([one.pace for one in group]))
 
 
 def _same_board(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
@@ -192,39 +135,7 @@ def _same_board(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
         [room, *(0.5 * min(swing.size for swing in s.swings) for s in (one, other) if len(s.swings) < 3)]
     )
     paces = [float(np.median([swing.duration for swing in s.wide[:4]])) for s in (one, other)]
-    near = abs(one.rest - other.rest) < room or _stuck_about_one_middle(one, other, signal)
-    same = near and 0.6 < paces[0] / paces[1] < 1.6
-    return same and _swings_on_alike(one, other, signal) and _swings_on_alike(other, one, signal)
-
-
-def _stuck_about_one_middle(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
-    """Whether dry friction can have stopped two decks, after a swing or two, aside of one middle, however far from one another.
-
-    Friction of F/k puts the middle of a swing, between its turns, beside the joint's by F/k on the side that it comes from, and
-    holds the deck within F/k of the joint's. A hand that lifts a deck takes it from there to where nothing would hold it.
-    """
-    if max(len(one.wide), len(other.wide)) > 2 or not (one.settles and other.settles):
-        return False
-    a, b = one.wide[-1], other.wide[-1]
-    (low, high), slack = sorted((a.origin + a.target, b.origin + b.target)), 5.0 * signal.noise
-    if a.way * b.way > 0:
-        return high - low < 2 * max(slack, 0.35 * min(one.sizes[0], other.sizes[0]))
-    upward = a if a.way > 0 else b
-    middle, reach = (low + high) / 4, (high - low) / 4
-    apart = upward.origin + upward.target == low
-    return apart and max(abs(one.rest - middle), abs(other.rest - middle)) < reach + slack
-
-
-def _swings_on_alike(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
-    """Whether a segment swings on from its first swing if another swings many times: else a hand brought it home."""
-    first, *later = [swing.size for swing in other.swings]
-    sizes = [swing.size for swing in one.wide]
-    if len(sizes) < MANY:
-        return True
-    wider = [after / size for size, after in pairwise(sizes) if size > first]
-    narrower = [after / size for size, after in pairwise(sizes) if size <= first]
-    expected = first * min(wider[-1:] + narrower[:1])
-    return expected < 1.5 * signal.min_movement or max(later, default=0.0) > 0.5 * expected
+    return abs(one.rest - other.rest) < room and 0.6 < paces[0] / paces[1] < 1.6
 
 
 def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segment]:
@@ -315,8 +226,6 @@ def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish
     Returns None where that angle is not to be seen.
     """
     chosen = swings[begin:finish]
-    if len(chosen) > 4 and not _was_held(signal, chosen[0]) and _first_swing_is_odd(chosen):
-        chosen = chosen[1:]
     if len(chosen) == 1 and not chosen[0].to_plateau:
         return None
     rest = _rest_angle(chosen)
@@ -356,19 +265,6 @@ def _rest_angle(swings: list[HalfCycle]) -> float:
     a, b, c = turns[:-2], turns[1:-1], turns[2:]
     bend = a + c - 2 * b
     return float(np.sum(bend * (a * c - b * b)) / np.sum(bend**2))
-
-
-def _was_held(signal: SmoothedSignal, swing: HalfCycle) -> bool:
-    """Whether the deck stayed, up to a tremor, for longer than a swing lasts before it left."""
-    since = float(signal.time[swing.left]) - 2 * swing.duration
-    before = signal.roll[(signal.time >= since) & (signal.time <= signal.time[swing.left])]
-    return since >= signal.time[0] and bool(np.abs(before - swing.origin).max() < AGAIN * swing.size)
-
-
-def _first_swing_is_odd(swings: list[HalfCycle]) -> bool:
-    """Whether the first swing loses more than the steepest drag, v³, makes of what the next ones lose: a hand was still on the deck."""
-    first, second = (math.log(one.size / other.size) for one, other in pairwise(swings[:3]))
-    return first > second * (swings[0].size / swings[1].size) ** 2 + HAND
 
 
 def given_segment(signal: SmoothedSignal, swings: list[HalfCycle], time: float, log: str) -> Segment:

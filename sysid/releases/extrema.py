@@ -29,7 +29,7 @@ class SmoothedSignal:
     roll: Array
     """Smoothed roll [rad], shape (m,)."""
     noise: float
-    """Standard deviation of what noise is left in `roll` [rad]."""
+    """Standard deviation of the noise that is left in `roll` [rad]."""
     min_movement: float
     """Smallest movement that counts as one [rad]."""
     plateaus: tuple[tuple[int, int], ...]
@@ -86,13 +86,14 @@ def noise_level(roll: Array) -> float:
     return max(noise, quantisation_step(np.diff(roll)) / np.sqrt(12.0))
 
 
-def smooth_signal(time: Array, roll: Array, std: float) -> SmoothedSignal:
+def smooth_signal(time: Array, roll: Array, std: float, slower: float = 1.0) -> SmoothedSignal:
     """Smooth a roll signal and find its turning points.
 
     Args:
         time: Time [s], shape (n,), increasing; need not be even.
         roll: Roll [rad], shape (n,).
         std: Standard deviation of a sample as the reader knows it [rad].
+        slower: How many times slower than its fastest motion the joint swings: who kicks it is quicker.
     """
     interval = float(np.median(np.diff(time)))
     own, time = time, _without_pauses(time, interval)
@@ -103,7 +104,7 @@ def smooth_signal(time: Array, roll: Array, std: float) -> SmoothedSignal:
     jumps = _jumps(even, max(6.0 * std, 0.02 * span))
     steps = np.diff(even, prepend=even[0])
     steps[jumps + 1] = 0.0
-    speed = _top_speed(np.cumsum(steps), interval, std)
+    speed = _top_speed(np.cumsum(steps), interval, std) / slower
     quickness = 2.0 * speed / span if span > 0 else 0.0
     if quickness * interval < 0.5:  # else too few samples a swing to tell noise from motion
         std = max(std, noise_level(roll))

@@ -1,37 +1,36 @@
 """Where a log is at rest, held by a hand, let go, swinging freely, and caught again.
 
-Decays are told from what a hand does by the turning points alone (`sysid.releases.chains`), so no threshold
-on angle or rate is needed, and the first sample may already be in the middle of a decay.
+Turning points tell where a decay lies (`sysid.releases.chains`), so that no threshold on angle or rate is needed. The innovations of a
+filter tell from when until when nothing but the joint acts (`sysid.releases.contact`).
 """
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.releases.chains import SHARE_OF_HALF, Segment, free_segments, given_segment, segments_after_hands
+from sysid.releases.chains import MANY, SHARE_OF_HALF, Segment, free_segments, given_segment
+from sysid.releases.contact import Span, free_stretches
 from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
-from sysid.releases.hand import Span, free_spans
 from sysid.roll import Release, Roll
+from sysid.text import display
 
 STILL = 0.03
 """A deck within this share of the first amplitude counts as held still."""
 FEWEST_SAMPLES = 8
 """Samples of a decay."""
 COARSE = 0.5
-"""Share of all the motion from which a step between neighbours tells of noise alone or of too few samples: a sine goes that far in one
-where it has fewer than six a swing."""
-FELT = 0.15
-"""Periods for which a hand that catches a deck is felt before it is seen: up to 20 ms of a swing of 0.2 s in random logs."""
-STUCK = 0.03
-"""Share of a swing by which it may differ from half a cosine to where dry friction holds the deck: a choice."""
+"""Share of all the motion from which a step between neighbours tells of too few samples: a sine goes so far with six a swing."""
+PULLED = 0.15
+"""Share of its way home that a joint goes in an eighth of its period: half of a free one's."""
+SLOWER = (5.0, 25.0)
+"""How many times slower than a kick a joint may swing; tried where nothing swings at the pace of the fastest motion."""
 SETS_OFF = 0.25
 """Share of a hold, at its end, in which a hand may already set off or let go: a choice."""
-_End = Literal["rest", "caught", "log"]
-_Seen = tuple[float, float, float, _End]
 
 
 def find_releases(
@@ -53,37 +52,28 @@ def find_releases(
         SysidError: There is no free decay, or a time lies outside the log.
     """
     part = _cut(roll, start, stop)
+    if part.free is not None and not part.free.all() and not releases:
+        return _where_free(part)
     std = float(np.median(part.std))
     signal = smooth_signal(part.time, part.roll, std if math.isfinite(std) else 0.0)
     swings = half_cycles_of(signal)
     if not swings:
+        show = display(is_rate=False, slides=roll.slides)
         raise SysidError(
-            f"{roll.log}: nothing moves by more than {math.degrees(signal.min_movement):.2g}° "
-            f"(noise {math.degrees(signal.noise):.2g}°), so there is no decay. {_coarse(part)}"
+            f"{roll.log}: nothing moves by more than {show(signal.min_movement, 2)} "
+            f"(noise {show(signal.noise, 2)}), so there is no decay. {_coarse(part)}"
             "Is it the right column (--column) and the right stretch of the log (--from, --to)?"
         )
-    if releases:
-        segments = [given_segment(signal, swings, time, roll.log) for time in sorted(releases)]
-        for (one, a), (other, b) in pairwise(zip(segments, sorted(releases), strict=True)):
-            if one.swings[0] == other.swings[0]:
-                left = signal.time[one.swings[0].left]
-                raise SysidError(
-                    f"{roll.log}: {a:.6g} and {b:.6g} s are times of one release: the deck has left the hold by {left:.4g} s. "
-                    "Give one of them."
-                )
-    else:
-        segments = free_segments(signal, swings)
-    seen, free = _spans(signal, segments) if segments else ([], [])
-    if segments and not releases:
-        after = segments_after_hands(signal, swings, segments, [span.end for span in free])
-        if len(after) > len(segments):
-            again, spans = _spans(signal, after)
-            # No hand stands between two decays that overlap: what looked like one was the noise's.
-            if all(a.end <= b.begin < b.end for a, b in pairwise(spans)):
-                segments, seen, free = after, again, spans
+    segments = _given(signal, swings, releases, roll.log) if releases else free_segments(signal, swings)
+    for slower in () if releases or any(len(one.wide) > 1 for one in segments) else SLOWER:
+        other = smooth_signal(part.time, part.roll, std if math.isfinite(std) else 0.0, slower)
+        again = free_segments(other, half_cycles_of(other))
+        if any(len(one.wide) >= MANY for one in again):
+            signal, segments = other, again
+            break
     found: list[Release] = []
-    for segment, one, span in zip(segments, seen, free, strict=True):
-        release = _release(part, signal, segment, len(found) + 1, one, span)
+    for free in _free(part, signal, segments):
+        release = _release(part, signal, free, len(found) + 1)
         if releases or len(release.time) >= FEWEST_SAMPLES:  # else hands have left nothing of it
             found.append(release)
     if not found:
@@ -94,32 +84,142 @@ def find_releases(
     return found
 
 
+def _where_free(roll: Roll) -> list[Release]:
+    """Find the free decays in the parts of a log that a column marks as free."""
+    assert roll.free is not None
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], roll.free, [False])).astype(np.int8)))
+    found: list[Release] = []
+    trouble = SysidError(
+        f"{roll.log}: the joint is never free for {FEWEST_SAMPLES} samples: a motor or a brake acts. Release it, or mark the free "
+        "part (--release)."
+    )
+    for first, last in edges.reshape(-1, 2).tolist():
+        if last - first < FEWEST_SAMPLES:
+            continue
+        part = replace(roll[first:last], free=None)
+        for given in (
+            (),
+            (float(part.time[0]),),
+        ):  # a return that the log cuts off has no rest to be found by
+            try:
+                found += find_releases(part, releases=given)
+                break
+            except SysidError as error:  # it stands still, or swings in another part
+                trouble = error
+    if not found:
+        raise trouble
+    return [replace(one, number=number) for number, one in enumerate(found, 1)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Free:
+    """A free stretch of a log."""
+
+    segment: Segment
+    begin: float
+    """[s]"""
+    hold: float
+    """Time for which the deck was held still before [s]."""
+    end: float
+    """[s]"""
+    settles: bool
+    """Whether it comes to rest by itself before."""
+    held_until: float
+    """Until when the deck was held still [s], where it was; else `begin`."""
+    held_for: float
+    """For how long, until then [s]."""
+
+
+def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> list[_Free]:
+    """Return the free stretches of all segments, in order of time."""
+    if not segments:
+        return []
+    # A hand that pushes makes the first swing last.
+    later = [swing.duration for segment in segments for swing in segment.wide[1:4] or segment.wide]
+    period = 2 * float(np.median(later)) / SHARE_OF_HALF
+    spans: list[Span] = []
+    holds: list[float] = []
+    for segment, other in zip(segments, [*segments[1:], None], strict=True):
+        begin, hold = (segment.driven_until, 0.0) if segment.driven_until else _let_go(signal, segment)
+        last = len(signal.time) - 1 if segment.after is None else segment.after.left
+        stop = float(signal.time[last])
+        if other is not None:
+            stop = min(stop, float(signal.time[other.swings[0].left]) if other.start is None else other.start)
+        end = max(begin, _rested(signal, segment, begin, stop))
+        let_go = hold > 0 and _pulled(signal, segment, begin, period)
+        spans.append(Span(begin, end, segment.rest, segment.size, let_go))
+        holds.append(hold)
+    stretches = free_stretches(roll.time, roll.roll, spans, period)
+    found: list[_Free] = []
+    for segment, span, hold, parts in zip(segments, spans, holds, stretches, strict=True):
+        kept = [
+            _Free(
+                segment, begin, hold if begin == span.begin else 0.0, end, segment.settles and end == span.end,
+                span.begin if span.let_go and i == 0 else begin, hold,
+            )  # fmt: skip
+            for i, (begin, end) in enumerate(parts)
+            if begin == span.begin or (segment.start is None and _swings_in(signal, segment, begin, end))
+        ]
+        # One swing does not tell a hand from a joint that is not linear.
+        found += kept or [_Free(segment, span.begin, hold, span.end, segment.settles, span.begin, hold)]
+    return found
+
+
+def _pulled(signal: SmoothedSignal, segment: Segment, begin: float, period: float) -> bool:
+    """Whether a joint goes home from a hold [s] as its own torque pulls it, and no hand keeps it back.
+
+    In an eighth of a period half a cosine goes 29 % of its way, and 19 % at critical damping.
+    """
+    held, then = np.interp((begin, begin + period / 8), signal.time, signal.roll)
+    return bool((held - then) / (held - segment.rest or 1.0) > PULLED)
+
+
+def _swings_in(signal: SmoothedSignal, segment: Segment, begin: float, end: float) -> bool:
+    """Whether a joint swings twice and more between two times [s]."""
+    inside = [
+        one for one in segment.swings if begin < signal.time[one.reached] and signal.time[one.left] < end
+    ]
+    return len(inside) > 1 and inside[0].size > STILL * segment.size
+
+
+def _rested(signal: SmoothedSignal, segment: Segment, begin: float, stop: float) -> float:
+    """Return until when a decay is looked at [s]: where it settles, not long beyond that."""
+    if not segment.settles:
+        return stop
+    settled, leaves = settled_between(
+        signal, segment.swings[-1].reached, int(np.searchsorted(signal.time, stop)), segment.size
+    )
+    tail = max(4.0 * segment.pace, 0.5 * (settled - begin))
+    if segment.after is not None:  # a hand is felt before it is seen
+        leaves -= max(0.5 * segment.pace, 0.25 * (leaves - settled))
+    return max(settled, min(settled + tail, leaves))
+
+
+def _given(
+    signal: SmoothedSignal, swings: list[HalfCycle], releases: Sequence[float], log: str
+) -> list[Segment]:
+    """Return the segments that begin at given times [s]."""
+    times = sorted(releases)
+    segments = [given_segment(signal, swings, time, log) for time in times]
+    for (one, a), (other, b) in pairwise(zip(segments, times, strict=True)):
+        if one.swings[0] == other.swings[0]:
+            raise SysidError(
+                f"{log}: {a:.6g} and {b:.6g} s are times of one release: the deck has left the hold by "
+                f"{signal.time[one.swings[0].left]:.4g} s. Give one of them."
+            )
+    return segments
+
+
 def _coarse(roll: Roll) -> str:
     """Return the doubt that a roll is sampled too slowly, as a sentence; '' where it is not."""
     step = float(np.abs(np.diff(roll.roll)).max())
     if not step > COARSE * float(np.ptp(roll.roll)):
         return ""
+    show = display(is_rate=False, slides=roll.slides)
     return (
-        f"Neighbouring samples differ by up to {math.degrees(step):.2g}°, nearly as much as all of it: if it swings, "
+        f"Neighbouring samples differ by up to {show(step, 2)}, nearly as much as all of it: if it swings, "
         f"{roll.sampling_rate:.3g} Hz may be too low. "
     )
-
-
-def _spans(signal: SmoothedSignal, segments: Sequence[Segment]) -> tuple[list[_Seen], list[Span]]:
-    """Return what the turning points say of each segment, and what is left of it without a hand."""
-    limits = [signal.time[one.swings[0].left] if one.start is None else one.start for one in segments[1:]]
-    seen = [_seen(signal, segment, limit) for segment, limit in zip(segments, [*limits, None], strict=True)]
-    spans = [
-        Span(
-            begin, finish, segment.rest, segment.swings[0].origin,
-            tuple((float(signal.time[swing.finish]), swing.size) for swing in segment.swings),
-        )
-        for (begin, _, finish, _), segment in zip(seen, segments, strict=True)
-    ]  # fmt: skip
-    # A hand that pushes makes the first swing last.
-    later = [swing.duration for segment in segments for swing in segment.wide[1:4] or segment.wide]
-    period = 2 * float(np.median(later)) / SHARE_OF_HALF
-    return seen, free_spans(signal, spans, period)
 
 
 def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
@@ -135,38 +235,32 @@ def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
     return roll if inside.all() else roll[inside]
 
 
-def _seen(signal: SmoothedSignal, segment: Segment, limit: float | None) -> _Seen:
-    """Return when the deck left its hold, how long it was held, when the decay ends [s], and why, by its turning points."""
-    begin, hold = _let_go(signal, segment)
-    finish, end = _ending(signal, segment, begin)
-    if limit is not None and limit <= finish:
-        finish, end = float(np.nextafter(limit, -math.inf)), "caught"
-    return begin, hold, finish, end
-
-
-def _release(
-    roll: Roll, signal: SmoothedSignal, segment: Segment, number: int, seen: _Seen, free: Span
-) -> Release:
+def _release(roll: Roll, signal: SmoothedSignal, free: _Free, number: int) -> Release:
     """Cut one free decay out of the log."""
-    begin, hold, finish, end = seen
-    still = min(hold, finish - begin)  # as much as there is of the decay is enough
-    before = (roll.time >= begin - still) & (roll.time <= begin - SETS_OFF * still)
-    held = roll[before] if still > 0 else None
-    if segment.start is None and free.begin > begin:
-        begin, hold = free.begin, 0.0  # a hand pushed it on its way: it starts from no hold
-    if free.end < finish:
-        last = signal.roll[(signal.time >= free.end - segment.half_period) & (signal.time <= free.end)]
-        finish, end = free.end, "rest" if np.ptp(last) < STILL * segment.sizes[0] else "caught"
-    if end == "caught":
-        finish -= FELT * min(2 * segment.half_period, finish - begin)
+    segment, begin, hold, finish = free.segment, free.begin, free.hold, free.end
+    last = signal.roll[(signal.time >= finish - segment.half_period) & (signal.time <= finish)]
+    still = free.settles or (
+        bool(len(last)) and float(np.std(last)) < max(STILL * segment.size / 2, 2.5 * signal.noise)
+    )
+    end: Literal["rest", "caught", "log"] = "rest" if still else "caught"
+    if not still and finish >= signal.time[-1] - 1e-9:
+        end = "log"
     inside = (roll.time >= begin - 1e-9) & (roll.time <= finish + 1e-9)
+    if not inside.any():
+        inside[int(np.searchsorted(roll.time, begin)) :][:1] = True
+    kept = min(hold, finish - begin)  # as much as there is of the decay is enough
+    before = (roll.time >= begin - kept) & (roll.time <= begin - SETS_OFF * kept)
     rest = segment.rest
     if end == "rest":
-        last = signal.roll[(signal.time >= finish - segment.pace) & (signal.time <= finish)]
-        rest = (
-            float(np.median(last)) if last.size else segment.rest
-        )  # where a sample lasts longer than a swing
-    return Release.of(roll[inside], number=number, rest=rest, hold=hold, end=end, held=held)
+        late = signal.roll[(signal.time >= finish - segment.pace) & (signal.time <= finish)]
+        rest = float(np.median(late)) if late.size else rest  # where a sample lasts longer than a swing
+    held = roll[before] if kept > 0 else None
+    release = Release.of(roll[inside], number=number, rest=rest, hold=hold, end=end, held=held)
+    whole = None
+    if free.held_until < begin:  # a strong law and a hand look alike there
+        until, held_for = free.held_until, free.held_for
+        whole = _release(roll, signal, _Free(segment, until, held_for, finish, free.settles, until, held_for), number)
+    return replace(release, driven_until=segment.driven_until, whole=whole)
 
 
 def _let_go(signal: SmoothedSignal, segment: Segment) -> tuple[float, float]:
@@ -175,7 +269,7 @@ def _let_go(signal: SmoothedSignal, segment: Segment) -> tuple[float, float]:
     width = max(5, round(0.25 * segment.pace / float(signal.time[1] - signal.time[0])))
     wide = np.pad(signal.roll[: swing.left + 1], (width // 2, width - 1 - width // 2), "edge")
     before = np.convolve(wide, np.ones(width) / width, "valid")
-    still = np.abs(before - swing.origin) <= max(3.0 * signal.noise, STILL * segment.sizes[0])
+    still = np.abs(before - swing.origin) <= max(3.0 * signal.noise, STILL * segment.size)
     last = int(np.flatnonzero(still)[-1]) if still.any() else swing.left
     moving = np.flatnonzero(~still[:last])
     since = int(moving[-1]) + 1 if len(moving) else 0
@@ -208,70 +302,6 @@ def _onset(signal: SmoothedSignal, swing: HalfCycle, level: float) -> float:
     return min(max(start, float(signal.time[swing.left]) - swing.duration), float(times[0]))
 
 
-def _ending(signal: SmoothedSignal, segment: Segment, begin: float) -> tuple[float, _End]:
-    """Return when the free decay ends [s], and why."""
-    last = segment.swings[-1]
-    stop = len(signal.time) - 1 if segment.after is None else segment.after.left
-    if segment.after is None and not segment.settles:
-        return float(signal.time[-1]), "log"
-    if _last_swing_is_cut(signal, segment):
-        return _followed(signal, segment, last.begin), "caught"
-    if segment.settles:
-        settled, leaves = settled_between(signal, last.reached, stop, segment.sizes[0])
-        tail = max(4.0 * segment.pace, 0.5 * (settled - begin))
-        if segment.after is not None:  # a hand is felt before it is seen
-            leaves -= max(0.5 * segment.pace, 0.25 * (leaves - settled))
-        return max(settled, min(settled + tail, leaves)), "rest"
-    return _followed(signal, segment, last.finish), "caught"
-
-
-def _last_swing_is_cut(signal: SmoothedSignal, segment: Segment) -> bool:
-    """Whether the last swing ends where no free deck would: held away from rest, taken there, or braked far too much."""
-    sizes, still = segment.sizes, 3.0 * signal.noise
-    if len(segment.swings) < 3:
-        return len(sizes) > 2 and segment.settles and sizes[-1] > 0.3 * sizes[0] + still
-    # Dry friction that takes 2 F/k off each swing can hold the deck up to F/k beside the middle of the last of them.
-    turns = np.array([swing.target for swing in segment.swings[-4:]])
-    middle = float(np.mean(turns[-3:-1] + turns[-4:-2]) / 2) if len(turns) == 4 else segment.rest
-    *before, last = -np.diff(np.abs(turns - middle))
-    usual = max(0.0, *before)
-    final = segment.swings[-1]  # no free deck jumps from where it stays to where it stays again
-    taken = final.from_plateau and final.to_plateau and final.duration < 0.2 * segment.pace
-    taken = taken and final.size > still
-    held = segment.settles and abs(turns[-1] - middle) > 0.65 * usual + still + 0.01 * sizes[0]
-    braked = last > 1.6 * usual + signal.min_movement
-    return taken or ((held or braked) and not _stands_at_its_turn(signal, segment))
-
-
-def _stands_at_its_turn(signal: SmoothedSignal, segment: Segment) -> bool:
-    """Whether the last swing is half a cosine to where the deck then stays: dry friction holds it there, and no hand has taken it."""
-    turn, target, half = segment.swings[-1].begin, segment.swings[-1].target, segment.half_period
-    later = signal.time[turn:] - signal.time[turn]
-    later = later[later <= half]
-    here = signal.roll[turn : turn + len(later)]
-    path = target + (here[0] - target) * (1 + np.cos(math.pi / half * later)) / 2
-    beside = 0.5 * math.pi / half * float(signal.time[1] - signal.time[0])  # a turn is between two samples
-    room = max(4.0 * signal.noise, (STUCK + beside) * abs(float(here[0]) - segment.rest))
-    return segment.settles and bool(np.all(np.abs(here - path) <= room))
-
-
-def _followed(signal: SmoothedSignal, segment: Segment, turn: int) -> float:
-    """Return how long the deck goes on as predicted after its last good turning point [s]."""
-    half = segment.half_period
-    sizes = [size for size in segment.sizes if size > 3.0 * signal.noise]
-    ratio = (sizes[-1] / sizes[0]) ** (1 / max(1, len(sizes) - 1)) if len(sizes) > 1 else 0.1
-    decay, omega = -math.log(min(ratio, 0.99)) / half, math.pi / half
-    later = signal.time[turn:] - signal.time[turn]
-    later = later[later <= half]
-    seen = signal.roll[turn : turn + len(later)] - segment.rest
-    size = float(signal.roll[turn]) - segment.rest
-    wave = np.cos(omega * later) + decay / omega * np.sin(omega * later)
-    error = np.abs(seen - size * np.exp(-decay * later) * wave)
-    off = np.flatnonzero(error > max(4.0 * signal.noise, 0.08 * abs(size)))
-    reach = float(later[off[0]]) - 0.12 * half if len(off) else float(later[-1])
-    return float(signal.time[turn]) + max(0.0, reach)
-
-
 def settled_between(signal: SmoothedSignal, reached: int, stop: int, amplitude: float) -> tuple[float, float]:
     """Return from when until when the deck stays at rest, about its first stay after index `reached` [s]."""
     stays = [(first, last) for first, last in signal.plateaus if last > reached and first < stop]
@@ -283,4 +313,4 @@ def settled_between(signal: SmoothedSignal, reached: int, stop: int, amplitude: 
     before, after = loud[loud < middle], loud[loud > middle]
     settled = int(before[-1]) + 1 if len(before) else 0
     leaves = min(int(after[0]) - 1 if len(after) else stop, stop)
-    return float(signal.time[settled]), float(signal.time[leaves])
+    return float(signal.time[settled]), float(signal.time[min(leaves, len(signal.time) - 1)])

@@ -29,7 +29,7 @@ _LAW_FIELDS: Mapping[str, tuple[str, ...]] = {
 SENSOR_FIELDS = {"sensor-bias": "bias", "sensor-drift": "drift", "clock": "clock", "lowpass": "time_constant"}
 """Effects that act on the measurement, and the field of `Sensor` that each sets."""
 _ELSEWHERE = {"discretisation", *SENSOR_FIELDS}
-"""Effects that are no torque: they change the steps, or the sensor."""
+"""Effects of the steps or the sensor, not of the torque."""
 
 
 def parse_effect(text: str) -> tuple[str, tuple[float, ...]]:
@@ -76,7 +76,7 @@ def complete_effects(effects: Mapping[str, Sequence[float]]) -> dict[str, tuple[
 
 
 def steps(name: str) -> bool:
-    """Return whether an effect may go together with a simulator's step: its law has no kinks and no memory."""
+    """Return whether an effect may go with a simulator's step: no kinks, no memory."""
     part = effect(name)
     return isinstance(part, SensorEffect) or not (part.nonsmooth or part.slides or part.states)
 
@@ -105,10 +105,6 @@ def true_law(board: Board, effects: Mapping[str, Sequence[float]]) -> TrueLaw:
     if not fields.get("slider_torque"):
         fields.pop("slider_stiffness", None)  # it slips at once
     return TrueLaw(
-        inertia=joint.inertia,
-        stiffness=joint.stiffness,
-        damping=joint.damping,
-        rest=joint.rest_angle,
-        laws=tuple(laws),
-        **fields,
-    )
+        inertia=joint.inertia, stiffness=joint.stiffness, damping=joint.damping, rest=joint.rest_angle,
+        laws=tuple(laws), **fields,
+    )  # fmt: skip

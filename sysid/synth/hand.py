@@ -28,7 +28,7 @@ class HandMotion:
 
     @property
     def knots(self) -> Array:
-        """Where one piece of the spline ends and the next begins [s], shape (m,)."""
+        """Knots of the spline [s], shape (m,)."""
         return np.unique(self.spline.t)
 
     def acceleration(self, time: float) -> float:
@@ -41,15 +41,9 @@ class HandMotion:
 
 
 def hand_motion(
-    begin: float,
-    start: tuple[float, float],
-    angle: float,
-    *,
-    push: float,
-    hold: float,
-    tremor: float,
+    begin: float, start: tuple[float, float], angle: float, *, push: float, hold: float, tremor: float,
     rng: np.random.Generator,
-) -> HandMotion:
+) -> HandMotion:  # fmt: skip
     """Make the hand's motion from the deck's present state to the release.
 
     Args:

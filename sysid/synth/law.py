@@ -10,14 +10,14 @@ from sysid.effects._base import Effect, JointState, TorqueEffect
 from sysid.errors import SysidError
 
 _UNTOUCHED = 1e6
-"""For how long nobody has touched the deck before a log [s]."""
+"""Time of rest before a log [s]."""
 _MOVE = 1e-8
 """Tilt over which the slope of a rate-independent state is taken [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
 class CatalogueLaw:
-    """The catalogue's own law of an effect of which there is no formula here."""
+    """The catalogue's law of an effect that has no formula here."""
 
     effect: TorqueEffect
     values: Mapping[str, float]
@@ -42,7 +42,7 @@ class CatalogueLaw:
         return flows
 
     def at_rest(self) -> list[float]:
-        """Return its internal states where nobody has touched the deck."""
+        """Return its internal states in an untouched deck."""
         starts = (s.start(NUMPY, 0.0, _UNTOUCHED, self.stiffness, self.values) for s in self.effect.states)
         return [float(start) for start in starts]
 
@@ -55,15 +55,15 @@ def catalogue_law(effect: Effect, values: Sequence[float], stiffness: float) -> 
     """
     if not isinstance(effect, TorqueEffect) or effect.slides:
         raise SysidError(
-            f"effect '{effect.name}' cannot be made: synth follows torques and their states by the catalogue's "
-            "law; what sticks, senses or carries the joint needs a formula in sysid/synth/."
+            f"effect '{effect.name}' cannot be made: synth integrates torques and their states. Friction, sensors and "
+            "supports need a formula in sysid/synth/."
         )
     return CatalogueLaw(effect, effect.named(values), stiffness)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueLaw:
-    """Every parameter of the true joint; what is left at its default is not there."""
+    """Every parameter of the true joint; a parameter at its default has no effect."""
 
     inertia: float
     stiffness: float
@@ -94,7 +94,7 @@ class TrueLaw:
     support_stiffness: float = 0.0
     support_damping: float = 0.0
     laws: tuple[CatalogueLaw, ...] = ()
-    """What has no formula here."""
+    """Effects without a formula here."""
 
     def inertia_at(self, roll: float) -> tuple[float, float]:
         """Return the inertia at a roll [kg*m^2], and its derivative."""
@@ -107,7 +107,7 @@ class TrueLaw:
 
     @property
     def has_memory(self) -> bool:
-        """Whether the way in which the deck was held matters: an arm, a slider or a support."""
+        """Whether the hold before a release matters: an arm, a slider or a support."""
         states = any(law.effect.states for law in self.laws)
         return self.arm_stiffness > 0 or self.slider_stiffness > 0 or self.support_inertia > 0 or states
 
@@ -126,7 +126,7 @@ class TrueLaw:
         """Roll at which the deck comes to rest when nothing sticks [rad].
 
         Raises:
-            SysidError: There is none within 90° of the spring's: gravity tips the deck over.
+            SysidError: Gravity tips the deck over: no equilibrium lies within 90° of the spring's rest.
         """
         from scipy.optimize import brentq
 
@@ -144,13 +144,13 @@ class TrueLaw:
         return float(roll)
 
     def pull(self, roll: float) -> float:
-        """Return the torque on a deck that stands at a roll, without dry friction and all that remembers [N*m]."""
+        """Return the static torque on the deck at a roll, without dry friction and effects with memory [N*m]."""
         support = -self.gravity * math.sin(roll) / self.support_stiffness if self.support_inertia else 0.0
         x = roll - support - self.rest
         return self.smooth_torque(x, 0.0, Modes().regions(self, x)) - self.gravity * math.sin(roll)
 
     def smooth_torque(self, x: float, u: float, modes: "Modes") -> float:
-        """Joint torque without dry friction and all that remembers, in the regions that `modes` names [N*m]."""
+        """Return the joint torque in the regions of `modes`, without dry friction and effects with memory [N*m]."""
         spring = x - modes.gap * self.half_gap if self.half_gap == 0 or modes.gap else 0.0
         torque = (
             self.preload
@@ -179,7 +179,7 @@ class TrueLaw:
 
 @dataclass(frozen=True, slots=True)
 class Modes:
-    """Which branch of each kinked law holds; −1, 0 or +1 each."""
+    """The branch of each kinked law: −1, 0 or +1."""
 
     friction: int = 0
     """Sliding direction; 0 sticks."""

@@ -1,4 +1,4 @@
-"""A synthetic log: how it was recorded, what the sensor read, and the truth behind it."""
+"""A synthetic log: options of the recording, readings, and truth."""
 
 import math
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ class SynthOptions:
     hold: float = 0.6
     """Time for which the deck is held before each release [s]."""
     push: float = 0.5
-    """Time that the hand takes to push the deck over [s]."""
+    """Time in which the hand pushes the deck over [s]."""
     lead: float = 0.6
     """Untouched rest at the start of the log [s]."""
     tremor: float = math.radians(0.03)
@@ -41,7 +41,7 @@ class SynthOptions:
     hand: bool = True
     """Keep rest and hand in the log; without, a log of one release starts at the release."""
     jitter: float = 0.0
-    """Standard deviation of the sampling instants, in sampling periods; the stamps tell the truth."""
+    """Standard deviation of the sampling instants, in sampling periods; the stamps are true."""
     dropout: float = 0.0
     """Share of samples that are missing, lost in runs of about five."""
     seed: int = 0
@@ -74,10 +74,9 @@ class SyntheticLog:
     time: Array
     """Time stamps [s], shape (n,)."""
     channels: Array
-    """What the sensor read, shape (n, channels) (see `measure`)."""
+    """Readings, shape (n, channels) (see `measure`)."""
     true_motion: Array
-    """True roll [rad], rate [rad/s] and acceleration [rad/s^2], shape (n, 3); the last is 0 where no
-    sensor needs it."""
+    """True roll [rad], rate [rad/s] and acceleration [rad/s^2] (0 if no sensor needs it), shape (n, 3)."""
     releases: tuple[TrueRelease, ...]
 
     def to_roll(self, name: str = "synthetic") -> Roll:
@@ -100,7 +99,7 @@ class SyntheticLog:
         return math.hypot(sensor.noise, sensor.quantisation / math.sqrt(12))
 
     def truth(self) -> dict[str, Any]:
-        """Return everything that is true of the log, as JSON-ready data."""
+        """Return the truth of the log as JSON-ready data."""
         law, slides = self.law, self.options.dialect == "position"
         unit, position = (slide_unit, "position_m") if slides else (str, "angle_rad")
         parameters = {

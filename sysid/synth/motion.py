@@ -1,18 +1,21 @@
 """The true motion of a synthetic board: its own torque laws and its own event-driven integrator.
 
-The integrator shares nothing with the model that is fitted (no CasADi, no MuJoCo), and the laws of `TrueLaw` are
-written out here too: a test that recovers their truth compares two independent accounts of the same physics. An effect
-without a formula here acts by the catalogue's law; of it the integration alone is independent.
+The integrator shares nothing with the fitted model (no CasADi, no MuJoCo), and the laws of `TrueLaw` are written out again. A
+test that recovers their truth compares two independent accounts of the same physics. An effect without a formula here acts by
+the catalogue's law; then the integration alone is independent.
 
-Smooth stretches are integrated by DOP853. Wherever a law has a kink or a jump (dry friction that sticks
-or slips, a dead band, an end stop, a slider that yields) the integration stops at the very instant,
-changes its mode and goes on, so that friction sticks exactly and dissipates exactly. A hand's spline has knots;
-it stops at each of them, because a step of eighth order over a kink is off by far more than its tolerance.
+Smooth stretches are integrated by DOP853. The integration stops at each kink or jump of a law: friction that sticks or slips, a
+dead band, a stop, a slider that yields. Then it changes the mode and continues, so friction sticks and dissipates exactly. It
+also stops at the knots of a hand's spline, over which a step of eighth order would miss its tolerance.
 
 Equation of motion, with x = φ − s − rest and u = v − w:
-    I φ̈ = τ(x, u) − M sin φ − I' v²/2,    I₂ s̈ = −k₂ s − d₂ w − τ(x, u),    ż = u − z/T
-where s is the roll of a compliant support (0 without one) and z the stretch of a Maxwell arm; the internal states
-of the catalogue's laws follow.
+
+    I φ̈ = τ(x, u) − M sin φ − I' v²/2
+    I₂ s̈ = −k₂ s − d₂ w − τ(x, u)
+    ż = u − z/T
+
+Here s is the roll of a compliant support (0 without one) and z the stretch of a Maxwell arm. The internal states of the
+catalogue's laws follow.
 """
 
 import math
@@ -31,13 +34,11 @@ Array = npt.NDArray[np.float64]
 
 RTOL = 1e-8
 ATOL = 1e-10
-"""Tolerances of DOP853, relative and in rad; the motion is then right to about 1e-8 rad, a hundred-thousandth of sensor noise."""
+"""Tolerances of DOP853, relative and in rad: the motion is right to about 1e-8 rad, 1e-5 of a sensor's noise."""
 _LARGEST = 2 * math.pi
 """Roll beyond which a deck has turned over [rad]."""
-_PROBES = (0.2, 0.4, 0.6, 0.8, 1.0)
-"""Where in a step the guards are looked at, as fractions: a kink crossed twice within one step shows."""
 _MAX_STEPS = 20_000
-"""A few seconds of computing; boards need some hundred in one release, with hard stops some thousand."""
+"""A few seconds of computing: a release needs some hundred steps, with hard stops some thousand."""
 
 
 class Hand(Protocol):
@@ -45,7 +46,7 @@ class Hand(Protocol):
 
     @property
     def knots(self) -> Array:
-        """Where its acceleration is not smooth [s], shape (m,), ascending."""
+        """Times at which its acceleration is not smooth [s], shape (m,), ascending."""
         ...
 
     def acceleration(self, time: float) -> float:
@@ -55,14 +56,14 @@ class Hand(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """Everything that the motion starts from: state (φ, v, s, w, z, ...), shape (5 + n,), and modes."""
+    """Start of a motion: state (φ, v, s, w, z, ...), shape (5 + n,), and modes."""
 
     state: Array
     modes: Modes
 
     @classmethod
     def at_rest(cls, law: TrueLaw) -> "Condition":
-        """Return the condition of a deck that nobody has touched: no stretch in arm or slider."""
+        """Return the condition of an untouched deck: no stretch in arm or slider."""
         roll = law.equilibrium()
         support = -law.gravity * math.sin(roll) / law.support_stiffness if law.support_inertia else 0.0
         x = roll - support - law.rest
@@ -147,10 +148,7 @@ class _Motion:
             guards.append(("friction", lambda _, y: modes.friction * u(y)))
         elif self.locks():
             guards.append(
-                (
-                    "friction",
-                    lambda t, y: law.holding_friction(x(y)) - abs(self.accelerations(t, y, None)[2]),
-                )
+                ("friction", lambda t, y: law.holding_friction(x(y)) - abs(self.accelerations(t, y, None)[2]))
             )
         if law.slider_stiffness and modes.slider:
             guards.append(("slider", lambda _, y: modes.slider * u(y)))
@@ -167,7 +165,7 @@ class _Motion:
         return guards
 
     def switch(self, name: str, time: float, y: Array) -> Array:
-        """Change the mode whose guard gave way; return the state to go on from."""
+        """Change the mode of a guard that became negative; return the state from which to continue."""
         law, modes = self.law, self.modes
         x = float(y[0] - y[2]) - law.rest
         if name == "friction":
@@ -189,7 +187,7 @@ class _Motion:
         return y
 
     def begin(self, time: float, y: Array) -> None:
-        """Choose the friction mode that the state calls for."""
+        """Choose the friction mode of the state."""
         x, u = float(y[0] - y[2]) - self.law.rest, float(y[1] - y[3])
         if not self.locks():
             return
@@ -202,7 +200,7 @@ class _Motion:
             self.modes = replace(self.modes, friction=-int(math.copysign(1, needed)))
 
     def stands_still(self) -> bool:
-        """Whether the deck is stuck for good: nothing left that could move."""
+        """Whether the deck is stuck for good."""
         law = self.law
         free = self.hand is None and not law.arm_stiffness and not law.support_inertia and not law.laws
         return free and self.locks() and self.modes.friction == 0
@@ -210,7 +208,7 @@ class _Motion:
 
 @contextmanager
 def _followed() -> Generator[None]:
-    """Turn what numbers outside the range of floats raise into an error for people."""
+    """Turn arithmetic errors into an error for people."""
     try:
         with np.errstate(all="ignore"):
             yield
@@ -223,23 +221,15 @@ def _followed() -> Generator[None]:
 
 @_followed()
 def simulate(
-    law: TrueLaw,
-    start: Condition,
-    begin: float,
-    end: float,
-    times: Array,
-    hand: Hand | None = None,
-    *,
-    accelerations: bool = False,
-    rtol: float = RTOL,
-    atol: float = ATOL,
-) -> tuple[Array, Condition]:
+    law: TrueLaw, start: Condition, begin: float, end: float, times: Array, hand: Hand | None = None, *,
+    accelerations: bool = False, rtol: float = RTOL, atol: float = ATOL,
+) -> tuple[Array, Condition]:  # fmt: skip
     """Integrate from `begin` to `end` [s] and sample at `times` [s], shape (n,), ascending, in between.
 
     Args:
         begin: Start [s].
         end: End [s].
-        times: Where to sample [s].
+        times: Sampling instants [s].
         hand: Leads the deck instead of letting it move freely.
         accelerations: Fill the third column of the samples; it is 0 otherwise.
 
@@ -304,7 +294,7 @@ def _sample(
 
 
 def _longest_step(law: TrueLaw) -> float:
-    """Return a step that no oscillation of the law fits into twice [s]."""
+    """Return the square root of inertia over stiffness, a sixth of the shortest period [s]."""
     inertia = min(law.inertia, law.support_inertia or law.inertia)
     stiffness = law.stiffness + law.slider_stiffness + law.arm_stiffness
     stiffness += law.support_stiffness + (law.stop_stiffness if math.isfinite(law.stop_angle) else 0.0)
@@ -316,13 +306,11 @@ def _longest_step(law: TrueLaw) -> float:
 
 
 def _first_event(
-    guards: list[tuple[str, Callable[[float, Array], float]]],
-    path: Callable[[Array | float], Array],
-    begin: float,
-    end: float,
-) -> tuple[str, float] | None:
-    """Return name and time of the first guard that gives way between `begin` and `end`."""
-    probes = [begin, *(begin + f * (end - begin) for f in _PROBES[:-1]), end]
+    guards: list[tuple[str, Callable[[float, Array], float]]], path: Callable[[Array | float], Array],
+    begin: float, end: float,
+) -> tuple[str, float] | None:  # fmt: skip
+    """Return name and time of the first guard that becomes negative between `begin` and `end`."""
+    probes = np.linspace(begin, end, 6).tolist()  # a kink crossed twice within one step shows
     states = path(np.array(probes)).T
     first: tuple[str, float] | None = None
     for name, guard in guards:

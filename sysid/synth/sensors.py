@@ -1,4 +1,4 @@
-"""What a sensor makes of the true motion, and how loggers write it down."""
+"""The readings of a sensor, and the files of loggers."""
 
 import io
 import math
@@ -17,13 +17,13 @@ from sysid.files import write_atomically
 Array = npt.NDArray[np.float64]
 
 Dialect = Literal["angle", "angle-deg", "position", "gyro", "imu", "phyphox", "sensor-logger"]
-"""How the log is written: an angle in rad or in degrees, a slide's position, a roll rate alone, six IMU channels in one CSV,
-the same as phyphox or as Sensor Logger exports them."""
+"""Channels and format of a log: an angle in rad or in degrees, a slide's position, a roll rate, or six IMU channels. These are in
+a CSV, a phyphox or a Sensor Logger export."""
 ANGLES: tuple[Dialect, ...] = ("angle", "angle-deg", "position")
-"""Those that hold where the joint is."""
+"""Dialects with the position of the joint."""
 DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
 GRAVITY = 9.80665
-"""[m/s²], the standard value: as an accelerometer's maker takes it."""
+"""Standard gravity [m/s²], the unit g of accelerometers."""
 _EPOCH_NS = 1_780_000_000_000_000_000
 """Sensor Logger stamps samples with nanoseconds since 1970."""
 
@@ -37,7 +37,7 @@ class Sensor:
     quantisation: float = 0.0
     """Step of an angle sensor [rad]."""
     lever_arm: tuple[float, float, float] = (0.1, 0.03, 0.05)
-    """Where an IMU sits on the deck, from the tilt axis: forward, left, up [m]."""
+    """Place of an IMU on the deck, from the tilt axis: forward, left, up [m]."""
     gyro_bias: float = 0.01
     """Offset of the roll rate of an IMU [rad/s]; the other two axes get fractions of it."""
     gyro_noise: float = 0.003
@@ -62,8 +62,8 @@ def measure(time: Array, motion: Array, sensor: Sensor, dialect: Dialect, rng: n
         motion: True roll, rate and acceleration, shape (n, 3).
 
     Returns:
-        Angle [rad] or position [m], shape (n, 1), for a dialect of `ANGLES`; roll rate [rad/s], shape (n, 1), for 'gyro'; else
-        accelerations x, y, z [m/s^2] and rates x, y, z [rad/s], shape (n, 6).
+        Angle [rad] or position [m] for a dialect of `ANGLES`, roll rate [rad/s] for 'gyro', shape (n, 1). Else accelerations
+        x, y, z [m/s^2] and rates x, y, z [rad/s], shape (n, 6).
     """
     roll, rate, acceleration = motion.T
     if dialect in ANGLES:
@@ -88,7 +88,7 @@ def measure(time: Array, motion: Array, sensor: Sensor, dialect: Dialect, rng: n
 
 
 def _specific_force(roll: Array, rate: Array, acceleration: Array, sensor: Sensor) -> Array:
-    """What an accelerometer on the deck feels [m/s^2], shape (n, 3): gravity, tangential, centripetal."""
+    """Return the specific force on the deck [m/s^2], shape (n, 3): gravity, tangential, centripetal."""
     _, left, up = sensor.lever_arm
     y = GRAVITY * np.sin(roll) - acceleration * up - rate**2 * left
     z = GRAVITY * np.cos(roll) + acceleration * left - rate**2 * up
@@ -97,7 +97,7 @@ def _specific_force(roll: Array, rate: Array, acceleration: Array, sensor: Senso
 
 
 def lowpass(time: Array, signal: Array, slope: Array, time_constant: float) -> Array:
-    """Return the output of τ ẏ = x − y, starting settled; exact for x cubic between samples; τ = 0 returns x.
+    """Return the output of τ ẏ = x − y, settled at the start; exact for x cubic between samples.
 
     Times [s], input x in any unit and its derivative are of shape (n,).
     """
@@ -124,8 +124,8 @@ def write_log(path: Path, time: Array, channels: Array, dialect: Dialect) -> Non
     """Write a log as the named logger would.
 
     Args:
-        time: As stamped by the logger [s], shape (n,).
-        channels: What `measure` gives for the dialect [rad, rad/s, m/s^2], shape (n, 1) or (n, 6).
+        time: Stamps of the logger [s], shape (n,).
+        channels: The result of `measure` [rad, rad/s, m/s^2], shape (n, 1) or (n, 6).
 
     Raises:
         SysidError: The file name does not go with the dialect, or cannot be written.

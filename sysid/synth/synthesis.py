@@ -1,7 +1,7 @@
 """Synthetic logs with a known truth, independent of the model that is fitted.
 
-`synthesise` moves a board as a person would record it (rest, pushed over, held, let go, again), with any
-effects of the catalogue in its true law, and passes the motion through a sensor.
+`synthesise` moves a board as in a recording: rest, push, hold, release, and again. Its true law may hold any effects of the
+catalogue. A sensor then reads the motion.
 """
 
 import math
@@ -23,17 +23,16 @@ from sysid.synth.sensors import ANGLES, measure
 Array = npt.NDArray[np.float64]
 
 MOST_SAMPLES = 2e7
-"""[samples] Five and a half hours at 1 kHz."""
+"""Largest log [samples]: five and a half hours at 1 kHz."""
 
 
 def synthesise(
     board: Board, effects: Mapping[str, Sequence[float]] | None = None, options: SynthOptions | None = None
 ) -> SyntheticLog:
-    """Record a board that behaves by its record and by `effects`, which add to the record's own.
+    """Make a log of a board with the effects of its record and further ones.
 
     Args:
-        effects: Name and parameters, in the order of the catalogue; an effect that the record has too is
-            replaced by the one given here.
+        effects: Name and parameters, in the order of the catalogue; they replace the record's of the same name.
 
     Raises:
         SysidError: An effect or an option is out of range.
@@ -179,7 +178,7 @@ def _move(
 
 
 def _led(law: TrueLaw, condition: Condition, hand: HandMotion) -> Condition:
-    """Return the condition at the release; what remembers the hand's way is integrated along it."""
+    """Return the condition at the release; effects with memory are integrated along the hand's way."""
     if law.has_memory:
         _, condition = simulate(law, condition, hand.begin, hand.end, np.empty(0), hand)
     roll, rate, _ = hand.sample(np.array([hand.end]))[0].tolist()
@@ -220,5 +219,5 @@ def _stepped(
             raise SysidError(
                 f"with steps of {timestep:g} s the motion grows without bound; use a shorter one."
             )
-    last = np.array([path[-1, 0], path[-1, 1], 0.0, 0.0, 0.0])  # nothing that steps remembers
+    last = np.array([path[-1, 0], path[-1, 1], 0.0, 0.0, 0.0])  # steps have no memory
     return path[index], Condition(last, modes)

@@ -1,1 +1,1 @@
-"""Parts of `sysid.video_roll`: decoding, what is tracked, the camera, and the angle."""
+"""Parts of `sysid.video_roll`: decoding, trackers, the camera, and the angle."""

@@ -8,14 +8,11 @@ from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
 from sysid.video.film.reel import Reel
-from sysid.video.film.shake import still
 from sysid.video.film.track import Track
 from sysid.video.pose.pose import pose_between, turn_of
-from sysid.video.trackers._base import Follower
+from sysid.video.trackers._base import MIN_SEEN_SHARE, Follower
 from sysid.video.types import Points
 
-MIN_SEEN_SHARE = 0.6
-"""Share of the frames in which what is followed must be seen."""
 MAX_REPEATED = 0.1
 """Frames without a later stamp, as a share of the others, up to which a film's times are believed."""
 
@@ -58,12 +55,8 @@ def track_of(reel: Reel, frames: Sequence[tuple[int, float]], points: Points) ->
             f"{reel.clip.path}: {reel.repeated} frames carry no later time stamp than the one before: its times are not those of "
             "the board. Give the film as the camera wrote it, or its frame rate with --rate."
         )
-    matrix = reel.lens.matrix
-    turn = _turn(points, matrix[0, 0])
-    if reel.options.no_shake:
-        shake = still(len(turn), float(matrix[0, 0]), complex(*matrix[:2, 2]), found=True)
-    else:
-        shake = reel.background.shake(reel.skipped, turn)
+    turn = _turn(points, reel.lens.matrix[0, 0])
+    shake = reel.background.shake(reel.skipped, turn)
     index, time = np.array([number for number, _ in frames], np.intp), np.array([at for _, at in frames])
     return Track(time, points, shake, index, reel.repeated)
 

@@ -1,4 +1,4 @@
-"""What people are told of a film: what was inferred, and what is wrong with it."""
+"""Words for people about a film: inferences and faults."""
 
 from collections.abc import Iterator
 
@@ -15,8 +15,8 @@ from sysid.video.trackers._base import Target, rests_at
 
 SHUTTER_SEEN = 0.5
 """A read-out counts as seen in the film if that leaves less than this share of its uncertainty."""
-STILL_CAMERA = 0.15
-"""Scatter of the board's middle at the end of a film up to which nothing shakes [px]."""
+MAX_SCALE_STD = 0.1
+"""Standard deviation of the scale of an angle above which it is unknown [1]: a fifth at 95 %, no longer small beside 1."""
 MAX_OFF_LEVEL = np.radians(5.0)
 """A board that ends a film further from level is doubted to rest there [rad]: board and camera are level to a degree or two."""
 OLD_CODECS = frozenset(
@@ -34,7 +34,7 @@ def inferred(
     found: AngleTrack,
     options: VideoOptions,
 ) -> Iterator[str]:
-    """Yield what was inferred; `before` is what was known of the camera beforehand."""
+    """Yield the inferences; `before` is the prior knowledge of the camera."""
     intervals = np.diff(track.time)
     spread = float(np.std(intervals) / np.mean(intervals))
     stamps = "the given rate" if options.rate is not None else "the container's stamps"
@@ -44,7 +44,7 @@ def inferred(
     )
     if track.index[0] > 0:
         yield (
-            f"film: its first {track.index[0]} frames, in which nothing moves, are left out; times are the film's own, from "
+            f"film: its first {track.index[0]} frames show no motion and are left out; times are the film's own, from "
             f"{track.time[0]:.4g} s on"
         )
     if clip.slowed > 1 and options.rate is None:
@@ -65,8 +65,10 @@ def inferred(
             f"axis: {yaw:+.1f}° to the right of and {pitch:+.1f}° below the line of sight "
             f"(± {2 * np.degrees(camera.std[:2].max()):.1f}°), from {target.direction_from}"
         )
-    if track.shake.found and track.shake.significant:
+    if track.shake.moves:
         yield f"shake: {np.degrees(track.shake.size):.2g}° of the camera's, taken out by the background"
+    elif not track.shake.found:
+        yield "camera: taken to stand still, as nothing of the background can be followed"
     if not before.std[READOUT]:
         source = "given" if options.readout is not None else "the phone notes in the file"
         yield f"read-out: {camera.readout * 1e3:.3g} ms, as {source}"
@@ -79,7 +81,7 @@ def inferred(
 
 
 def _level_std(track: Track, lens: Lens, camera: CameraState) -> float:
-    """Return how well it is known what is level where the body is in the picture [rad].
+    """Return the standard deviation of level at the body's place in the picture [rad].
 
     Above and below the picture's middle, a camera that looks aside of the axis sees level lines at a slope.
     """
@@ -91,17 +93,13 @@ def _level_std(track: Track, lens: Lens, camera: CameraState) -> float:
     return float(np.sqrt(change @ camera.covariance @ change))
 
 
-def _stands_still(track: Track) -> bool:
-    """Return whether the board itself stands still in the picture at the end of the film, and so does the camera."""
-    end = track.points[-max(10, len(track.points) // 10) :].astype(np.float64)
-    seen = end[:, np.isfinite(end).all(axis=(0, 2))]
-    return seen.size > 0 and float(np.std(seen.mean(axis=1), axis=0).max()) < STILL_CAMERA
-
-
 def faults(clip: Clip, target: Target, track: Track, found: AngleTrack) -> Iterator[str]:
-    """Yield what is wrong with a film."""
-    if not track.shake.found and not _stands_still(track):
-        yield "too little background to see whether the camera shakes; use a tripod (and say --no-shake)"
+    """Yield the faults of a film."""
+    if found.scale_std > MAX_SCALE_STD:
+        yield (
+            f"the scale of the angle is unknown: ± {200 * found.scale_std:.0f} %. Period and damping ratio still hold. "
+            "Give the pivot with --pivot, film a wider swing, or use a marker or two stickers"
+        )
     if track.repeated:
         yield f"{track.repeated} frames without a later time stamp than the one before are left out"
     if found.outliers:
@@ -115,6 +113,6 @@ def faults(clip: Clip, target: Target, track: Track, found: AngleTrack) -> Itera
     yield from target.warnings
     if clip.codec in OLD_CODECS:
         yield (
-            f"compressed as {clip.codec}, an old way that leaves out more small motion than the deviations hold: k may be "
-            "off by 5 %; give the film as the camera wrote it (H.264, HEVC)"
+            f"compressed as {clip.codec}, which drops small motion beyond the stated deviations. k may be "
+            "off by 5 %. Give the film as the camera wrote it (H.264, HEVC)"
         )

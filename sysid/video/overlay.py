@@ -1,4 +1,4 @@
-"""An annotated clip and a contact sheet, so that a person sees what was followed."""
+"""An annotated clip and a contact sheet: they show people the points that were followed."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -13,15 +13,15 @@ from sysid.video.film.frames import Clip
 from sysid.video.film.track import Track
 from sysid.video.types import Picture, Rows
 
-SEEN_COLOUR = (0, 159, 230)
-"""Orange, in OpenCV's order: measurements have it everywhere."""
-LOST_COLOUR = (60, 60, 255)
-"""Red, likewise: what is not seen in this frame."""
+Colour = tuple[int, ...]
+"""In OpenCV's order: blue, green, red."""
+SEEN_COLOUR, LOST_COLOUR = (tuple(bytes.fromhex(one)) for one in ("009fe6", "3c3cff"))
+"""Orange, as all measurements, and red for points not seen in this frame."""
+SHEET_CELLS = 12
+"""Frames on the contact sheet."""
 OVERLAY_WIDTH = 960
 """Width of the annotated clip [px], unless the film is smaller."""
 CODECS = {".mp4": "mp4v", ".mov": "mp4v", ".avi": "MJPG", ".mkv": "mp4v"}
-SHEET_GRID = (4, 3)
-"""Columns and rows of the contact sheet."""
 
 
 def draw_overlay(
@@ -37,7 +37,7 @@ def draw_overlay(
 
     Args:
         clip: The film.
-        track: What was followed in it.
+        track: The points that were followed in it.
         roll: The roll made from it.
         rows: Row of `track` that each sample of `roll` is from, shape (m,).
         path: The clip to write (.mp4, .mov, .mkv or .avi).
@@ -54,9 +54,7 @@ def draw_overlay(
     size = (2 * round(clip.width * scale / 2), 2 * round(clip.height * scale / 2))
     sample = {int(row): number for number, row in enumerate(rows)}
     frames = {int(index): row for row, index in enumerate(track.index)}
-    chosen = {
-        int(index) for index in np.linspace(0, len(track.index) - 1, SHEET_GRID[0] * SHEET_GRID[1]).round()
-    }
+    chosen = {int(index) for index in np.linspace(0, len(track.index) - 1, SHEET_CELLS).round()}
     sheet: list[Picture] = []
     shift = float(np.median(roll.time - track.time[rows]))
     with atomic_path(path) as temporary:
@@ -110,7 +108,7 @@ def _annotate(
     _text(picture, f"{roll.time[number]:7.3f} s   roll {angle:+7.2f} +- {2 * deviation:.2f} deg", SEEN_COLOUR)
 
 
-def _text(picture: Picture, text: str, colour: tuple[int, int, int]) -> None:
+def _text(picture: Picture, text: str, colour: Colour) -> None:
     strip = picture[:40]
     strip[:] = (strip * 0.35).astype(np.uint8)
     size = 0.5 + picture.shape[1] / 2400
@@ -118,7 +116,7 @@ def _text(picture: Picture, text: str, colour: tuple[int, int, int]) -> None:
 
 
 def _write_sheet(pictures: list[Picture], path: Path) -> None:
-    columns, rows = SHEET_GRID
+    columns, rows = 4, SHEET_CELLS // 4
     blank = np.zeros_like(pictures[0])
     cells = [*pictures, *[blank] * (columns * rows)][: columns * rows]
     sheet = np.vstack([np.hstack(cells[row * columns : (row + 1) * columns]) for row in range(rows)])

@@ -1,4 +1,4 @@
-"""The first frame of a film with what will be followed, in which the region of the board can be drawn."""
+"""The first frame of a film with the points to be followed, in which the region of the board can be drawn."""
 
 import base64
 import html
@@ -15,11 +15,11 @@ from sysid.video.film.survey import MIN_REGION
 from sysid.video.overlay import SEEN_COLOUR
 from sysid.video.select import find_targets
 
-REGION_COLOUR = (180, 119, 31)
+REGION_COLOUR = tuple(bytes.fromhex("b4771f"))
 """Blue, in OpenCV's order: where something moves."""
 PAGE = """<!doctype html><meta charset="utf-8"><title>{name}</title>
 <style>body{{font:16px sans-serif;margin:1em}} canvas{{max-width:100%;cursor:crosshair}} code{{background:#eee;padding:.3em}}</style>
-<p>{what}. Blue: where something moves; orange: what is followed. Wrong? Draw the region of the board with the mouse.</p>
+<p>{what}. Blue: motion; orange: the points to be followed. Wrong? Draw the region with the mouse.</p>
 <p><code id="command">{command}</code></p><canvas id="picture" width="{width}" height="{height}"></canvas>
 <script>
 const canvas = document.getElementById("picture"), pen = canvas.getContext("2d"), image = new Image();
@@ -49,15 +49,15 @@ canvas.onpointerup = event => {{ draw(event); start = null; }};
 
 
 def write_preview(reel: Reel, command: str, path: Path) -> str:
-    """Write a page (.html) and a picture (.png beside it) of what will be followed.
+    """Write a page (.html) and a picture (.png beside it) of the points to be followed.
 
     Args:
         reel: The film.
-        command: What the user typed, to which the page adds the region that is drawn.
+        command: The user's command, to which the page adds the region that is drawn.
         path: The page.
 
     Returns:
-        What will be followed, for people; or why nothing would be.
+        A description of the targets, or the reason for their absence.
     """
     picture = next(reel.clip.frames()).colour
     width = max(1, reel.clip.width // 500)

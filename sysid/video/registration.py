@@ -1,11 +1,10 @@
 """Registration of the whole body: every pixel that turns with the board tells its turn, not a few points alone.
 
-What was followed says roughly how the board moved, and from where the camera looks: as a slanted view shears what turns, all
-pictures are first made those of a camera along the axis. Pictures from all over the film, turned back by that, agree where
-there is board and differ where there is none: their mean is what the board looks like, with little noise, and where they
-agree is the board. Each picture of the film is then laid onto that mean by least squares of the brightness, for six
-numbers of an affine motion (Lucas and Kanade, 1981; the gradients are the mean's own, as Baker and Matthews, 2004) and six of
-the light, with weights that ignore hands and shine. Four points of the board at these places stand for it from then on.
+Followed points give the rough motion and the direction of the camera. A slanted view shears a body that turns, so all pictures
+are first made those of a camera along the axis. Pictures from all over the film, turned back, agree where the board is: their mean
+is its picture, with little noise. Each frame is then laid onto that mean by least squares of the brightness (Lucas and Kanade, 1981; Baker and Matthews, 2004).
+Six numbers describe an affine motion and six the light. The weights
+ignore hands and shine. Four points of the board at these places stand for it from then on.
 """
 
 from collections.abc import Sequence
@@ -40,7 +39,7 @@ MAX_PICTURES = 24
 MIDDLE_GREY = np.float32(128.0)
 """About which brightness is squared, so that single precision does [grey levels]."""
 MAX_ROUNDS, CONVERGED = 5, 0.02
-"""Rounds at most, and by how little the points move in the last one [px]: each takes away most of what is left."""
+"""Most rounds, and the motion of the points below which they end [px]: each round removes most of the error."""
 MAX_CORRECTION = 4.0
 """A picture in which the points end further from where they were followed is not believed [px]."""
 MIN_TRUST = 0.35
@@ -52,7 +51,7 @@ NOT_MADE_OUT = np.full((4, 2), np.nan, np.float32)
 
 @dataclass(frozen=True, slots=True)
 class BodyPicture:
-    """What the board looks like to a camera along the axis, at the attitude of a home picture."""
+    """The board to a camera along the axis, at the attitude of a home picture."""
 
     box: Box
     """Part of the film in which it moves [px]."""
@@ -76,8 +75,8 @@ class BodyPicture:
 
         Args:
             frame: The frame.
-            points: Where it shows what was followed [px], shape (N, 2).
-            before: Where an earlier frame shows the corners [px], shape (4, 2): what was followed may be lost in this one.
+            points: The followed points in it [px], shape (N, 2).
+            before: The corners in an earlier frame [px], shape (4, 2), for frames without the points.
         """
         rough = pose_between(self.home, project(self.upright, points.astype(np.float64)))
         if rough is None and before is not None:
@@ -114,7 +113,7 @@ def picture_of_body(frames: Sequence[Frame], box: Box, track: Track, upright: Ar
     rows = rows[np.isfinite(track.points[rows]).all(axis=2).sum(axis=1) >= 2]
     if len(rows) < MIN_PICTURES:
         return None
-    # The upright picture begins where the box does, and is as small as what is looked at.
+    # The upright picture begins at the corner of the box, and is halved like the film's.
     left, top, right, bottom = box
     ends = project(upright, np.array([[left, top], [right, top], [right, bottom], [left, bottom]]))
     times = halved(np.zeros((bottom - top, right - left), np.uint8), MAX_SIDE)[1]
@@ -165,7 +164,7 @@ def _board_in(mean: Image, agree: Mask) -> tuple[Array, Image, Array, float, Ima
 def _mean_and_spread(
     seen: Sequence[tuple[Image, Array, Array]], size: tuple[int, int], *, back: bool = True
 ) -> tuple[Image, Image]:
-    """Return the mean of pictures, by what map they show an upright one and with what pose, and their smoothed spread.
+    """Return the mean of pictures and their smoothed spread. Each comes with its map from the upright picture and its pose.
 
     They are turned back by their poses, or left as they were filmed.
     """
@@ -187,8 +186,8 @@ def lay_onto(body: BodyPicture, picture: Image, inward: Array, rough: Array) -> 
 
     Args:
         body: The board.
-        picture: What is seen [grey levels], shape (h, w).
-        inward: Where it shows places along the axis, shape (3, 3).
+        picture: The picture [grey levels], shape (h, w).
+        inward: Map to it of places along the axis, shape (3, 3).
         rough: The pose roughly, of places along the axis [px], shape (3, 3).
     """
     pose, middle = rough, body.corners.mean(axis=0)

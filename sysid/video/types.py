@@ -8,7 +8,7 @@ Complex = npt.NDArray[np.complex128]
 Picture = npt.NDArray[np.uint8]
 """A picture: brightness, shape (height, width), or colour as OpenCV holds it, (height, width, 3) in the order blue, green, red."""
 Image = npt.NDArray[np.float32]
-"""Brightness, or what is made of it, pixel by pixel, shape (height, width) or with more axes behind."""
+"""Brightness or a function of it, pixel by pixel, shape (height, width) or with more axes behind."""
 Points = npt.NDArray[np.float32]
 """Points in pictures [px], shape (..., 2): half the memory of double precision."""
 Mask = npt.NDArray[np.bool_]

@@ -1,6 +1,8 @@
 """The command line as a whole: every command is there, usage errors exit with 2, failures with 1."""
 
+import contextlib
 import importlib
+import io
 import os
 import re
 import shlex
@@ -11,7 +13,7 @@ from pathlib import Path
 import pytest
 from command_line import husky
 
-from sysid.cli import COMMANDS, EXIT_CODES, build_app
+from sysid.cli import ALIASES, COMMANDS, EXIT_CODES, build_app, overview
 from sysid.cli.console import Common, Printer
 
 HEAVY = {
@@ -38,11 +40,62 @@ def heavy_modules_after(statement):
     return HEAVY & set(result.stdout.split())
 
 
-def test_help_names_every_command_and_the_exit_codes():
-    result = subprocess.run([sys.executable, "-m", "sysid.cli", "--help"], capture_output=True, text=True)
-    assert result.returncode == 0
-    assert set(COMMANDS) <= set(result.stdout.split())
-    assert EXIT_CODES.split(";")[0] in result.stdout
+def test_the_first_screen_is_the_loop_and_then_at_most_twenty_commands():
+    for words in ([], ["--help"], ["-h"]):
+        done = subprocess.run([sys.executable, "-m", "sysid.cli", *words], capture_output=True, text=True)
+        assert done.returncode == 0
+        assert done.stdout == overview(everything=False) + "\n"
+    lines = overview(everything=False).splitlines()
+    commands = [line.split()[0] for line in lines if line.startswith("  ")]
+    assert commands[:5] == ["decay", "compare", "diagnose", "fit", "check"]
+    assert len(commands) <= 20
+    assert lines.index("Joints") < lines.index("Policies")
+    assert max(map(len, lines)) <= 100
+    assert EXIT_CODES in lines
+
+
+def test_help_all_names_every_command():
+    done = subprocess.run([sys.executable, "-m", "sysid.cli", "--help-all"], capture_output=True, text=True)
+    assert set(COMMANDS) <= set(done.stdout.split())
+    assert not set(ALIASES) & set(done.stdout.split())
+
+
+def test_the_overview_needs_no_package():
+    """It answers at once: what formats a command's help takes longer to import than the rest."""
+    code = (
+        "import sysid.cli, sys; sys.argv = ['husky-sysid', '--help']\nsysid.cli.main()\nprint(*sys.modules)"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert not {"cyclopts", "rich", "numpy"} & set(result.stdout.split())
+
+
+def options(text):
+    """Return the options that a help lists."""
+    return set(re.findall(r"^│ +[* ]*(?:[A-Z]+ +)?(--[a-z-]+)", text, re.M))
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_shows_fifteen_options_and_all_on_demand(name):
+    first = options(husky(name, "--help").stdout)
+    assert len(first) <= 15
+    if not COMMANDS[name].has_parts:
+        assert "--json" in first
+    every = options(help_all(name))
+    assert first <= every
+    assert first >= set(COMMANDS[name].first) & every
+
+
+def help_all(name):
+    app = build_app(everything=True)
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        app([name, "--help"], result_action="return_value", exit_on_error=False)
+    return printed.getvalue()
+
+
+def test_names_of_before_still_work():
+    for old, new in ALIASES.items():
+        assert options(husky(old, "--help").stdout) == options(husky(new, "--help").stdout) != set()
 
 
 def test_help_imports_nothing_heavy():
@@ -69,7 +122,8 @@ def test_command_modules_import_nothing_heavy():
     """All in one process, one after the other: whichever is the first to import something heavy is named."""
     code = "import importlib, sys\nfor name in sys.argv[1:]:\n before = set(sys.modules)\n"
     code += " importlib.import_module(f'sysid.cli.{name}')\n print(name, *set(sys.modules) - before)"
-    names = [*(name for name in COMMANDS if name != "train"), "train"]
+    modules = {(command.module or name).split(":")[0] for name, command in COMMANDS.items()}
+    names = [*sorted(modules - {"train"}), "train"]
     done = subprocess.run([sys.executable, "-c", code, *names], capture_output=True, text=True, check=True)
     heavy = {
         name: HEAVY & set(modules) - {"numpy"} for name, *modules in map(str.split, done.stdout.splitlines())
@@ -88,6 +142,7 @@ def test_every_command_file_is_listed():
         "__main__",
         "bars",
         "console",
+        "first_screen",
         "fit_intervals",
         "log_options",
         "parameter_options",
@@ -95,7 +150,7 @@ def test_every_command_file_is_listed():
         "streams",
         "subject",
     }
-    assert files - shared == set(COMMANDS)
+    assert files - shared == {(command.module or name).split(":")[0] for name, command in COMMANDS.items()}
 
 
 def test_the_shell_completes_commands_and_options(tmp_path):
@@ -135,7 +190,7 @@ def test_examples_of_the_help_are_commands(name):
 
 
 def test_options_stand_in_their_groups():
-    help_text = husky("fit", "--help").stdout
+    help_text = help_all("fit")
     titles = ("─ Joint ─", "─ Log ─", "─ Film ─", "─ Fit ─", "─ Output ─")
     places = [help_text.index(title) for title in titles]
     assert places == sorted(places)

@@ -35,7 +35,7 @@ def test_record_gets_values_provenance_and_a_line_of_history(tmp_path):
     assert abs(torque.value - 0.15) < 3 * torque.std
     assert board.fit["logs"][0]["sha256"] == sha256(LOG)
     assert board.fit["rmse"] < 1.1 * board.fit["noise_floor"]
-    assert board.check == {}
+    assert board.last_check == {}
     (line,) = board.history
     assert line["effects"] == ["coulomb"]
     assert line["rmse_before"] > 2 * line["rmse"]
@@ -62,7 +62,7 @@ def test_a_law_that_is_not_that_of_the_log_is_said(tmp_path, capsys):
         )
         printed = capsys.readouterr()
         assert ("a compromise" in printed.err) == said
-        assert ("to learn what is missing: husky-sysid diagnose" in printed.out) == said
+        assert ("next: learn what is missing: husky-sysid diagnose" in printed.out) == said
         assert (
             any("a compromise" in warning for warning in json.loads(json_file.read_text())["warnings"])
             == said

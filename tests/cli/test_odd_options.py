@@ -9,8 +9,10 @@ import pytest
 from command_line import husky as in_process
 
 from sysid.cli import build_app
+from sysid.cli.console import Common, Printer
 from sysid.cli.log_options import LogArguments, VideoArguments, unused_options
-from sysid.errors import SysidError
+from sysid.effects import effect
+from sysid.errors import SysidError, install_extra
 from sysid.files import require_writable
 from sysid.workspace import shipped_data
 
@@ -161,3 +163,55 @@ def test_a_folder_that_will_be_made_can_be_written(tmp_path):
     require_writable(tmp_path / "to" / "be" / "made" / "x.json")
     assert not (tmp_path / "to").exists()
     require_writable(Path(os.devnull))
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [("friction", "'coulomb'"), ("drag", "'quadratic-damping'"), ("backlash", "'freeplay'"), ("rubber", "'viscoelastic'"),
+     ("Dry_Friction", "'coulomb'"), ("columb", "'coulomb'")],
+)  # fmt: skip
+def test_an_effect_is_found_by_the_words_that_people_use(word, meant):
+    with pytest.raises(SysidError, match=f"Did you mean .*{meant}"):
+        effect(word)
+
+
+def test_an_effect_that_is_shown_writes_no_picture_unless_one_is_named(tmp_path):
+    assert in_process("effects", "coulomb", cwd=tmp_path).returncode == 0
+    assert list(tmp_path.iterdir()) == []
+    assert in_process("effects", "coulomb", "-o", "friction.png", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "friction.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_tables_in_a_pipe_are_as_wide_as_columns_says(monkeypatch, capsys):
+    for width in (60, 120):
+        monkeypatch.setenv("COLUMNS", str(width))
+        Printer(Common()).table(("a", "b"), [("word " * 30, "word " * 30)])
+        lines = capsys.readouterr().out.splitlines()
+        assert max(map(len, lines)) <= width
+
+
+def test_the_advice_for_an_extra_fits_where_it_was_installed(tmp_path, monkeypatch):
+    root = Path(__file__).parents[2]
+    monkeypatch.chdir(root)
+    assert install_extra("train") == "pip install -e '.[train]'"
+    monkeypatch.chdir(tmp_path)
+    assert install_extra("train") == f"pip install -e '{root}[train]'"
+    monkeypatch.setattr("sysid.errors.__file__", str(tmp_path / "site-packages" / "sysid" / "errors.py"))
+    assert "WHEEL[train]" in install_extra("train")
+
+
+def test_logs_of_the_fit_are_the_default(tmp_path):
+    log = shipped_data() / "decays" / "pink.csv"
+    for name in ("check", "compare", "diagnose"):
+        refused = in_process(name, "--board", "pink", "--workspace", tmp_path)
+        assert refused.returncode == 1
+        assert "never fitted" in refused.stderr
+    assert in_process("fit", log, "--board", "pink", "--workspace", tmp_path).returncode == 0
+    for name, told in (
+        ("compare", "next: check it in MuJoCo: husky-sysid check"),
+        ("check", "next: ready to train: "),
+    ):
+        done = in_process(name, "--board", "pink", "--workspace", tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert "logs of the fit: " in done.stderr
+        assert told in done.stdout

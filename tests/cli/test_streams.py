@@ -87,7 +87,7 @@ def test_a_signal_ends_a_command_in_one_line_and_leaves_nothing(number, code, wa
     workspace, temporary = tmp_path / "workspace", tmp_path / "temporary"
     temporary.mkdir()
     listening = "from sysid.cli import main; main() if not print(flush=True) else None"
-    arguments = ("diagnose", LOG, "--board", "pink", "--workspace", workspace, "--workers", "1")
+    arguments = ("diagnose", LOG, "--board", "pink", "--workspace", workspace)
     process = subprocess.Popen(
         [sys.executable, "-c", listening, *map(str, arguments)],
         stdout=subprocess.PIPE,

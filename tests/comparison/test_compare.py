@@ -12,6 +12,7 @@ from sysid.board import load_board
 from sysid.cli.subject import Subject
 from sysid.comparison.compare import compare
 from sysid.comparison.force_surface import derivatives
+from sysid.errors import SysidError
 from sysid.fitting.joint import fit_joint
 from sysid.joint import JointLaw, simulate
 from sysid.logs import read_roll
@@ -53,7 +54,15 @@ def test_a_record_that_was_never_fitted_is_named(pink):
     releases = releases_of(JointLaw.from_board(pink))
     assert compare(releases, pink).warnings == ()
     bare = pink.with_tilt(stiffness=replace(pink.tilt["stiffness"], value=0.0))
-    assert "was it ever fitted?" in compare(releases, bare).warnings[0]
+    assert "friction alone" in compare(releases, bare).warnings[0]
+    never = bare.with_tilt(damping=replace(pink.tilt["damping"], value=0.0))
+    with pytest.raises(SysidError, match=r"never fitted\. Fit it first: husky-sysid fit LOG --board pink"):
+        compare(releases, never)
+    arm = replace(never, model={"file": "arm.xml", "joint": "elbow"})
+    with pytest.raises(
+        SysidError, match=r"nothing pulls the joint .elbow. back to rest in this pose.*--pose"
+    ):
+        compare(releases, arm)
 
 
 def test_the_missing_torque_is_found_where_it_acts(pink):

@@ -13,9 +13,8 @@ from scipy.special import stdtrit
 
 from sysid.board import Board
 from sysid.decay.linear_fit import decay_basis, fit_traces
-from sysid.decay.nonlinearity import find_nonlinearities
 from sysid.decay.numbers import decay_numbers, numbers_from_decrement
-from sysid.decay.peaks import Peak, find_peaks, fit_peak_line
+from sysid.decay.peaks import Peak, find_peaks
 from sysid.errors import SysidError
 from sysid.free_decay import decay_from_peaks, fit_decay, log_decrement_two_peaks
 from sysid.quantity import Quantity, t95
@@ -173,7 +172,8 @@ def test_estimate_and_covariance_are_those_of_ordinary_least_squares():
     variance = 2 * best.cost / (len(time) - 5)
     covariance = np.linalg.inv(best.jac.T @ best.jac) * variance
     assert (decay.trace.omega_n, decay.trace.damping_ratio) == pytest.approx(best.x[:2], rel=1e-6)
-    np.testing.assert_allclose(decay.trace.covariance, covariance[:2, :2], rtol=1e-3)
+    omega_n, zeta = decay.numbers.omega_n, decay.numbers.damping_ratio
+    np.testing.assert_allclose((omega_n.std, zeta.std), np.sqrt(np.diag(covariance)[:2]), rtol=1e-3)
     assert decay.trace.releases[0].level_std == pytest.approx(math.sqrt(covariance[4, 4]), rel=0.5)
 
 
@@ -200,18 +200,6 @@ def test_a_gyro_is_fitted_as_a_rate_with_its_bias():
     )
 
 
-def test_a_roll_made_from_a_gyro_is_asked_in_its_rate():
-    """Its error is the integral of the gyro's noise: 13 times the scatter from sample to sample, and no other law."""
-    recording = Recording.read(shipped_data() / "decays" / "pink_imu.csv")
-    decay = fit_decay(recording)
-    assert decay.trace.noise > 10 * decay.floor.std
-    assert decay.over_noise < 1.1
-    assert "✓ linear decay: the residual is" in decay.report()
-    rates = [r.rate + 0.02 * (r.roll - r.rest) ** 2 * 41**2 for r in recording.releases]
-    bent = [replace(r, rate=rate) for r, rate in zip(recording.releases, rates, strict=True)]
-    assert fit_decay(bent).over_noise > 3
-
-
 def test_peaks_are_timed_between_samples():
     release = clean_release(41.0, 0.1, sampling=300, noise=1e-6)
     half = math.pi / (41.0 * math.sqrt(1 - 0.01))
@@ -222,20 +210,6 @@ def test_peaks_are_timed_between_samples():
         assert peak.time == pytest.approx(peak.number * half, abs=0.06 / 300)
         assert peak.amplitude == pytest.approx(0.2 * math.exp(-0.1 * 41 * peak.number * half), rel=2e-3)
         assert (peak.roll > 0) == (peak.number % 2 == 0)
-
-
-def test_line_through_the_peaks_is_unbiased_and_its_interval_holds():
-    scores = []
-    for seed in range(80):
-        rng = np.random.default_rng(seed)
-        zeta = float(rng.choice([0.03, 0.1, 0.3]))
-        decay = fit_decay(
-            [clean_release(41.0, zeta, noise=float(rng.choice([5e-4, 3e-3])), seed=seed)], INERTIA
-        )
-        delta = 2 * math.pi * zeta / math.sqrt(1 - zeta**2)
-        scores.append((decay.line.log_decrement.value - delta) / decay.line.log_decrement.std)
-    assert abs(np.mean(scores)) < 0.35
-    assert 0.75 < np.std(scores) < 1.3
 
 
 def test_two_peaks():
@@ -277,39 +251,92 @@ def test_the_second_peak_of_a_skateboard_is_a_thin_thread():
     assert shift > 5 * decay.numbers.log_decrement.std
 
 
-def friction(torque):
-    """Dry friction's angle F/k, in a light decay."""
-    return lambda x, v: -(41**2) * (x + torque * math.tanh(v / 0.01)) - 2 * 0.04 * 41 * v
-
-
 LAWS = {
-    "bends down": (friction(0.01), 0.25),
-    "bends up": (lambda x, v: -(41**2) * x - 2 * 0.01 * 41 * v - 1.2 * v * abs(v), 0.3),
-    "longer": (lambda x, v: -(41**2) * math.sin(x) - 2 * 0.02 * 41 * v, 0.9),
-    "shorter": (lambda x, v: -(41**2) * (x + 3 * x**3) - 2 * 0.02 * 41 * v, 0.3),
+    "dry friction": (lambda x, v: -(41**2) * (x + 0.01 * math.tanh(v / 0.01)) - 2 * 0.04 * 41 * v, 0.25),
+    "drag": (lambda x, v: -(41**2) * x - 2 * 0.01 * 41 * v - 1.2 * v * abs(v), 0.3),
+    "hardening": (lambda x, v: -(41**2) * (x + 0.8 * x**3) - 2 * 0.02 * 41 * v, 0.3),
 }
 
 
-@pytest.mark.parametrize("word", LAWS)
-def test_what_a_wrong_model_shows_is_said_with_what_it_may_be_and_never_as_a_cause(word):
-    law, amplitude = LAWS[word]
+@pytest.mark.parametrize("name", LAWS)
+def test_a_second_law_is_named(name):
+    law, amplitude = LAWS[name]
     decay = decay_of(Recipe(law=law, amplitudes=(amplitude,), sampling=1000, free=2.5, noise=0.05 * DEGREE))
-    assert not decay.linear
-    text = " ".join(decay.warnings)
-    assert re.search(rf"{word}[^;]*, which may be .+ or .+", text)
-    assert "`diagnose` tells the causes apart" in text
-    assert "dry friction holds" not in text
+    assert decay.status == "not linear"
+    assert name == "hardening" or name in {one.name for one in decay.judgement.second_laws}
+    assert "husky-sysid diagnose" in decay.report()
 
 
-def test_of_another_law_no_longer_log_is_asked_for():
-    """A pendulum from 150°: ζ is 0.02 ± 0.09, of a line through what is none. More of it would not make it narrower."""
-    law = lambda x, v: -(14**2) * math.sin(x) - 2 * 0.01 * 14 * v  # noqa: E731
-    decay = decay_of(
-        Recipe(law=law, amplitudes=(2.6, -1.2, 0.6), sampling=500, free=4.0, noise=0.02 * DEGREE)
-    )
-    assert not decay.linear
-    assert decay.numbers.damping_ratio.ci95[0] < 0
-    assert not any("record longer" in warning for warning in decay.warnings)
+def test_a_pendulum_is_no_spring():
+    law = lambda x, v: -(14**2) * math.sin(x) - 2 * 0.02 * 14 * v  # noqa: E731
+    decay = decay_of(Recipe(law=law, amplitudes=(1.6, -1.2), sampling=500, free=8.0, noise=0.02 * DEGREE))
+    assert (decay.linear, decay.trace.law) == (True, "pendulum")
+    assert decay.numbers.omega_n.value == pytest.approx(14, rel=2e-3)
+    assert decay.numbers.damping_ratio.value == pytest.approx(0.02, rel=0.02)
+    assert "sin φ" in decay.report()
+
+
+def test_one_swing_does_not_tell_damping_from_friction():
+    """The log could not have shown otherwise: no tick, whatever the residual."""
+    decay = fit_decay([clean_release(41.0, 0.02, duration=0.2, noise=1e-3)], INERTIA)
+    assert decay.status == "cannot tell"
+    assert "✓" not in decay.report()
+
+
+def test_a_coarse_silent_sensor_is_fitted_at_its_passages():
+    """Each sample of a step repeats the same error: fitted as they are, ζ is off by several intervals."""
+    scores = []
+    for seed in range(12):
+        start = 0.2 + 0.003 * seed
+        release = clean_release(4.0, 0.02, start=start, duration=30.0, sampling=400, noise=2e-4, seed=seed)
+        step = 0.014
+        decay = fit_decay([replace(release, roll=np.round(release.roll / step) * step)])
+        zeta = decay.numbers.damping_ratio
+        scores.append((zeta.value - 0.02) / zeta.std)
+    assert np.std(scores) < 1.6
+    assert np.abs(scores).max() < 4
+
+
+def test_a_joint_without_a_spring_has_damping_and_friction_alone():
+    rng, time = np.random.default_rng(1), np.arange(0, 6, 0.01)
+    speed = np.maximum((20 + 0.8 / 0.5) * np.exp(-0.5 * time) - 0.8 / 0.5, 0.0)
+    roll = np.cumsum(speed) * 0.01
+    release = Release(
+        log="spun", number=1, time=time, roll=roll, std=np.full(len(time), 1e-3), origin="gyro", zero="drifting", measured="rate",
+        rate=speed + rng.normal(0, 0.05, len(time)), rate_std=np.full(len(time), 0.05), rest=float(roll[-1]), hold=0.0,
+        end="rest",
+    )  # fmt: skip
+    decay = fit_decay([release], INERTIA)
+    damping, friction = decay.others["damping_over_inertia"], decay.others["friction_over_inertia"]
+    assert abs(damping.value - 0.5) < 4 * damping.std < 0.05
+    assert abs(friction.value - 0.8) < 4 * friction.std < 0.2
+    assert math.isnan(decay.numbers.stiffness.value)
+    assert "✓ no restoring torque" in decay.report()
+
+
+def test_swings_that_grow_are_refused():
+    time = np.arange(0, 20, 0.01)
+    roll = 0.02 * np.exp(0.1 * time) * np.cos(9 * time) + np.random.default_rng(0).normal(0, 1e-3, len(time))
+    release = clean_release(9.0, 0.1, hold=0.0)
+    with pytest.raises(SysidError, match="something drives the joint"):
+        fit_decay([replace(release, time=time, roll=roll, std=np.full(len(time), 1e-3))])
+
+
+@pytest.mark.parametrize("rate", [9, 20, 60])
+def test_the_residual_of_a_gyro_is_its_noise_at_any_rate(rate):
+    """At 9 samples a period high differences take motion for noise."""
+    ratios = []
+    for seed in range(6):
+        rng, time = np.random.default_rng(seed), np.arange(0, 3.0, 2 * math.pi / 15 / rate)
+        roll, speed = linear_decay(time, 15.0, 0.05, 0.2)
+        release = clean_release(15.0, 0.05, hold=0.0)
+        noisy = speed + rng.normal(0, 0.02, len(time))
+        release = replace(
+            release, time=time, roll=roll, std=np.full(len(time), 1e-3), rate=noisy, rate_std=np.full(len(time), 0.02),
+            measured="rate", zero="drifting",
+        )  # fmt: skip
+        ratios.append(fit_decay([release]).judgement.over_noise)
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_linear_decay_gets_no_warning():
@@ -337,13 +364,11 @@ def test_overdamped_has_k_and_d_but_no_decrement():
     assert content["log_decrement"]["value"] is None
     assert content["period_s"]["value"] is None
     assert content["stiffness"]["value"] is not None
-    assert "overdamped" in decay.warnings[0]
     assert decay.peaks == ((),)
-    assert decay.line is None
-    said = decay.report()
-    assert "nan" not in said
-    assert said.count("none: overdamped") == 3
-    assert "second one" not in said
+    rate = decay.others["stiffness_over_damping"]
+    assert abs(rate.value - 41 / 2.8) < 3 * rate.std
+    assert "nan" not in decay.report()
+    assert "log decrement" not in decay.report()
 
 
 def test_free_swings_against_a_stop_are_sent_to_the_diagnosis():
@@ -360,8 +385,9 @@ def test_free_swings_against_a_stop_are_sent_to_the_diagnosis():
     time = np.arange(len(rolls)) * 200 * step
     noise = np.random.default_rng(0).normal(0, 1e-4, len(rolls))
     stopped = replace(release, time=time, roll=np.array(rolls) + noise, std=np.full(len(rolls), 1e-4))
-    with pytest.raises(SysidError, match=r"explains only .* % .* a stop: `husky-sysid diagnose`"):
-        fit_decay([stopped], INERTIA)
+    decay = fit_decay([stopped], INERTIA)
+    assert decay.status == "not linear"
+    assert "husky-sysid diagnose" in decay.report()
 
 
 def test_noise_alone_is_refused():
@@ -384,14 +410,8 @@ def test_too_little_is_refused():
     with pytest.raises(SysidError, match=r"amplitude of .*° in noise of"):
         fit_decay([replace(faint, roll=faint.roll * 0 + 0.005)], INERTIA)
     short = clean_release(41.0, 0.5, duration=0.025, sampling=1000, noise=0.002)
-    with pytest.raises(SysidError, match="too short or too strongly damped"):
+    with pytest.raises(SysidError, match="too short to tell its frequency"):
         fit_decay([short], INERTIA)
-
-
-def test_less_than_a_cycle_is_said():
-    decay = fit_decay([clean_release(41.0, 0.1, duration=0.11, sampling=2000, noise=1e-4)], INERTIA)
-    assert any("of a period" in warning for warning in decay.warnings)
-    assert abs(decay.numbers.omega_n.value - 41) < 4 * decay.numbers.omega_n.std
 
 
 def test_saturated_samples_count_for_little(tmp_path):
@@ -514,27 +534,8 @@ def test_dry_friction_that_a_level_for_each_release_takes_up_is_not_approved(see
     assert decay.numbers.stiffness.value > 1.4 * INERTIA.value * 41.083**2
     assert decay.trace.noise < 1.2 * decay.floor.std
     assert not decay.linear
-    assert "come to rest 0." in decay.warnings[0]
-    assert "which may be dry friction" in decay.warnings[0]
-    assert "`diagnose` tells the causes apart" in decay.warnings[0]
-
-
-def test_a_sensor_that_drifts_is_no_friction():
-    recipe = Recipe(drift=0.002, amplitudes=(0.18, -0.16, 0.13, -0.11), sampling=500)
-    decay = decay_of(recipe)
-    assert decay.linear
-    assert "further the later, which may be angle sensor that drifts or" in decay.warnings[0]
-    assert abs(decay.numbers.omega_n.value - 41.083) < 3 * decay.numbers.omega_n.std
-
-
-def test_levels_within_the_noise_are_no_friction():
-    """200 logs of a linear decay: none is blamed for its rest levels."""
-    rng = np.random.default_rng(3)
-    for _ in range(200):
-        levels = rng.normal(0, 1e-4, 4)
-        releases = [clean_release(*PINK, start=0.1 * (-1) ** i, noise=0.0) for i in range(4)]
-        rests = [Quantity(level, 1e-4, "rad") for level in levels]
-        assert find_nonlinearities(releases, [[], [], [], []], 1e-4, rests) == []
+    assert "come to rest at" in decay.warnings[0]
+    assert "husky-sysid diagnose" in decay.report()
 
 
 def test_levels_are_known_no_better_than_a_zero_that_wanders():
@@ -560,17 +561,6 @@ def test_a_rest_is_known_where_a_sample_lasts_as_long_as_a_swing(sampling, seed,
     assert all(math.isfinite(release.rest) for release in find_releases(make_roll(recipe)))
 
 
-@pytest.mark.parametrize(("sampling", "said"), [(10, True), (100, False)])
-def test_few_samples_a_period_are_said_where_a_hand_passes_for_a_swing(sampling, said):
-    """At 10 Hz, the next hand was once taken for more of a decay at 3.1 Hz."""
-    one = clean_release(19.5, 0.04, start=0.24, duration=7.0, sampling=sampling)
-    both = np.concatenate((one.roll, np.full(2 * sampling, -0.2), -one.roll))
-    release = replace(one, time=np.arange(len(both)) / sampling, roll=both, std=np.full(len(both), 1e-3))
-    with pytest.raises(SysidError, match="explains only") as error:
-        fit_decay([release], INERTIA)
-    assert ("samples a period, too few" in str(error.value)) == said
-
-
 def with_misfit(seed, size):
     """Two releases with an error that follows the motion: five independent values in a period."""
     rng = np.random.default_rng(seed)
@@ -584,64 +574,22 @@ def with_misfit(seed, size):
 
 
 def test_intervals_grow_with_a_residual_beyond_the_noise_and_not_with_noise():
-    noise = [fit_decay(with_misfit(seed, 0.0), INERTIA).wider for seed in range(40)]
+    noise = [fit_decay(with_misfit(seed, 0.0), INERTIA).judgement.wider for seed in range(40)]
     assert sum(factor > 1.0 for factor in noise) <= 2
     for seed in (1, 4, 5):  # where the correlation of neighbours alone says too little
         decay = fit_decay(with_misfit(seed, 0.02), INERTIA)
         plain = fit_traces(with_misfit(seed, 0.02))
-        assert decay.wider > 1.1
+        assert decay.judgement.wider > 1.1
         growth = np.sqrt(np.diag(decay.trace.covariance) / np.diag(plain.covariance))
-        assert growth == pytest.approx(decay.wider, rel=0.3)
-        assert decay.numbers.omega_n.std == pytest.approx(math.sqrt(decay.trace.covariance[0, 0]))
+        assert growth == pytest.approx(decay.judgement.wider, rel=0.3)
         assert abs(decay.numbers.omega_n.value - 41.083) < 3 * decay.numbers.omega_n.std
 
 
-def test_an_interval_wider_than_the_value_is_no_tick():
-    """A column that hardly moves gave k = 7374 ± 16567 with a tick."""
-    decay = fit_decay(find_releases(make_roll(Recipe())), INERTIA)
-    assert decay.known
-    assert "✓" in decay.report()
-    vague = replace(decay.numbers, omega_n=Quantity(40.0, 15.0, "rad/s"))
-    untold = replace(decay, numbers=vague)
-    assert not untold.known
-    assert "✓" not in untold.report()
-
-
-def test_peaks_of_which_noise_leaves_one_each_make_no_line():
-    """As of a film that shows the middle of a swing only: its first half-cycles are not seen."""
-    groups = [
-        [Peak(n, 0.1 * n, 1e-3, a, a, 0.02) for n, a in peaks]
-        for peaks in (((3, 0.5), (4, 0.03)), ((3, 0.4), (5, 0.01)))
-    ]
-    assert fit_peak_line(groups, [0.0, 0.0]) is None
-    clear = [*groups, [Peak(n, 0.1 * n, 1e-3, a, a, 1e-3) for n, a in ((0, 0.5), (1, 0.1), (2, 0.02))]]
-    line = fit_peak_line(clear, [0.0, 0.0, 0.0])
-    assert line is not None
-    assert line.log_decrement.value == pytest.approx(2 * math.log(5), rel=0.01)
-    assert math.isnan(line.intercepts[0])
-
-
-def test_a_release_to_one_side_may_hide_dry_friction():
+def test_dry_friction_of_one_release_gets_no_tick():
     """Its rest aside passes for a zero of the sensor, and the rest of it for a stiffer spring."""
     hidden = shipped_data() / "decays" / "pink_hidden.csv"
-    one = fit_decay(Recording.read(hidden, stop=3.0), board=Board.load("pink"))
-    assert one.linear
-    assert one.numbers.stiffness.ci95[0] > 20
-    assert any("dry friction hides" in warning for warning in one.warnings)
+    assert not fit_decay(Recording.read(hidden, stop=3.0), board=Board.load("pink")).linear
     assert not fit_decay(Recording.read(hidden), board=Board.load("pink")).linear
-
-
-def test_a_slide_is_warned_of_in_metres():
-    """Friction on a rail: what a linear decay leaves is a length."""
-    from sysid.releases import find_releases
-
-    def law(position, speed):
-        return -1600 * position - 0.8 * speed - 4 * np.tanh(speed / 1e-4)
-
-    releases = find_releases(make_roll(Recipe(law=law, sampling=500, amplitudes=(0.1, -0.08), noise=1e-4)))
-    for board, unit in ((Board.load("pink").of_slide(), " m "), (Board.load("pink"), " rad ")):
-        (said,) = [text for text in fit_decay(releases, board=board).warnings if "whole story" in text]
-        assert f"{unit}where the sensor's noise" in said
 
 
 @pytest.mark.parametrize(("column", "signal"), [("position_mm", "roll"), ("velocity (m/s)", "rate")])
@@ -658,7 +606,6 @@ def test_a_slide_without_a_model_is_told_in_metres(tmp_path, column, signal):
     )
     decay = fit_decay(Recording.read(log))
     assert decay.slides
-    assert "0.03" in decay.report()
     assert not re.search(r"\brad\)|\d rad |°", decay.report())
     assert "the mass m that slides" in decay.report()
     assert decay.to_json()["residual"]["unit"] == ("m" if signal == "roll" else "m/s")

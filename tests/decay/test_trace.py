@@ -51,7 +51,7 @@ def filmed(seed, *, rate=120.0, lasting=True, own=True, slant=0.0, jitter=0.0):
 def stiffness(releases):
     """k over the true one, and its standard deviation."""
     fit = fit_traces(releases)
-    return (fit.omega_n / OMEGA) ** 2, 2 * np.sqrt(fit.covariance[0, 0]) / OMEGA
+    return (fit.omega_n / OMEGA) ** 2, np.sqrt(fit.covariance[0, 0]) * (fit.omega_n / OMEGA) ** 2
 
 
 @pytest.mark.parametrize(("rate", "jitter"), [(60.0, 0.0), (240.0, 0.3)])

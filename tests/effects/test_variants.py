@@ -128,25 +128,6 @@ def test_a_variant_gives_no_energy_away(name: str):
     assert most > 1e-3
 
 
-def test_limits():
-    """Stiff bristles are dry friction, a body held hard is inertia, a stop out of reach is none, its sign is its side."""
-    time = np.linspace(0.0, 0.5, 400)
-
-    def path(name: str, *values: float, law: JointLaw = PLAIN) -> np.ndarray:
-        return simulate(law.with_effect(name, *values), time, 0.15).roll
-
-    assert np.abs(path("dahl", 0.05, 5e-4) - path("coulomb", 0.05)).max() < 3e-3
-    heavier = JointLaw(inertia=1.1 * INERTIA, stiffness=K, damping=D)
-    firm = path("hanging-body", 0.1 * INERTIA, 20 * PLAIN.frequency, 0.05)
-    assert np.abs(firm - simulate(heavier, time, 0.15).roll).max() < 2e-3
-    assert path("one-sided-stop", 0.2, 60.0, 0.0) == pytest.approx(simulate(PLAIN, time, 0.15).roll, abs=1e-6)
-    right = path("one-sided-stop", 0.08, 60.0, 0.0)
-    left = simulate(PLAIN.with_effect("one-sided-stop", -0.08, 60.0, 0.0), time, -0.15).roll
-    assert right == pytest.approx(-left, abs=1e-9)
-    assert right.max() == pytest.approx(0.15)
-    assert right.min() < -0.1
-
-
 def test_a_free_decay_hardly_tells_two_arms_from_one():
     """Two arms that share a tenth of the spring, a decade apart: one arm fits three releases to within chance."""
     from scipy.optimize import least_squares

@@ -69,24 +69,6 @@ def test_a_spring_that_stiffens_with_its_load_is_told_from_one_that_does_not(per
     assert found.under(327.0).std > found.under(50.0).std  # far beyond the weights tried
 
 
-def test_the_weights_own_inertia_and_toppling_are_taken_off():
-    found = loaded_stiffness(
-        [reading(m, h, 15.0) for m, h in ((0.0, 0.0), (3.0, 0.05), (6.0, 0.15))], INERTIA
-    )
-    for quantity in found.stiffness:
-        assert quantity.value == pytest.approx(15.0, rel=2e-3)
-
-
-def test_scatter_beyond_the_deviations_counts():
-    masses = (0.0, 2.0, 5.0, 8.0)
-    readings = [
-        reading(m, 0.08, 15.0 + wrong) for m, wrong in zip(masses, (0.5, -0.5, 0.5, -0.5), strict=True)
-    ]
-    found = loaded_stiffness(readings, INERTIA)
-    assert found.chi_square > 10
-    assert found.bare.std > 0.2
-
-
 def test_the_command_takes_readings_and_results_of_decays(tmp_path, capsys):
     words = ["loaded", "-b", "pink", "--json", str(tmp_path / "r.json")]
     for mass in (0.0, 3.0, 6.0):

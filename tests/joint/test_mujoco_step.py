@@ -168,23 +168,6 @@ def test_rows_stiffer_than_the_step_allows_equal_mujoco(
     assert largest_difference(spec, (case.start, case.rate), integrator) < 1e-7
 
 
-def test_gravity_enters_as_a_torque():
-    spec = mujoco.MjSpec()
-    spec.compiler.degree = False
-    body = spec.worldbody.add_body(name="deck", mass=2.0, ipos=[0.0, 0.0, -0.03])
-    body.inertia, body.explicitinertial = [0.01] * 3, True
-    joint = body.add_joint(name="tilt", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1.0, 0.0, 0.0])
-    joint.stiffness[0], joint.damping[0] = 3.0, 0.02
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    data.qpos[0] = 0.3
-    mujoco.mj_step(model, data, nstep=500)
-    hinge = hinge_from_model(model, "tilt", torque=lambda q, v: -2.0 * 9.81 * 0.03 * ca.sin(q))
-    assert hinge.inertia == pytest.approx(0.01 + 2.0 * 0.03**2)
-    ours = simulate_steps(hinge, (0.3, 0.0), 500, timestep=0.002, integrator="Euler")
-    assert ours[-1] == pytest.approx([data.qpos[0], data.qvel[0]], abs=1e-12)
-
-
 @pytest.mark.parametrize("eulerdamp", [True, False])
 @pytest.mark.parametrize("damping", [0.2, -0.01])
 def test_euler_knows_the_flag_eulerdamp_and_negative_damping(eulerdamp: bool, damping: float):

@@ -47,8 +47,3 @@ def test_the_gate_senses_what_the_simulation_shows(name):
     law = LAW.with_effect(name, *SENSORS[name])
     seen = sense(law, 3.0 + TIME, simulate(LAW, TIME, 0.2).roll)
     assert seen == pytest.approx(simulate(law, TIME, 0.2, begin=3.0).roll, abs=5e-5)
-
-
-def test_a_filter_far_quicker_than_the_samples_shows_nothing():
-    roll = simulate(LAW, TIME, 0.2).roll
-    assert sense(LAW.with_effect("lowpass", 1e-5), TIME, roll) == pytest.approx(roll, abs=2e-4)

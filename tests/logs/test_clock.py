@@ -217,3 +217,46 @@ def test_rows_without_numbers_leave_gaps_not_a_shift(tmp_path):
     roll = read_roll(path, LogOptions(rate=RATE))
     np.testing.assert_allclose(roll.time, TRUE[keep])
     assert any("41 of 1600 rows" in warning for warning in roll.warnings)
+
+
+@pytest.mark.parametrize("frozen", [700, 300])
+def test_a_clock_that_stops_ends_or_begins_the_log(tmp_path, frozen):
+    """The rows at one stamp have no time; spread evenly they would halve the period."""
+    stamps = TRUE.copy()
+    rows = slice(-frozen, None) if frozen > 500 else slice(0, frozen)
+    stamps[rows] = stamps[rows][0] if frozen > 500 else stamps[rows][-1]
+    roll = read(tmp_path, stamps, noisy(TRUE))
+    assert roll.time.size == TRUE.size - frozen + 1
+    kept = TRUE[: roll.time.size] if frozen > 500 else TRUE[frozen - 1 :]
+    assert clock_error(roll, kept) < 1e-6
+    assert any("the clock stands still" in text for text in roll.warnings)
+
+
+def test_rounded_stamps_are_no_jitter(tmp_path):
+    time = np.arange(1600) / 60
+    roll = read(tmp_path, np.round(time, 3), noisy(time))
+    assert clock_error(roll, time) < 2e-5
+    assert not roll.warnings
+
+
+def test_values_held_over_uneven_runs_are_one_measurement_each(tmp_path):
+    rng = np.random.default_rng(4)
+    begins = np.cumsum(rng.integers(1, 7, 600))
+    begins = begins[begins < 1500]
+    values = np.round(noisy(TRUE, std=0.02), 5)
+    held = values[begins[np.searchsorted(begins, np.arange(begins[0], 1500), "right") - 1]]
+    roll = read(tmp_path, TRUE[begins[0] : 1500], held)
+    assert abs(roll.time.size - begins.size) < 5
+    np.testing.assert_allclose(roll.roll[:50], values[begins[:50]], atol=1e-8)
+    assert any("repeats each value" in text for text in roll.notes)
+
+
+@pytest.mark.parametrize("rate", [90.0, 2000.0])
+def test_truly_uneven_samples_with_losses_keep_their_stamps(tmp_path, rate):
+    """Slow or fast against the noise: the samples were taken when the stamps say."""
+    rng = np.random.default_rng(5)
+    steps = rng.uniform(0.5, 1.6, round(8 * rate)) / rate
+    time = np.cumsum(steps)[rng.random(steps.size) > 0.03]
+    roll = read(tmp_path, time, noisy(time, std=5e-3))
+    assert clock_error(roll, time) < 1e-8
+    assert roll.std[0] == pytest.approx(5e-3, rel=0.2)

@@ -422,13 +422,6 @@ def test_a_table_named_after_its_sensor(tmp_path):
         read_roll(table(tmp_path, ["time,seconds_elapsed,z,y,x", *rows], "log5.csv"))
 
 
-def test_an_accelerometer_alone_is_told_what_it_lacks(tmp_path):
-    roll, _, _ = rocking(TIME)
-    rows = [f"{t:.4f},0.01,{np.sin(r):.5f},{np.cos(r):.5f}" for t, r in zip(TIME, roll, strict=True)]
-    with pytest.raises(SysidError, match=r"accelerometer alone tells no roll.*Record the gyro"):
-        read_roll(table(tmp_path, ["time,ax,ay,az", *rows]))
-
-
 def test_counts_of_a_gyro_are_asked_for(tmp_path):
     _, rate, _ = rocking(TIME)
     rows = [f"{1e3 * t:.0f},{np.degrees(w) * 131:.0f}" for t, w in zip(TIME, rate, strict=True)]

@@ -20,7 +20,7 @@ def test_panels_have_units_and_none_is_empty():
     by_label = {
         axes.get_xlabel(): axes for axes in figure.axes if axes.get_ylabel() == "missing torque [N·m]"
     }
-    assert set(by_label) == {"rate [rad/s]", "tilt [°]"}
+    assert set(by_label) == {"rate [rad/s]", "angle [°]"}
     drawn = by_label["rate [rad/s]"].lines[-1].get_xydata()
     assert (
         drawn == list(zip(result.missing.over_rate.at, result.missing.over_rate.torque, strict=True))
@@ -52,7 +52,8 @@ def labels(figure):
 
 def test_a_slide_is_drawn_in_lengths_and_forces():
     slide = load_board(shipped_data() / "boards" / "pink.toml").of_slide()
-    recorded = Recording.read(shipped_data() / "decays" / "pink_hidden.csv")
+    hinge = Recording.read(shipped_data() / "decays" / "pink_hidden.csv").roll
+    recorded = Recording.from_arrays(hinge.time, angle=hinge.roll, unit="m")
     result, decay = compare(recorded, slide), fit_decay(recorded, board=slide)
     drawn = labels(compare_figure(result, "")) | labels(decay_figure([recorded.roll], decay, ""))
     assert {

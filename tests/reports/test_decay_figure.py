@@ -94,7 +94,7 @@ def test_no_label_leaves_the_picture(noise):
 def test_a_single_peak_has_a_whole_number():
     roll = make_roll(Recipe(sampling=500))
     decay = fit_decay(find_releases(roll), INERTIA)
-    alone = replace(decay, peaks=tuple(group[:1] for group in decay.peaks), line=None)
+    alone = replace(decay, peaks=tuple(group[:1] for group in decay.peaks))
     line = decay_figure([roll], alone, "a title").axes[3]
     low, high = line.get_xlim()
     ticks = [tick for tick in line.get_xticks() if low <= tick <= high]

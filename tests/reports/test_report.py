@@ -410,9 +410,11 @@ def test_a_diagnosis_older_than_the_fit_is_not_shown_as_current(space, tmp_path)
         return (copy / "reports" / "pink" / "report.html").read_text()
 
     text = page_of({**diagnosed(board), "record": "another"})
-    assert "Not asked since the record was last changed" in text
-    assert "since added" in text
+    assert "✓ coulomb (dry friction) added; nothing is left" in text
+    assert "husky-sysid check" in text
     assert "✗ coulomb" not in text
+    text = page_of({**diagnosed(board, effects=["freeplay"]), "record": "another"})
+    assert "Not asked since the record was last changed" in text
     text = page_of(diagnosed(board, effects=["freeplay"]))
     assert "✗ freeplay (" in text
     assert "--effect freeplay" in text

@@ -92,14 +92,14 @@ def test_candidates_are_those_that_were_predicted_and_the_chosen_one_is_marked(s
     assert story.ranked == (Ranked(("coulomb",), 0.0, 0.0, True), Ranked((), 400.0, 30.0, False))
     assert story.why == "the best"
     worse = tuple(replace(model, score=model.score + 1) for model in story.ranked)
-    assert "not told from the best" in replace(story, ranked=worse).why
+    assert "ties with the best" in replace(story, ranked=worse).why
     far = tuple(replace(model, score=model.score + 100) for model in story.ranked)
-    assert "none is exact" in replace(story, ranked=far).why
+    assert "simplest of several" in replace(story, ranked=far).why
 
 
 def test_what_is_drawn_is_the_story(story):
     by_name = {panel.name: panel for panel in panels(story)}
-    assert list(by_name) == ["decay", "torque-rate", "torque-tilt", "ladder", "candidates", "whiteness"]
+    assert list(by_name) == ["decay", "torque-rate", "torque-angle", "ladder", "candidates", "whiteness"]
     figure = story_figure(story, "a title")
     drawn = [line.get_xydata() for axes in figure.axes for line in axes.get_lines()]
 
@@ -199,4 +199,4 @@ def test_the_report_of_a_diagnosis_is_in_the_unit_of_the_joint_and_says_what_was
     for board, unit in ((pink, "°"), (pink.of_slide(), " mm")):
         found = diagnose(data[:1], board).report()
         assert re.search(rf"sensor noise 0\.[\d]+{unit},", found)
-        assert "a model misses of each third of the release" in found
+        assert "held out: error on a release that the fit did not see" in found

@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -12,7 +11,7 @@ import pytest
 from sim.board.bench import swing
 from sim.check.decays import check_scene
 from sim.compensation.scene import scene_from_file
-from sim.mjcf import board_mjcf, default_export
+from sim.mjcf import board_mjcf
 from sysid.board import Board, BoardEffect, load_board, save_board
 from sysid.cli.console import Common
 from sysid.cli.mjcf import mjcf
@@ -58,28 +57,6 @@ def test_the_file_decays_like_the_board(
     )
 
 
-def test_the_physical_file_holds_the_records_numbers(board: Board):
-    root = ElementTree.fromstring(board_mjcf(board, "bench", export="physical").xml)
-    joint = root.find(".//joint[@name='board_tilt_joint']")
-    assert float(joint.get("stiffness")) == pytest.approx(board.stiffness, rel=1e-5)
-    assert float(joint.get("damping")) == pytest.approx(board.damping, rel=1e-5)
-    inertia = root.find(".//body[@name='deck']/inertial").get("diaginertia")
-    assert float(inertia.split()[0]) == pytest.approx(board.inertia.value, rel=1e-5)
-
-
-def test_comments_say_where_numbers_come_from_and_both_errors(board: Board):
-    text = board_mjcf(board, "scene").xml
-    for words in (
-        board.source, "Measured: roll inertia", "Measured: stiffness", "Unloaded decay: NRMSE", "Static stiffness",
-        "tan(truck) = tan(rake) sin(roll)", "in-scene",
-    ):  # fmt: skip
-        assert words in text
-    fitted = replace(board, fit={"logs": [{"path": "my.csv", "sha256": "0"}], "date": "2026-01-02"})
-    assert "Fitted to my.csv, 2026-01-02." in board_mjcf(fitted, "bench", timestep=0.001).xml
-    hyphens = replace(board, source="a -- b --- c")
-    ElementTree.fromstring(board_mjcf(hyphens, "bench", timestep=0.001).xml)
-
-
 @pytest.mark.parametrize("name", sorted(catalogue()))
 @pytest.mark.parametrize("kind", ["bench", "scene"])
 def test_every_effect_is_written_and_loads(name: str, kind: str):
@@ -122,15 +99,6 @@ def test_what_mujoco_cannot_hold_is_said_with_its_cost(tmp_path: Path, capsys: p
     assert "LuGre" in json.loads((tmp_path / "out.json").read_text())["substitutes"][0]
     with pytest.raises(QualityGateError, match=r"Why: .*bouc-wen"):
         check([shipped_data() / "decays" / "pink.csv"], subject=Subject(board="pink"), common=common)
-
-
-def test_defaults_of_export():
-    assert default_export("bench", 0.001) == "physical"
-    assert default_export("bench", 0.002) == "step-compensated"
-    assert default_export("scene", 0.005) == "in-scene"
-    board = load_board(shipped_data() / "boards" / "pink.toml")
-    with pytest.raises(SysidError, match="Add --scene"):
-        board_mjcf(board, "bench", export="in-scene")
 
 
 def test_the_command_writes_file_and_json(tmp_path: Path):
@@ -217,20 +185,6 @@ def test_a_refusal_names_what_mujoco_lacks_and_a_smaller_step_only_where_one_hel
         )
     assert ("smaller --timestep for the rest" in str(refused.value)) == helps
     assert ("timestep" in str(refused.value)) == helps
-
-
-def test_a_stiff_bench_that_is_physical_by_itself_is_told_what_compensates(tmp_path: Path, capsys):
-    """At 1 ms it was told to leave out an option that was not given."""
-    board = load_board(shipped_data() / "boards" / "black.toml").with_tilt(
-        stiffness=Quantity(2000.0, 0.0, "N*m/rad")
-    )
-    save_board(board, tmp_path / "data" / "boards" / "black.toml")
-    made = {}
-    for flags in ({}, {"export": "step-compensated"}):
-        mjcf(board="black", output=tmp_path / "b.xml", bench=True, timestep=0.001, common=Common(workspace=tmp_path), **flags)  # fmt: skip
-        made[bool(flags)] = " ".join(capsys.readouterr().err.split())
-    assert "--export step-compensated compensates them" in made[False]
-    assert "off the board's" not in made[True]
 
 
 @pytest.mark.slow

@@ -22,10 +22,6 @@ def test_factors_reach_record_and_model_and_nothing_else():
     assert ratio == pytest.approx(4, rel=0.02)  # a step's compensation is in both
 
 
-def test_without_factors_it_is_the_record():
-    assert scaled_board(pink(), parse_factors("")) == pink()
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -28,7 +28,7 @@ def husky(*arguments: object, cwd: Path | None = None) -> Done:
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
         contextlib.chdir(cwd or Path()),
-        mock.patch.dict(os.environ, {"COLUMNS": "100", "NO_COLOR": "1"}),
+        mock.patch.dict(os.environ, {"COLUMNS": "160", "NO_COLOR": "1"}),
         mock.patch.object(sys, "argv", ["husky-sysid", *map(str, arguments)]),
         warnings.catch_warnings(),
     ):

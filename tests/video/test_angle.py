@@ -14,12 +14,12 @@ from sysid.video.film.track import Track
 from sysid.video.notes import _level_std
 from sysid.video.pose.angle import fit_angle
 from sysid.video.pose.camera_state import CameraState
-from sysid.video.pose.prior import BodyPrior
+from sysid.video.pose.prior import BODY_FLOOR, BodyPrior
 from sysid.video.pose.rectify import project, rectify, upright
 from sysid.video.pose.view import View
 from sysid.video.select import _solve_whole
 from sysid.video.trackers.dots import fit_pivot
-from sysid.video.trackers.features import PLACE_FLOOR, TEXTURE
+from sysid.video.trackers.features import TEXTURE
 
 SQUARE_BODY = BodyPrior(square=True)
 MATRIX = np.array([[1000.0, 0, 640], [0, 1000, 360], [0, 0, 1]])
@@ -123,7 +123,7 @@ def test_texture_on_a_slanted_side_of_the_deck_tells_how_far_it_turns(slope, yaw
     known_before = known(yaw, pitch) if given else known()
     swinging, scores = np.abs(angle) > 0.07, []
     for seed in range(2):
-        noisy = points + PLACE_FLOOR * np.random.default_rng(seed).normal(size=points.shape)
+        noisy = points + BODY_FLOOR * np.random.default_rng(seed).normal(size=points.shape)
         turning = fit_angle(view(as_affine(noisy)), MATRIX, known_before, TEXTURE)
         error = turning.angle - angle
         scores.append(((error - np.median(error[-60:])) / turning.std)[swinging])

@@ -1,7 +1,6 @@
 """The best tracker of a clip is the one that is used, and level is taken from what shows it."""
 
 import re
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -9,9 +8,6 @@ import pytest
 from drawn_films import FINE, PIVOT, SIZE, decay, dotted, draw_film, marked, plate
 
 from sysid.errors import SysidError
-from sysid.video import select
-from sysid.video.pose.angle import AngleTrack
-from sysid.video.pose.camera_state import CameraState
 from sysid.video_roll import VideoOptions, roll_from_video
 
 TIME = np.arange(72) / 60
@@ -55,48 +51,6 @@ def test_everything_that_turns_with_a_marker_tells_the_angle(wide):
     )
     assert error_of(marker)[1] < 0.015
     assert error_of(marker)[0] < 0.15
-
-
-@pytest.mark.slow
-def test_an_edge_is_looked_for_where_all_else_is_vague(wide, monkeypatch):
-    assert not any("edge ±" in note for note in read(wide).notes)
-    monkeypatch.setattr(select, "VAGUE", 0.0)
-    assert any("the deck's edge ±" in note for note in read(wide).notes)
-
-
-def test_a_frame_that_only_the_body_shows_has_a_deviation_as_well(monkeypatch):
-    """A blurred marker contradicts itself where the deck around it is made out: what both share of doubt stays."""
-    camera = CameraState(np.zeros(4), np.zeros((4, 4)))
-    angle, std = np.array([0.2, np.nan, 0.0]), np.array([0.004, np.nan, 0.003])
-    points = AngleTrack(angle, std, camera, 0.1, 1, np.ones(4), own=std / 2)
-    body = AngleTrack(
-        np.array([0.2, 0.1, 0.0]), np.full(3, 0.001), camera, 0.1, 0, np.ones(4), np.full(3, 0.001)
-    )
-    monkeypatch.setattr(select, "fit_angle", lambda *_: body)
-    marker = SimpleNamespace(found=points, level=angle, target=SimpleNamespace(shows_turn=True))
-    whole = select._solve_whole(marker, None, None, camera)
-    np.testing.assert_allclose(whole.angle, body.angle)
-    assert whole.std[1] >= max(whole.std[0], whole.std[2]) > 0.003
-
-
-@pytest.mark.parametrize(("doubt", "further"), [(0.003, 1.0), (0.06, 1.016)])
-def test_a_body_turns_as_far_as_the_stickers_on_it(monkeypatch, doubt, further):
-    """Made upright by the wrong one of two slants, a deck whose upper side is seen seemed to turn 1.6 % further than its stickers.
-
-    Stickers that doubt their own scale by more contradict nothing.
-    """
-    camera = CameraState(np.zeros(4), np.zeros((4, 4)))
-    std = np.full(len(TIME), 0.002)
-    noisy = ROLL + std * np.random.default_rng(0).normal(size=len(TIME))
-    noisy[30] += 0.2  # something in front of a sticker
-    stated = np.hypot(std, doubt * np.abs(ROLL))
-    points = AngleTrack(noisy, stated, camera, 0.1, 0, np.ones(2), std)
-    body = AngleTrack(1.016 * ROLL, std / 5, camera, 0.1, 0, np.ones(4), std / 5)
-    monkeypatch.setattr(select, "fit_angle", lambda *_: body)
-    stickers = SimpleNamespace(found=points, level=noisy, target=SimpleNamespace(shows_turn=True))
-    whole = select._solve_whole(stickers, None, None, camera)
-    assert np.polyfit(ROLL, whole.angle, 1)[0] == pytest.approx(further, abs=0.004)
-    assert np.std(whole.angle - further * ROLL) < 0.0008
 
 
 @pytest.mark.slow
@@ -218,18 +172,30 @@ def test_a_better_one_that_moves_otherwise_is_not_the_board(tmp_path):
     assert PIVOT[1] > 140  # the poster passes above the deck
 
 
-@pytest.mark.parametrize("hidden", [range(18, 22), range(12, 20)])
-def test_a_line_that_a_passer_by_hides_is_no_deck(tmp_path, hidden):
-    """It is not in all pictures, as what stands still is, but it does not turn."""
-    line = np.full((SIZE[1], SIZE[0], 3), 120, np.uint8)
-    line[: SIZE[1] // 2] = 200
+@pytest.mark.slow
+def test_two_bodies_that_swing_are_asked_about(tmp_path):
+    """Two boards with prints, one beside the other; the region of one is enough."""
+    other = plate(180, 60, contrast=40.0, seed=9)
+    turns = 0.25 * np.cos(2 * np.pi * 2.3 * TIME)
 
     def behind(number):
-        seen = line.copy()
-        if number in hidden:
-            seen[SIZE[1] // 4 : 3 * SIZE[1] // 4] = 60
-        return seen
+        picture, middle = PLAIN.copy(), (np.array(other.shape[1::-1]) - 1) / 2
+        turn = cv2.getRotationMatrix2D(tuple(middle), -np.degrees(turns[number]), 1 / FINE)
+        turn[:, 2] += (150, 80) - middle
+        shown = cv2.warpAffine(other, turn, SIZE, flags=cv2.INTER_AREA)
+        cover = cv2.warpAffine(np.full(other.shape[:2], 255, np.uint8), turn, SIZE)
+        picture[cover > 128] = shown[cover > 128]
+        return picture
 
-    film = draw_film(tmp_path / "line.mp4", plate(2, 2), np.zeros(48), background=behind)
-    with pytest.raises(SysidError, match="does not turn"):
-        read(film, method="edge")
+    film = draw_film(tmp_path / "two.mp4", plate(180, 60, contrast=40.0), ROLL, background=behind)
+    with pytest.raises(SysidError, match=r"two bodies swing, .* --roi \d+ \d+ \d+ \d+ or --roi"):
+        read(film)
+    assert error_of(read(film, roi=(225, 100, 190, 180)))[1] < 0.1
+
+
+@pytest.mark.parametrize(("swing", "unknown"), [(0.6, False), (0.04, True)])
+def test_a_short_arc_without_a_pivot_leaves_the_scale_open(swing, unknown, tmp_path):
+    dot = dotted(plate(30, 400), [(0, -170, 11, PINK)])
+    film = draw_film(tmp_path / "arc.mp4", dot, decay(TIME, swing, 0.5, 12.0), background=PLAIN)
+    warnings = read(film, method="dots").warnings
+    assert any("scale" in one and "--pivot" in one for one in warnings) == unknown

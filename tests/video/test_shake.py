@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from backgrounds import light, people, soft
 from drawn_films import SIZE, blotches, decay, draw_film, marked, plate, wall
 from frames import frame_of
 
@@ -81,7 +82,7 @@ def test_a_wall_that_a_hand_held_camera_turns_does_not_move():
         picture[150:190, left : left + 40] = 20
         frame = frame_of(number, number / 60, picture)
         background.update(frame)
-        motion.add(frame, background.pose(number))
+        motion.add(frame, *background.pose(number))
     rows, columns = np.nonzero(motion.mask(None))
     assert 140 < rows.min() < 155
     assert 185 < rows.max() < 200
@@ -114,3 +115,29 @@ def test_a_camera_that_pans_says_so(tmp_path):
     film = draw_film(tmp_path / "pan.mp4", marked(plate(), 64), ROLL, move=lambda n: (6.0 * n, 0.0))
     with pytest.raises(SysidError, match="the camera pans"):
         roll_from_video(film, VideoOptions(method="features"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("behind", [soft(), light(soft(4)), people(wall())], ids=["soft", "light", "people"])
+def test_a_still_camera_does_not_pan_whatever_is_behind_the_board(behind, tmp_path):
+    film = draw_film(tmp_path / "behind.mp4", marked(plate(contrast=35.0), 64), ROLL, background=behind)
+    for no_shake in (False, True):
+        roll = read(film, no_shake=no_shake)
+        assert not any(note.startswith("shake: ") for note in roll.notes)
+        assert error_of(roll) < 0.1
+
+
+def test_light_that_changes_is_no_motion():
+    """The wall loses a third of its light; a square moves."""
+    picture, motion = wall(), Motion()
+    background = Background(Lens(np.diag([600.0, 600.0, 1.0]), np.zeros(5), True, ""))
+    for number in range(12):
+        shown = (picture * (1 - 0.03 * number)).astype(np.uint8)
+        shown[150:190, 300 + 4 * number : 340 + 4 * number] = 20
+        frame = frame_of(number, number / 60, shown)
+        background.update(frame)
+        motion.add(frame, *background.pose(number))
+    rows, columns = np.nonzero(motion.mask(None))
+    assert 135 < rows.min() < rows.max() < 205
+    assert 285 < columns.min() < columns.max() < 400
+    assert not motion.pans

@@ -1,6 +1,6 @@
 """Pass and fail criteria of `check`: one a file, discovered by its file.
 
-Such a file ends in `RULE = Rule(...)`: when it is asked, and what it says of a scene and the decays in it.
+Such a file ends in `RULE = Rule(...)`: the moment at which it is asked, and a function that yields sentences on a case.
 """
 
 import importlib
@@ -17,7 +17,7 @@ def rules() -> tuple[Rule, ...]:
 
 
 def said(asked: Asked, case: Case) -> tuple[str, ...]:
-    """Return the findings of the rules that are asked now; if one of them is the whole answer, only its own."""
+    """Return the sentences of the rules that are asked now, or of the one that is the whole answer."""
     spoken: list[str] = []
     for rule in rules():
         is_asked = asked in rule.asked and not (rule.of_board and case.parts is None)

@@ -1,4 +1,4 @@
-"""What a rule is, and what it looks at."""
+"""A rule of `check`, and the case that it judges."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -10,8 +10,7 @@ from sim.compensation.scene import ClampedScene
 from sysid.board import Board
 
 Asked = Literal["before", "failed", "passed"]
-"""When a rule is asked, and what its words are: before the verdict, why it cannot be a pass; where it is none, what may
-be the cause; where it is one, a warning."""
+"""When a rule is asked. Its words are then a failure ("before"), a cause of the failure ("failed") or a warning ("passed")."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,7 +22,7 @@ class Case:
     decays: SceneCheck
     """Measured and simulated, side by side."""
     parts: Parasitics | None
-    """The scene's tilt joint, and what each part of the scene adds to it; None where there is no board about the joint."""
+    """The scene's tilt joint and the contribution of each part; None for a joint without a board."""
 
     @property
     def joint(self) -> Parasitics:
@@ -33,7 +32,7 @@ class Case:
 
     @property
     def kind(self) -> str:
-        """The kind of thing the record describes, in a word."""
+        """'joint' or 'board', for messages."""
         return "joint" if self.parts is None else "board"
 
     @property
@@ -50,8 +49,8 @@ class Rule:
     """Rules speak in this order."""
     asked: tuple[Asked, ...]
     says: Callable[[Case], Iterable[str]]
-    """What is wrong, with numbers, units and where it helps the next step; nothing where nothing is."""
+    """Yields sentences with numbers, units and the next step, for each fault."""
     of_board: bool = False
-    """Whether it looks at the parts of a whole board."""
+    """Whether it needs the parts of a whole board."""
     whole_answer: bool = False
-    """Whether nothing else is said where it speaks."""
+    """Whether its words replace those of all other rules."""

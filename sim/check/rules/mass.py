@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from sim.check.rules._base import Case, Rule
 
 MAX_MASS_DIFFERENCE = 0.05
-"""Share by which masses may differ (a choice): more than the bolts, bearings and grip tape that a record leaves out, less than
-another pair of trucks. Doubled, a wrong board is named later; no verdict hangs on it, for the rule speaks where the gate has failed."""
+"""Share by which masses may differ [1]: more than bolts, bearings and grip tape, less than another pair of trucks. A choice; the
+rule speaks only after a failure."""
 
 
 def _says(case: Case) -> Iterator[str]:

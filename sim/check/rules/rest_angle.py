@@ -1,16 +1,17 @@
-"""The scene moves as it should, about another angle."""
+"""The scene moves as measured, about another rest."""
 
-import math
 from collections.abc import Iterator
 
 from sim.check.rules._base import Case, Rule
+from sysid.text import display
 
 
 def _says(case: Case) -> Iterator[str]:
     if case.decays.only_rest_is_off:
+        show = display(is_rate=False, slides=case.board.slides)
         yield (
-            f"the deck rests {math.degrees(case.decays.rest_error):.2g}° from where the record lets the scene rest (fit "
-            "the record to these logs, or level the sensor)"
+            f"the measured rest is {show(case.decays.rest_error, 2)} from the scene's (fit the record to these logs, or "
+            "level the sensor)"
         )
 
 

@@ -1,4 +1,4 @@
-"""Stiffness, damping or inertia of the scene's tilt joint are not the record's, and which part of the scene adds it."""
+"""Stiffness, damping or inertia of the scene's tilt joint differ from the record's; the part that adds it is named."""
 
 from collections.abc import Iterator
 
@@ -6,15 +6,15 @@ from sim.check.rules._base import Rule
 from sim.compensation.parasitics import DECK, Parasitics, TiltJoint
 
 MIN_DEPARTURE = 0.03
-"""Share of the wanted number below which a departure is not worth a word: on the shipped boards 3 % of stiffness alone is
-an NRMSE of 1.0 %, of damping 1.4 %, of inertia 0.9 %, all within the gate's 2 %."""
+"""Departure from the wanted number that is named [1]. On the shipped boards 3 % of stiffness, damping or inertia alone is an
+NRMSE of 0.9 to 1.4 %, within the gate's 2 %."""
 
 
 def departures(joint: Parasitics) -> Iterator[str]:
-    """Say which quantity of the joint departs from the wanted one, by how much, and from where."""
+    """Yield each quantity that departs from the wanted one, with its causes."""
     yield from _departure(joint, "stiffness", "N*m/rad", joint.whole)
     yield from _departure(joint, "damping", "N*m*s/rad", joint.whole)
-    # Where nothing swings, only the deck by itself still shows an inertia.
+    # An overdamped scene shows no inertia, but its deck alone does.
     swings = joint.whole.damping_ratio < 1
     yield from _departure(joint, "inertia", "kg*m^2", joint.whole if swings else joint.deck)
 

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from sim.check.rules._base import Case, Rule
 
 MIN_RANGE_SHARE = 0.95
-"""Share of the deck's range that the trucks must allow (a choice): a stop gives way by a few hundredths of it. With 0.9 a linkage
-that is too short by a tenth goes unnamed; no verdict hangs on it, for the rule speaks where the gate has failed."""
+"""Share of the deck's range that the trucks must allow [1]: a stop gives way by a few hundredths. A choice; the rule speaks only
+after a failure."""
 
 
 def _says(case: Case) -> Iterator[str]:

@@ -20,14 +20,14 @@ def _says(case: Case) -> Iterator[str]:
     if lacking != case.board:
         try:
             share = _error(case, JointLaw.from_board(lacking))
-        except SysidError:  # a stop so stiff that no step follows it
+        except SysidError:  # an extremely stiff stop
             yield "the record's law without it, in continuous time, moves without bound from these logs' releases"
         else:
             yield f"the record's law without it, in continuous time, is {100 * share:.1f} % off these logs itself"
 
 
 def _error(case: Case, law: JointLaw) -> float:
-    """Return the NRMSE of a law against the decays, its starts fitted, without the sensor's noise."""
+    """Return the NRMSE of a law with fitted starts against the decays, without noise [1]."""
     records: list[Record] = []
     for one in case.decays.releases:
         free = replace(one.release, roll=one.release.roll - one.zero, rest=one.release.rest - one.zero)

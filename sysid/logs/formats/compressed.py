@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from sysid.errors import SysidError
-from sysid.logs.formats.registry import Format, open_log
+from sysid.logs.formats.registry import Format, open_log, refuse_larger
 from sysid.logs.table.file import LogFile
 from sysid.roll import Array
 
@@ -21,8 +21,6 @@ UNPACKERS: Mapping[bytes, Callable[[Path], gzip.GzipFile | bz2.BZ2File | lzma.LZ
     b"\xfd7zXZ": lzma.LZMAFile,
 }
 """First bytes, and what unpacks."""
-MAX_UNPACKED = 1 << 30
-"""No log of a rocking board is larger as text."""
 
 
 def open_compressed(path: Path) -> LogFile:
@@ -42,7 +40,7 @@ def open_compressed(path: Path) -> LogFile:
 
 @contextmanager
 def _unpacked(path: Path) -> Generator[LogFile]:
-    """Unpack a log for a while; what is wrong with it is said of the file that the user named."""
+    """Unpack a log for a while; errors name the user's file."""
     with path.open("rb") as file:
         head = file.read(16)
     unpack = next(opener for magic, opener in UNPACKERS.items() if head.startswith(magic))
@@ -53,8 +51,7 @@ def _unpacked(path: Path) -> Generator[LogFile]:
                 size = 0
                 while block := packed.read(1 << 20):
                     size += file.write(block)
-                    if size > MAX_UNPACKED:
-                        raise SysidError(f"{path}: unpacks to more than 1 GiB. Cut the log into parts.")
+                    refuse_larger(path, size)
         except (OSError, EOFError, zlib.error, lzma.LZMAError) as error:
             raise SysidError(
                 f"{path}: damaged ({error}). Compress it again, or give the log itself."

@@ -13,9 +13,9 @@ import numpy.typing as npt
 from sysid.errors import SysidError
 from sysid.logs.formats import dialect
 from sysid.logs.formats.long_table import by_sensor, sensor_column
+from sysid.logs.formats.own_clock import with_frame_clock
 from sysid.logs.formats.registry import Format
 from sysid.logs.table.file import LogFile
-from sysid.logs.table.frame_clock import with_frame_clock
 from sysid.logs.table.names import of_sensor
 from sysid.roll import Array
 
@@ -112,7 +112,7 @@ class TextTable:
         """Return columns by their index, read cell by cell; lines of words between the rows, and rows that were cut, are missing.
 
         Raises:
-            SysidError: A cell among numbers is none, or a row is too long.
+            SysidError: A cell among numbers is a text, or a row is too long.
         """
         import pandas as pd
 

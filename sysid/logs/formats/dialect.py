@@ -13,8 +13,8 @@ from sysid.logs.table.names import parse_unit
 HEAD_BYTES = 1 << 18
 HEAD_LINES = 2000
 MAX_LINE = 20_000
-"""Bytes and lines of its beginning that tell how a file is written, and characters of a line beyond which it is no table
-with a row a sample: choices, a hundred times a logger's header."""
+"""Bytes and lines of the beginning that tell how a file is written, and longest line [characters]: choices, a hundred
+times a logger's header."""
 DIALECTS = (
     (",", "."),
     ("\t", "."),
@@ -30,6 +30,7 @@ DIALECTS = (
 COMMENTS = ("#", "%", "//")
 _BOMS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf", "+inf", "#n/a", "<na>"}
+_FLAGS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?")
 _DAY = (
     r"\d{4}-\d\d?-\d\d?[T ]|\d{4}/\d\d?/\d\d? |\d\d?[./-]\d\d?[./-]\d{2,4},? |\d\d?[- ][A-Za-z]{3}[- ]\d{4} "
@@ -40,7 +41,7 @@ _DAY_ALONE = re.compile(r"\d{4}-\d\d-\d\d|\d{4}/\d\d?/\d\d?|\d\d?[./-]\d\d?[./-]
 ARRIVAL = "arrival"
 """Column of the time of day that a serial monitor puts before each line."""
 _STAMP = re.compile(rf"\s*(?:\[\s*({DATE.pattern})\s*\]|({DATE.pattern})(?=\s*->))\s*(?:->|:)?[ \t]?")
-"""What a serial monitor puts before each line: '12:34:56.789 -> ' or '[12:34:56.789] '."""
+"""Time stamp of a serial monitor before each line:  '12:34:56.789 -> ' or '[12:34:56.789] '."""
 _BOOT = re.compile(r":(0x|\d)|[:=]\s*$")
 """A cell that belongs to no header but to a message of a board that starts."""
 _THOUSANDS = {".": re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*"), ",": re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*")}
@@ -109,7 +110,7 @@ def refuse_binary_middle(path: Path, file: BinaryIO) -> None:
 
 
 def comment_sign(lines: Sequence[str]) -> str | None:
-    """Return what comment lines begin with, or None where there are none."""
+    """Return the sign at the beginning of comment lines; None without comments."""
     starts = Counter(sign for line in lines for sign in COMMENTS if line.lstrip().startswith(sign))
     return starts.most_common(1)[0][0] if starts else None
 
@@ -259,8 +260,9 @@ def read_number(cell: str, decimal: str) -> float:
     Raises:
         ValueError: It is neither.
     """
-    if cell.strip().lower() in _MISSING:
-        return float("nan")
+    plain = cell.strip().lower()
+    if plain in _MISSING or plain in _FLAGS:
+        return _FLAGS.get(plain, float("nan"))
     plain = plain_number(cell, decimal)
     if not _NUMBER.fullmatch(plain):
         raise ValueError(cell)
@@ -275,4 +277,6 @@ def cell_unit(cell: str) -> str | None:
 
 def is_number(cell: str, decimal: str) -> bool:
     """Return whether a cell is a number or stands for a missing one."""
-    return cell.strip().lower() in _MISSING or bool(_NUMBER.fullmatch(plain_number(cell, decimal)))
+    return cell.strip().lower() in _MISSING | _FLAGS.keys() or bool(
+        _NUMBER.fullmatch(plain_number(cell, decimal))
+    )

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from sysid.errors import needs_extra
-from sysid.logs.formats.mat import table_of
-from sysid.logs.formats.registry import Format, starts_with, undamaged
+from sysid.logs.formats.mat import vectors_of
+from sysid.logs.formats.registry import Format, refuse_larger, starts_with, undamaged
+from sysid.logs.formats.tables import log_of_vectors
 from sysid.logs.table.file import LogFile
 
 
@@ -23,7 +24,8 @@ def open_hdf5(path: Path) -> LogFile:
     content: dict[str, Any] = {}
 
     def keep(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset):
+        if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiuV":
+            refuse_larger(path, sum(kept.nbytes for kept in content.values()) + item.nbytes)
             values: Any = np.asarray(item)
             fields = values.dtype.names
             content.update(
@@ -32,7 +34,7 @@ def open_hdf5(path: Path) -> LogFile:
 
     with undamaged(path, "HDF5 file"), h5py.File(path, "r") as file:
         file.visititems(keep)
-    return table_of(path, "HDF5", content)
+    return log_of_vectors(path, "HDF5", dict(vectors_of(content)))
 
 
 FORMAT = Format(

@@ -19,7 +19,7 @@ from sysid.logs.table.file import LogFile
 from sysid.roll import Array
 
 INTERVAL = {"interval_ms": 1e-3, "interval_s": 1.0, "dt": 1.0}
-"""What says the time from row to row where rows have none, and one of it in s."""
+"""Names of the time from row to row, and their unit in s."""
 MAX_BYTES = 1 << 29
 """Python's objects take ten times the memory of the text."""
 
@@ -59,7 +59,7 @@ def open_json(path: Path) -> LogFile:
 
 
 def _lines(text: str) -> list[Any] | None:
-    """Return a record from each line, without a last one that was cut; None where they are none."""
+    """Return a record from each line, without a last one that was cut; None for other texts."""
     records: list[Any] = []
     lines = [line.strip().rstrip(",") for line in text.splitlines() if line.strip()]
     for number, line in enumerate(lines):
@@ -179,9 +179,9 @@ def _log(path: Path, name: str, table: Table) -> LogFile:
 
 
 def _number(value: Any) -> float:
-    """Return a value as a number, NaN where it is none; texts may be numbers."""
+    """Return a value as a number, else NaN; texts may be numbers."""
     try:
-        return float("nan") if isinstance(value, bool) or value is None else float(value)
+        return float("nan") if value is None else float(value)
     except (TypeError, ValueError):
         return float("nan")
 

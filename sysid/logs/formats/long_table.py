@@ -15,11 +15,11 @@ from sysid.roll import Array
 
 SENSOR = ("sensor", "sensor name", "sensor_name", "sensortype", "sensor_type", "topic", "variable", "type", "name", "signal",
           "channel")  # fmt: skip
-"""What the column of sensors is called."""
+"""Names of the column of sensors."""
 
 
 def sensor_column(names: Sequence[str]) -> str | None:
-    """Return the column that says whose each row is, beside bare axes or values; None where there is none."""
+    """Return the column that says whose each row is, beside bare axes or values; None without one."""
     bare = [
         name
         for name in names

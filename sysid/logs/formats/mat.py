@@ -1,53 +1,60 @@
 """MATLAB files up to version 7.2."""
 
+import struct
+import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sysid.errors import SysidError
-from sysid.logs.formats.registry import Format, starts_with, undamaged
+from sysid.logs.formats.registry import MAX_UNPACKED, Format, refuse_larger, starts_with, undamaged
+from sysid.logs.formats.tables import log_of_vectors
 from sysid.logs.table.file import LogFile
 from sysid.roll import Array
+
+COMPRESSED = 15
+"""Type of a compressed element ('MAT-File Format', MathWorks, table 1-1)."""
 
 
 def open_mat(path: Path) -> LogFile:
     """Open a MATLAB file.
 
     Raises:
-        SysidError: It is damaged, or holds no vectors of numbers.
+        SysidError: It is damaged, unpacks to too much, or holds no vectors of numbers.
     """
     import scipy.io
 
     with undamaged(path, "MATLAB file"):
+        _refuse_bomb(path)
         content: dict[str, Any] = scipy.io.loadmat(str(path), squeeze_me=True, struct_as_record=False)
-    return table_of(path, "MATLAB", {name: value for name, value in content.items() if name[:2] != "__"})
+    return log_of_vectors(
+        path, "MATLAB", dict(vectors_of({n: v for n, v in content.items() if n[:2] != "__"}))
+    )
 
 
-def table_of(path: Path, kind: str, content: Mapping[str, Any]) -> LogFile:
-    """Return the vectors among some variables that are as long as the longest of them.
+def _refuse_bomb(path: Path) -> None:
+    """Unpack each compressed element as a trial, and keep nothing of it."""
+    total = 0
+    with path.open("rb") as file:
+        order = "<" if file.read(128)[126:128] == b"IM" else ">"
+        while len(tag := file.read(8)) == 8:
+            kind, size = struct.unpack(f"{order}II", tag)
+            block = file.read(size)
+            if kind == COMPRESSED:
+                unpack = zlib.decompressobj()
+                while block and total <= MAX_UNPACKED:
+                    total += len(unpack.decompress(block, 1 << 24))
+                    block = unpack.unconsumed_tail
+            refuse_larger(path, total)
 
-    Raises:
-        SysidError: There is none.
-    """
-    vectors = dict(_vectors(content))
-    longest = max((len(vector) for vector in vectors.values()), default=0)
-    if longest < 2:
-        raise SysidError(f"{path}: no vector of numbers among {', '.join(content) or 'nothing'}.")
-    columns = {name: vector for name, vector in vectors.items() if len(vector) == longest}
-    return LogFile(
-        path=path, names=tuple(columns), notes=(f"table: {kind} file with {', '.join(columns)}",),
-        read=lambda names: {name: columns[name] for name in names},
-    )  # fmt: skip
 
-
-def _vectors(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Array]]:
-    """Yield the real vectors among some variables, those of matrices and structures included."""
+def vectors_of(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Array]]:
+    """Yield the real vectors among some variables, shape (n,) in their units, those of matrices and structures included."""
     for name, value in content.items():
         label = f"{prefix}{name}"
         if hasattr(value, "_fieldnames"):
-            yield from _vectors({field: getattr(value, field) for field in value._fieldnames}, f"{label}.")
+            yield from vectors_of({field: getattr(value, field) for field in value._fieldnames}, f"{label}.")
         elif isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
             if value.ndim == 1:
                 yield label, value.astype(np.float64)

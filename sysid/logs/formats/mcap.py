@@ -1,14 +1,18 @@
 """MCAP recordings of ROS 2 (and of anything that writes JSON messages)."""
 
 import json
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from sysid.errors import SysidError, needs_extra
 from sysid.logs.formats.messages import tables_of
-from sysid.logs.formats.registry import Format, undamaged
+from sysid.logs.formats.registry import Format, refuse_larger, undamaged
 from sysid.logs.table.file import LogFile
+
+MAGIC, CHUNK = 8, 0x06
+"""Bytes before the first record, and the kind of record that is packed (mcap.dev/spec)."""
 
 
 def open_mcap(path: Path) -> LogFile:
@@ -41,12 +45,40 @@ def open_mcap(path: Path) -> LogFile:
             else:
                 yield channel.topic, message.log_time * 1e-9, decode(message.data)
 
+    _refuse_bomb(path)
     try:
         with undamaged(path, "MCAP file"), path.open("rb") as file:
             return tables_of(path, "MCAP recording", messages(file))
     except SysidError as error:
         found = f" Encodings {', '.join(sorted(skipped))} are not read." if skipped else ""
         raise SysidError(f"{error}{found}") from error
+
+
+def _refuse_bomb(path: Path) -> None:
+    """Refuse chunks that say, or whose packed frames say, that they unpack to too much (mcap.dev/spec, 'Chunk')."""
+    with undamaged(path, "MCAP file"), path.open("rb") as file:
+        file.seek(MAGIC)
+        while len(head := file.read(9)) == 9:
+            kind, size = head[0], int.from_bytes(head[1:], "little")
+            start = file.tell()
+            if kind == CHUNK:
+                _, _, unpacked, _, named = struct.unpack("<QQQII", file.read(32))
+                method = file.read(min(named, 16))
+                refuse_larger(path, max(unpacked, _frame_size(method, file.read(min(size, 8 + 32))[8:])))
+            file.seek(start + size)
+
+
+def _frame_size(method: bytes, frame: bytes) -> int:
+    """Return the unpacked size [bytes] that a packed frame states; 0 without one."""
+    if method == b"zstd":
+        import zstandard
+
+        return max(0, zstandard.frame_content_size(frame))
+    if method == b"lz4":
+        import lz4.frame
+
+        return int(lz4.frame.get_frame_info(frame)["content_size"])
+    return 0
 
 
 FORMAT = Format(

@@ -66,7 +66,7 @@ def _numbers(content: Any, prefix: str = "") -> Iterator[tuple[str, float]]:
 
 
 def _fields(value: Any) -> dict[str, Any]:
-    """Return what a message has by name; nothing of what is none."""
+    """Return the fields of a message by name; nothing for a plain value."""
     if isinstance(value, dict):
         return value
     if dataclasses.is_dataclass(value):

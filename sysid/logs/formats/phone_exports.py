@@ -12,14 +12,12 @@ from typing import TypeVar
 
 from sysid.errors import SysidError
 from sysid.logs.formats.csv import open_csv
-from sysid.logs.formats.registry import Format
+from sysid.logs.formats.registry import Format, refuse_larger
 from sysid.logs.formats.tables import MOTION, merge_logs
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import parse_column
 
 T = TypeVar("T")
-MAX_UNPACKED = 1 << 30
-"""An hour of seven sensors at 1 kHz is 0.3 GiB as text."""
 MAX_MEMBERS = 10_000
 """Files in an archive; a phone's export has one a sensor, some ten."""
 _DAMAGE = (RuntimeError, NotImplementedError, EOFError, OSError, ValueError, OverflowError)
@@ -42,10 +40,7 @@ def open_zip(path: Path) -> LogFile:
                 )
             tables = [m for m in listed if not m.is_dir() and _is_table(Path(m.filename))]
             needed = _of_motion(tables, lambda member: Path(member.filename))
-            if sum(member.file_size for member in needed) > MAX_UNPACKED:
-                raise SysidError(
-                    f"{path}: unpacks to more than 1 GiB. Unpack it and name the one file in it."
-                )
+            refuse_larger(path, sum(member.file_size for member in needed))
             files: list[Path] = []
             for number, member in enumerate(needed):
                 target = Path(folder) / str(number) / Path(member.filename).name
@@ -55,7 +50,7 @@ def open_zip(path: Path) -> LogFile:
                 files.append(target)
             try:
                 return merge(path, files)
-            except SysidError as error:  # says it of what was unpacked
+            except SysidError as error:  # it names the unpacked file
                 raise SysidError(str(error).replace(folder, str(path))) from error
     except (*(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error), *_DAMAGE) as error:
         raise SysidError(f"{path}: damaged or locked archive ({error}). Export it again.") from error
@@ -78,15 +73,15 @@ def _is_table(file: Path) -> bool:
 
 
 def _of_motion(tables: Sequence[T], name: Callable[[T], Path]) -> list[T]:
-    """Return the tables of motion sensors; all where none is called so."""
+    """Return the tables of motion sensors; all without such a name."""
     return [table for table in tables if MOTION.search(name(table).stem)] or list(tables)
 
 
 def merge(path: Path, files: Sequence[Path]) -> LogFile:
-    """Read the motion sensors among the files of an export; the only one with a clock where none is called so.
+    """Read the motion sensors among the files of an export; without such a name, the only table with a clock.
 
     Raises:
-        SysidError: They are damaged, none is a table with a clock, or several are and nothing tells them apart.
+        SysidError: They are damaged, or not exactly one table has a clock.
     """
     wanted = _of_motion(files, lambda file: file)
     if len(wanted) == 1 or any(MOTION.search(file.stem) for file in wanted):

@@ -18,6 +18,8 @@ from sysid.logs.table.file import LogFile
 
 HEAD = 16
 """First bytes of a file that formats are shown."""
+MAX_UNPACKED = 1 << 30
+"""An hour of seven sensors at 1 kHz is 0.3 GiB as text [bytes]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,9 +28,9 @@ class Format:
 
     name: str
     order: int
-    """Formats are asked in this order; the last one takes what nobody knows."""
+    """Formats are asked in this order; the last one takes all other files."""
     sniff: Callable[[Path, bytes], bool]
-    """Whether a file is of this format, from its path and its first 16 bytes (none of a folder)."""
+    """Whether a file is of this format, by its path and its first 16 bytes (empty for a folder)."""
     open: Callable[[Path], LogFile]
     """The file as named columns of numbers."""
 
@@ -36,6 +38,18 @@ class Format:
 def starts_with(magic: bytes) -> Callable[[Path, bytes], bool]:
     """Return the test for a format that is known by its first bytes."""
     return lambda _, head: head.startswith(magic)
+
+
+def refuse_larger(path: Path, size: float) -> None:
+    """Refuse a file that unpacks to too many bytes.
+
+    Raises:
+        SysidError: It does.
+    """
+    if size > MAX_UNPACKED:
+        raise SysidError(
+            f"{path}: unpacks to more than 1 GiB. Cut the log into parts, or unpack it yourself."
+        )
 
 
 @contextmanager

@@ -1,13 +1,19 @@
 """Spreadsheets, such as phyphox's .xls: one table a sensor on each sheet."""
 
 import csv
+import re
 import tempfile
+import zipfile
 from pathlib import Path
+from typing import Any
 
 from sysid.errors import SysidError, needs_extra
 from sysid.logs.formats.phone_exports import merge
-from sysid.logs.formats.registry import Format, undamaged
+from sysid.logs.formats.registry import MAX_UNPACKED, Format, refuse_larger, undamaged
 from sysid.logs.table.file import LogFile
+
+CELL = 64
+"""Memory of a cell in Python [bytes]."""
 
 
 def open_workbook(path: Path) -> LogFile:
@@ -20,6 +26,8 @@ def open_workbook(path: Path) -> LogFile:
     with needs_extra("formats", f"{path}: reading spreadsheets", otherwise):
         from python_calamine import CalamineWorkbook
     with undamaged(path, "spreadsheet"):
+        if zipfile.is_zipfile(path):
+            _refuse_bomb(path)
         book = CalamineWorkbook.from_path(str(path))
         sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
     with tempfile.TemporaryDirectory() as folder:
@@ -28,12 +36,51 @@ def open_workbook(path: Path) -> LogFile:
             file = Path(folder) / str(number) / f"{name.replace('/', ' ')}.csv"
             file.parent.mkdir()
             with file.open("w", newline="", encoding="utf-8") as out:
-                csv.writer(out).writerows(rows)
+                csv.writer(out).writerows(_without_strays(rows))
             files.append(file)
         try:
             return merge(path, [file for file in files if file.stat().st_size > 0])
-        except SysidError as error:  # says it of what was unpacked
+        except SysidError as error:  # it names the unpacked file
             raise SysidError(str(error).replace(folder, str(path))) from error
+
+
+def _without_strays(rows: list[list[Any]]) -> list[list[Any]]:
+    """Return the columns in which a cell is no exception: a note beside the table is no column of it."""
+    filled = [sum(cell != "" for cell in column) for column in zip(*rows, strict=True)]
+    kept = [n for n, count in enumerate(filled) if 20 * count > max(filled)]
+    return [[row[n] for n in kept] for row in rows]
+
+
+def _refuse_bomb(path: Path) -> None:
+    """Refuse a workbook that is too large unpacked, or as the grid from its first to its last cell, which a reader fills."""
+    with zipfile.ZipFile(path) as book:
+        refuse_larger(path, sum(part.file_size for part in book.infolist()))
+        for part in book.namelist():
+            if not re.search(r"worksheets/[^/]*\.xml$|content\.xml$", part):
+                continue
+            text = book.read(part)
+            repeated = [int(number) for number in re.findall(rb'-repeated="(\d+)"[^>]*office:value', text)]
+            refuse_larger(path, CELL * sum(repeated))
+            last = [
+                (_column(letters), int(row))
+                for letters, row in re.findall(rb'<c r="([A-Z]{1,3})(\d{1,7})"', text)
+            ]
+            width, height = (
+                max(place, default=0) for place in (zip(*last, strict=True) if last else ((), ()))
+            )
+            if CELL * width * height > MAX_UNPACKED:
+                raise SysidError(
+                    f"{path}: a cell far from the others (column {width}, row {height}) makes a table of "
+                    f"{width * height:.1e} cells. Delete it, or save the sheet as CSV."
+                )
+
+
+def _column(letters: bytes) -> int:
+    """Return the number of a column, 1 for A and 27 for AA."""
+    number = 0
+    for letter in letters:
+        number = 26 * number + letter - 64
+    return number
 
 
 def _sniff(path: Path, head: bytes) -> bool:

@@ -13,8 +13,10 @@ from sysid.logs.table.names import ACCEL_UNITS, parse_column, sensor_of
 from sysid.roll import Array
 
 TIME = "time (s)"
-VALUE = ("value", "val", "values")
-"""What a table of one quantity calls it, which its own name does better."""
+VALUE = ("value", "val", "values", "data")
+"""Names of the one quantity of a table whose own name says more."""
+PLAIN_VALUE = re.compile(r"(?<=.)[./](values?|data)$", re.I)
+"""The same at the end of a path."""
 GYRO = re.compile(r"gyr|angular.?(vel|rate)", re.I)
 """Names of the gyro's table: phones measure in rad/s."""
 MOTION = re.compile(rf"{GYRO.pattern}|acc|orient|attitude|grav|motion|raw|rotation", re.I)
@@ -24,29 +26,79 @@ MOTION = re.compile(rf"{GYRO.pattern}|acc|orient|attitude|grav|motion|raw|rotati
 def sensor_tables(
     path: Path, clocks: Mapping[str, Array], columns: Mapping[str, tuple[str, Array]], note: str
 ) -> LogFile:
-    """Return several sensors as one log; what is read together comes on the clock of the first one that is asked for.
+    """Return several sensors as one log; columns that are read together come on the clock of the first one asked for.
 
     Args:
         clocks: Time of each sensor [s], shape (n_sensor,).
-        columns: Sensor and values of each column.
+        columns: Sensor and values of each column; '' for a sensor without a clock.
     """
 
     def read(names: Sequence[str]) -> dict[str, Array]:
-        base, _ = columns[next(name for name in names if name != TIME)]
-        clock = clocks[base]
+        base = next((columns[name][0] for name in names if name != TIME), next(iter(clocks), ""))
         result: dict[str, Array] = {}
         for name in names:
-            if name == TIME:
-                result[name] = clock.copy()
-                continue
-            sensor, values = columns[name]
+            sensor, values = (base, clocks.get(base, np.zeros(0))) if name == TIME else columns[name]
             if sensor != base:
+                if not sensor or not base:
+                    raise SysidError(
+                        f"{path}: '{name}' has no time of its own. Read it alone, with --column and --rate."
+                    )
                 order = np.argsort(clocks[sensor], kind="stable")
-                values = np.interp(clock, clocks[sensor][order], values[order], left=np.nan, right=np.nan)
-            result[name] = values
+                values = np.interp(
+                    clocks[base], clocks[sensor][order], values[order], left=np.nan, right=np.nan
+                )
+            result[name] = values.copy()
+        if TIME in result and not base:
+            raise SysidError(
+                f"{path}: '{names[0]}' has no time of its own. Give its sampling rate with --rate."
+            )
         return result
 
     return LogFile(path=path, names=(TIME, *columns), notes=(note,), read=read)
+
+
+def log_of_vectors(path: Path, kind: str, vectors: Mapping[str, Array]) -> LogFile:
+    """Return the vectors of a file as one log, each on the clock of its length whose name is most like its own.
+
+    The vectors are of shape (n,), of any length each, in the units of the file.
+
+    Raises:
+        SysidError: There is no vector.
+    """
+    named = {
+        PLAIN_VALUE.sub("", name): np.asarray(v, np.float64) for name, v in vectors.items() if len(v) > 1
+    }
+    if not named:
+        raise SysidError(f"{path}: no vector of numbers among {', '.join(vectors) or 'nothing'}.")
+    parsed = {name: parse_column(name) for name in named}
+    clocks = [name for name in named if parsed[name].kind == "time"]
+    owner: dict[str, str] = {}
+    for name in named:
+        same = [clock for clock in clocks if len(named[clock]) == len(named[name])]
+        owner[name] = max(same, key=lambda clock: len(_shared(clock, name)), default="")
+    used = dict.fromkeys(clock for name, clock in owner.items() if clock and name not in clocks)
+    note = f"table: {kind} file with {', '.join(named)}"
+    if len(used) > 1:
+        scaled = {clock: named[clock] * time_scale(named[clock], parsed[clock].unit)[0] for clock in used}
+        columns = {name: (owner[name], named[name]) for name in named if name not in clocks}
+        return sensor_tables(path, scaled, columns, note)
+
+    def read(names: Sequence[str]) -> dict[str, Array]:
+        if len({len(named[name]) for name in names}) > 1:
+            raise SysidError(
+                f"{path}: {', '.join(f'{name!r} has {len(named[name])} values' for name in names)}. Name the time of the "
+                "same length with --time-column, or give --rate."
+            )
+        return {name: named[name].copy() for name in names}
+
+    longest = len(named[next(iter(used), max(named, key=lambda name: len(named[name])))])
+    first = sorted(named, key=lambda name: len(named[name]) != longest)
+    return LogFile(path=path, names=tuple(first), notes=(note,), read=read)
+
+
+def _shared(one: str, other: str) -> str:
+    """Return the beginning that two names share."""
+    return one[: next((n for n, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), len(one))]
 
 
 def merge_logs(path: Path, logs: Mapping[str, LogFile], kind: str) -> LogFile:
@@ -97,7 +149,7 @@ def _full_name(stem: str, name: str) -> str:
 
 
 def motion_first(sensors: Iterable[str]) -> list[str]:
-    """Return the sensors of motion among some names; all where none says so."""
+    """Return the sensors of motion among some names; all without such a name."""
     names = list(map(str, sensors))
     return [name for name in names if MOTION.search(name)] or names
 

@@ -10,17 +10,18 @@ from sysid.errors import SysidError
 from sysid.logs.sources.registry import LENGTHS, Reading, Source
 from sysid.logs.sources.wraps import TURNS, unit_by_wraps, without_wraps
 from sysid.logs.table.choose import Choice, chosen, std_of
-from sysid.logs.table.names import ANGLE_UNITS, Column, says_counts, unit_kind
+from sysid.logs.table.names import ANGLE_UNITS, Column, says_counts
+from sysid.logs.table.noise import noise_of
 from sysid.logs.table.remarks import Remarks, note, warning
-from sysid.noise.sensor import estimate_noise, saturated
+from sysid.noise.sensor import saturated
 from sysid.roll import Array, Roll
 from sysid.text import display
 
-TURN = 360.0
+TURN = TURNS["deg"]
 """Angles that count on over a turn in whole numbers are counts, for degrees begin again [deg]."""
 LEAST_DEGREES, MOST_RADIANS = 0.5, 30.0
-"""A log without a unit that reaches so far from its median may be of either: half a degree is a swing that a sensor still sees,
-and some turns are what an arm may make."""
+"""Between these, a log without a unit may be in either. Sensors still see a swing of half a degree, and an arm may
+make some turns."""
 
 
 def find_angle(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
@@ -77,7 +78,7 @@ def _why(best: Column, other: Column) -> str:
 
 def angle_from(column: Column, columns: Sequence[Column], sign: float) -> Choice:
     """Return one column that the user names, as an angle."""
-    unit = column.unit if unit_kind(column.unit) == "angle" else None
+    unit = column.unit if column.unit in (*ANGLE_UNITS, *LENGTHS["angle"]) else None
     choice = chosen([column], "", sign, f"from '{column.name}'", std=std_of(column, columns))
     return replace(choice, unit=unit, doubt=0)
 
@@ -153,7 +154,7 @@ def roll_from_angle(reading: Reading) -> Roll:
     if not slides:
         roll, moved = _near_zero(roll)
         remarks += moved
-    noise = estimate_noise(roll)
+    noise = noise_of(reading.time, roll)
     if reading.std is not None and np.all(reading.std > 0):
         std = reading.std * abs(scale)
         remarks += note("noise", f"from the column '{choice.std}'")

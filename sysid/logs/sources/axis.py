@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.logs.table.choose import Choice
 from sysid.logs.table.remarks import Remarks, note, warning
@@ -54,18 +55,34 @@ def find_roll_axis(rates: Array, choice: Choice) -> RollAxis:
     return RollAxis(vector * choice.sign, share, remarks)
 
 
-def angle_about(axis: Array, up: Array) -> tuple[Array, Remarks] | None:
-    """Return the roll about an axis [rad], shape (n,), from the vertical in sensor axes; None if the axis is upright.
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """Axes square to the roll axis, in sensor axes: roll is zero where gravity is felt along `top`."""
 
-    Roll is zero where the sensor axis that is nearest to the vertical points along it, as seen along the roll
-    axis: a sensor that lies flat reads the true roll, whichever of its faces is up.
+    top: Array
+    """Unit vector, shape (3,)."""
+    left: Array
+    """Unit vector to the left of it, seen along the roll axis from behind, shape (3,)."""
+    zero: Remarks
+    """The zero of roll in words."""
+
+    def of(self, vectors: Array) -> npt.NDArray[np.complex128]:
+        """Return the parts of vectors, shape (n, 3), along top and left as complex numbers in their unit, shape (n,)."""
+        return np.asarray(vectors @ self.top + 1j * (vectors @ self.left))
+
+
+def plane_about(axis: Array, up: Array) -> Plane | None:
+    """Return the plane square to the roll axis; None if the axis is upright, where gravity tells no roll.
+
+    Roll is zero where the sensor axis nearest to the vertical points along it, seen along the roll axis. So a sensor
+    that lies flat reads the true roll, on any of its faces.
 
     Args:
         axis: Unit vector forward in sensor axes, shape (3,).
-        up: Unit vectors against gravity in sensor axes, shape (n, 3).
+        up: Vectors against gravity in sensor axes [1], shape (n, 3).
     """
-    mean = up.mean(axis=0)
-    if np.median(np.abs(up @ axis)) > VERTICAL_COSINE:
+    mean = up.mean(axis=0) / np.linalg.norm(up, axis=1).mean()
+    if np.median(np.abs(up @ axis) / np.linalg.norm(up, axis=1)) > VERTICAL_COSINE:
         return None
     square = np.eye(3) - np.outer(axis, axis)
     facing = (square @ mean) / np.linalg.norm(square, axis=0).clip(1e-9)
@@ -74,6 +91,5 @@ def angle_about(axis: Array, up: Array) -> tuple[Array, Remarks] | None:
     sign = 1.0 if facing[nearest] >= 0 else -1.0
     top = square[:, nearest] * sign
     top /= np.linalg.norm(top)
-    left = np.cross(top, axis)
     zero = note("zero", f"where the sensor's {'+' if sign > 0 else '-'}{'xyz'[nearest]} points up")
-    return np.unwrap(np.arctan2(up @ left, up @ top)), zero
+    return Plane(top, np.cross(top, axis), zero)

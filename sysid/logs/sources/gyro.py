@@ -8,15 +8,17 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.logs.sources.axis import find_roll_axis
 from sysid.logs.sources.registry import LENGTHS, Reading, Source
+from sysid.logs.sources.swing_smoother import integral_of
 from sysid.logs.table.choose import Choice, chosen, triple
 from sysid.logs.table.names import RATE_UNITS, Column, unit_kind
+from sysid.logs.table.noise import noise_of
 from sysid.logs.table.remarks import Remarks, note, warning
-from sysid.noise.sensor import clipped_rows, estimate_noise
+from sysid.noise.sensor import clipped_rows
 from sysid.roll import Array, Roll
 
 REST_BLOCK = 0.2
-"""Length of a stretch that is tested for rest [s]: longer than a period of the decks that ship, so that no part of a swing passes
-for rest. Half or twice of it moves the offset of the shipped log by 1e-4 rad/s, its own uncertainty."""
+"""Length of a stretch that is tested for rest [s]: longer than a period of the shipped decks, so that a part of a
+swing cannot pass. Half or twice of it moves the offset of the shipped log by 1e-4 rad/s, its own uncertainty."""
 MAX_RATE = 35.0
 """No common gyro measures more than 2000 °/s = 34.9 rad/s: larger numbers are degrees [rad/s]."""
 
@@ -46,13 +48,13 @@ def find_gyro(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]
 
 def gyro_from(column: Column, columns: Sequence[Column], sign: float) -> Choice:
     """Return one column that the user names, as a rotation rate."""
-    unit = column.unit if unit_kind(column.unit) == "rate" else None
+    unit = column.unit if unit_kind(column.unit) in ("rate", "speed") else None
     choice = chosen([column], "", sign, f"from the rate '{column.name}', integrated")
     return replace(choice, unit=unit, doubt=0)
 
 
 def roll_from_gyro(reading: Reading) -> Roll:
-    """Return the integral of one rate, or of what three show about the roll axis."""
+    """Return the integral of one rate, or of the part of three rates about the roll axis."""
     choice = reading.choice
     rates = np.stack(reading.signals, axis=1)
     scale, remarks = rate_scale(rates, choice)
@@ -111,11 +113,11 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
     the integral is a random walk; fits should use `Roll.rate`, whose errors are independent.
     """
     time = reading.time
-    noise, counted = estimate_noise(rate), reading.counted
+    noise, counted = noise_of(time, rate), reading.counted
     bias = estimate_bias(time[counted], rate[counted], noise.std)
     free = rate - np.interp(time, time[counted], bias.value)
     steps = np.diff(time)
-    angle = np.concatenate(([0.0], np.cumsum(0.5 * (free[1:] + free[:-1]) * steps)))
+    angle = np.asarray(integral_of(time, free)(time), np.float64)
     angle -= resting_level(angle[counted])
     walk = noise.std * np.sqrt(np.cumsum(np.concatenate((steps[:1], steps))) * np.median(steps))
     rate_std = np.full(rate.size, noise.std)
@@ -143,8 +145,8 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
 def estimate_bias(time: Array, rate: Array, noise: float) -> Bias:
     """Find a gyro's offset from the rest at the beginning and the end, or else from the oscillation.
 
-    Where both ends rest and differ by more than their noise, the offset goes in a straight line from one to the other (a
-    sensor that warms up). Times [s] and rates [rad/s] are of shape (n,), the noise is that of a sample [rad/s].
+    If both ends rest and differ by more than their noise, the offset is a line from one to the other: the sensor
+    warms up. Times [s] and rates [rad/s] are of shape (n,), the noise is that of a sample [rad/s].
     """
     rests: list[tuple[float, float, float]] = []
     for direction in (1, -1):
@@ -196,7 +198,7 @@ def half_cycle(rate: Array) -> float:
     side = np.where(np.abs(swing) > 0.2 * np.abs(swing).max(), np.sign(swing), 0.0)
     edges = np.flatnonzero(np.diff(side, prepend=0.0, append=0.0))
     lengths = np.diff(edges)[side[edges[:-1]] != 0]
-    # A sine is beyond a fifth of its amplitude for 87 % of a half cycle; noise at that edge makes runs of a row or two.
+    # A sine is beyond a fifth of its amplitude for 87 % of a half cycle. Noise at that edge makes runs of a row or two.
     return float(np.median(lengths[lengths > 2])) / 0.87 if np.any(lengths > 2) else 0.0
 
 
@@ -218,10 +220,10 @@ def resting_level(angle: Array) -> float:
 
 
 def oscillation_level(signal: Array) -> tuple[float, float] | None:
-    """Return the level that a decaying oscillation is about, and its standard deviation; None if there is none.
+    """Return the level that a decaying oscillation is about, and its standard deviation; None without an oscillation.
 
-    A decaying sine about a level c satisfies y(t + 2m) = a y(t + m) + b y(t) + (1 - a - b) c for any lag m
-    (Prony); least squares over the record, with m a quarter of the period, gives c.
+    A decaying sine about a level c satisfies y(t + 2m) = a y(t + m) + b y(t) + (1 - a - b) c for any lag m (Prony).
+    Least squares with m a quarter of the period gives c.
 
     Args:
         signal: In any unit, shape (n,).

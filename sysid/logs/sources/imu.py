@@ -1,25 +1,44 @@
-"""Roll from accelerometer and gyro together: gravity gives the angle, the gyro its changes."""
+"""Roll from accelerometer and gyro together, or from the accelerometer alone; see `sysid.logs.sources.swing_smoother`."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
-from sysid.logs.sources.axis import ONE_AXIS, RollAxis, angle_about, find_roll_axis
-from sysid.logs.sources.gyro import find_rest, rate_scale, roll_from_rate
+from sysid.errors import SysidError
+from sysid.logs.sources.axis import Plane, find_roll_axis, plane_about
+from sysid.logs.sources.gyro import half_cycle, rate_scale, roll_from_rate
 from sysid.logs.sources.registry import Reading, Source
+from sysid.logs.sources.swing_smoother import (
+    PER_SWING,
+    Blocks,
+    Swing,
+    block_means,
+    smooth_swing,
+)  # fmt: skip
 from sysid.logs.table.choose import Choice, chosen, triple
-from sysid.logs.table.names import ACCEL_UNITS, Column
-from sysid.logs.table.options import LogOptions
+from sysid.logs.table.names import ACCEL_UNITS, RATE_UNITS, Column
+from sysid.logs.table.noise import noise_of
 from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.noise.sensor import estimate_noise, saturated
 from sysid.quantity import Z95
 from sysid.roll import Array, Roll
 
-if TYPE_CHECKING:
-    from sysid.logs.sources.gravity_smoother import Gravity
-
-STANDARD_GRAVITY = ACCEL_UNITS["g"]
+TRIAD_UNITS = ("rad/s", "deg/s", "mrad/s", "mdeg/s")
+"""Units of three-axis gyros; a speed in rpm is a wheel's."""
+PART = 10.0
+"""Length of the liveliest part of a record, which tells the gyro's unit [s]."""
+MIN_ERROR_RATIO, MIN_GAIN_RATIO = 1.2, 20.0
+"""Least ratio of another unit's residual to the best one's, and of the size of a count to its standard deviation [1]."""
+USUAL_ARM = 0.5
+"""Standard deviation of a lever arm on a board, before it is known [m]."""
+LASTING = 2.0
+"""Periods for which the strength of accelerations beside gravity stays about the same: a hand's touch, or a release."""
+ARMS = (-0.3 + 0j, -0.1 + 0j, 0j, 0.03 + 0j, 0.1 + 0j, 0.3 + 0j, 1.0 + 0j)
+"""Lever arms from which the search begins without a gyro [m]: each makes a swing a third or three times as large."""
+CONSISTENT = 0.25
+"""Share by which a scale may be uncertain before a log counts as without one [1]."""
 
 
 def find_imu(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
@@ -31,68 +50,218 @@ def find_imu(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
     return [chosen((*gyro, *accel), axis, sign, how, accel_unit=accel[0].unit)]
 
 
-def roll_from_imu(reading: Reading) -> Roll:
-    """Return roll from six columns; from the gyro alone where the accelerometer tells nothing of it.
+def find_accelerometer(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
+    """Return the three accelerations of a log without a gyro."""
+    accel = triple(columns, "accel", "xyz")
+    if accel is None:
+        return []
+    how = f"from accelerometer '{accel[0].name}'... of a swing"
+    return [replace(chosen(accel, axis, sign, how, accel_unit=accel[0].unit), unit=None)]
 
-    Raises:
-        SysidError: The record is too short for it.
-    """
-    choice, time, options = reading.choice, reading.time, reading.options
+
+def roll_from_imu(reading: Reading) -> Roll:
+    """Return roll from six columns; from the gyro alone where the accelerometer tells nothing of it."""
+    choice, time = reading.choice, reading.time
     columns = np.stack(reading.signals, axis=1)
     accel, remarks = accel_in_si(columns[:, 3:], choice)
-    scale, how = imu_rate_scale(time, columns[:, :3], accel, choice)
+    silent = choice.unit is None and choice.scale is None
+    unitless = find_roll_axis(columns[:, :3], choice)
+    plane = None if accel is None else plane_about(unitless.vector, accel)
+    if silent and accel is not None and plane is not None:
+        counts = bool(np.all(columns[:, :3] == np.rint(columns[:, :3])))
+        turning = columns[:, :3] @ unitless.vector
+        scale, how = _scale_by_gravity(time, turning, plane.of(accel), choice, counts=counts)
+    else:
+        scale, how = rate_scale(columns[:, :3], choice)
     rates = columns[:, :3] * scale
     axis = find_roll_axis(rates, choice)
     remarks += how + axis.remarks
-    if accel is None:
-        return roll_from_rate(reading, rates @ axis.vector, remarks)
-    gravity = _gravity(time, rates, accel, axis, options)
-    if gravity.lever_arm is not None:
-        arm = ", ".join(f"{100 * value:.1f}" for value in gravity.lever_arm)
-        known = "given" if options.lever_arm else "estimated"
-        remarks += note("accelerometer", f"sits ({arm}) cm from the axis of rotation, {known}")
-    about = angle_about(axis.vector, gravity.up)
-    if about is None:
-        remarks += warning("the roll axis stands upright, where gravity tells no roll: gyro alone")
-        return roll_from_rate(reading, rates @ axis.vector, remarks)
-    roll, zero = about
-    noise = estimate_noise(gravity.rate @ axis.vector).std
-    offset = ", ".join(f"{value:.2g}" for value in gravity.offset)
-    remarks += zero + _saturation(choice, columns)
-    remarks += note("offset", f"({offset}) rad/s of the gyro")
-    remarks += note("noise", f"{noise:.2g} rad/s of the gyro")
-    std, rate_std = (
-        np.maximum(gravity.std, noise * float(np.median(np.diff(time)))),
-        np.full(roll.size, noise),
-    )
-    scale_std = gravity.scale_std(axis.vector)
+    about = rates @ axis.vector
+    if accel is None or plane is None:
+        if accel is not None:
+            remarks += warning("the roll axis stands upright, where gravity tells no roll: gyro alone")
+        return roll_from_rate(reading, about, remarks)
+    remarks += _saturation(choice, columns)
+    swing, blocks = _smoothed(reading, about, plane.of(accel), plane)
+    rate = swing.gain * about - swing.offset
+    steps = np.diff(time)
+    whole = np.concatenate(([0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * steps)))
+    beside = swing.angle - np.interp(blocks.edges, time, whole)
+    roll = whole + np.interp(time, blocks.edges, beside)
+    noise, step = noise_of(time, rate).std, float(np.median(steps))
+    share = np.sqrt(float(np.median(np.diff(blocks.edges))) / step)
+    felt = share * float(np.median(blocks.accel_std))
+    omega = np.pi / (step * max(half_cycle(rate), 1.0))
+    tilt = abs(swing.gravity + omega**2 * swing.arm)
+    by_gyro = omega * felt > tilt * noise
+    # A release lies anywhere between two samples: the integral across that kink is off by up to (ω dt)²/8 of the angle.
+    scale_std = float(np.hypot(swing.std[1], (omega * step) ** 2 / 8))
+    arm = swing.arm.real * plane.top + swing.arm.imag * plane.left
+    spread = Z95 * float(np.hypot(*swing.std[3:]))
+    told = f"({', '.join(f'{100 * value + 0.0:.1f}' for value in np.round(arm, 3))}) cm from the axis of rotation"
+    given = reading.options.lever_arm is not None
+    if given or abs(swing.arm) > spread > 0:
+        remarks += note(
+            "accelerometer", f"sits {told}, {'given' if given else f'± {100 * spread:.1g} cm, estimated'}"
+        )
+    remarks += plane.zero
+    remarks += note("offset", f"{swing.offset:.3g} rad/s ± {Z95 * swing.std[0]:.1g} of the gyro")
+    remarks += note("noise", f"{noise:.2g} rad/s of the gyro, {felt:.2g} m/s² of the accelerometer")
     remarks += note(
         "scale",
-        f"of roll and rate, good to {100 * Z95 * scale_std:.1f} % (95 %): as well as gravity tells the gyro's gain",
+        f"of roll and rate, good to {100 * Z95 * scale_std:.1f} % (95 %): gravity tells the gyro's gain",
     )
-    rate = gravity.rate @ axis.vector
+    # White errors of either sensor at the swing's frequency; where that sensor rules, they are those of the estimate.
+    own = noise if by_gyro else 1 / np.hypot(omega / noise, tilt / felt)
+    std = np.sqrt(step * felt * noise / (2 * swing.gravity)) if by_gyro else own
     return reading.as_roll(
-        roll, std, "imu", remarks, zero="drifting", rate=rate, rate_std=rate_std, scale_std=scale_std
+        roll, np.full(roll.size, max(std, noise * step)), "imu", remarks, zero="drifting", rate=rate,
+        rate_std=np.full(roll.size, noise), measured="rate" if by_gyro else "roll", scale_std=scale_std,
+    )  # fmt: skip
+
+
+def _smoothed(
+    reading: Reading, rate: Array, accel: npt.NDArray[np.complex128], plane: Plane
+) -> tuple[Swing, Blocks]:
+    """Smooth gyro and accelerometer; the residuals tell how strongly something shakes the sensor beside gravity.
+
+    Args:
+        reading: Its clock and options.
+        rate: About the axis [rad/s], shape (n,).
+        accel: Square to it [m/s²], shape (n,).
+        plane: The axes of it.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    blocks = _blocks(reading.time, rate, accel)
+    arm = _given_arm(reading, plane)
+    angle, first, _ = _start(blocks)
+    swing = smooth_swing(blocks, angle, arm=arm, first=first)
+    for _ in range(2):
+        power = gaussian_filter1d(np.abs(swing.left) ** 2 / 2, LASTING * PER_SWING, mode="nearest")
+        blocks = replace(blocks, accel_std=np.sqrt(np.maximum(power, 1e-12)))
+        swing = smooth_swing(blocks, swing.angle, arm=arm, first=swing.arm)
+    return swing, blocks
+
+
+def _given_arm(reading: Reading, plane: Plane) -> complex | None:
+    given = reading.options.lever_arm
+    return None if given is None else complex(plane.of(np.array([given]))[0])
+
+
+def _blocks(time: Array, rate: Array | None, accel: npt.NDArray[np.complex128]) -> Blocks:
+    """Average the sensors over blocks of which the swing has `PER_SWING` in a period."""
+    usual = float(np.median(np.diff(time)))
+    period = 2 * usual * half_cycle(accel.imag if rate is None else rate)
+    signals = [accel.real, accel.imag, *([] if rate is None else [rate])]
+    edges, means = block_means(time, signals, max(period / PER_SWING, usual))
+    share = np.sqrt(max(time.size / (len(edges) - 1), 1.0))
+    noise = [max(noise_of(time, signal).std, 1e-9) / share for signal in signals]
+    return Blocks(
+        edges=edges, rate=None if rate is None else means[2], accel=means[0] + 1j * means[1], rate_std=noise[-1],
+        accel_std=np.full(len(edges) - 1, np.hypot(*noise[:2]) / np.sqrt(2)),
+    )  # fmt: skip
+
+
+def _start(blocks: Blocks, scale: float = 1.0) -> tuple[Array, complex, float]:
+    """Return a first guess of the angle, of the lever arm [m], and what both leave of the accelerations [1], squared and summed.
+
+    The angle is the gyro's integral; with its course given, gravity, a slow drift and the lever arm are linear.
+
+    Args:
+        blocks: The measurement.
+        scale: Of the gyro [rad/s in its unit].
+    """
+    assert blocks.rate is not None
+    edges, rate = blocks.edges, scale * (blocks.rate - np.median(blocks.rate))
+    steps = np.diff(edges)
+    whole = np.concatenate(([0.0], np.cumsum(rate * steps)))
+    lever = -(1j * np.gradient(rate) / steps + rate**2)
+    turned, since = np.exp(0.5j * (whole[1:] + whole[:-1])), 0.5 * (edges[1:] + edges[:-1]) - edges.mean()
+    design = np.stack((turned, 1j * since * turned, lever), axis=1) / blocks.accel_std[:, None]
+    design = np.vstack((design, [[0.0, 0.0, 1 / USUAL_ARM]]))
+    target = np.append(blocks.accel / blocks.accel_std, 0.0)
+    found, *_ = np.linalg.lstsq(design, target, rcond=None)
+    drift = float((found[1] / found[0]).real)
+    left = float(np.sum(np.abs(target - design @ found) ** 2))
+    return whole + np.angle(found[0]) + drift * (edges - edges.mean()), complex(found[2]), left
+
+
+def roll_from_accelerometer(reading: Reading) -> Roll:
+    """Return the roll of a swing from three accelerations.
+
+    Along the motion they feel g sin φ + r φ̈, which is proportional to φ in a swing. So frequency and damping need no
+    lever arm r. The size of the swing does: accelerations along the arm tell it if the swing is wide.
+
+    Raises:
+        SysidError: They hold no gravity, or the axis is upright.
+    """
+    choice = reading.choice
+    accel, remarks = accel_in_si(np.stack(reading.signals, axis=1), choice)
+    mean = np.zeros(3) if accel is None else accel.mean(axis=0)
+    if accel is None or not np.any(mean):
+        raise SysidError(
+            f"'{choice.columns[0]}'... hold no gravity, so they tell no roll. Record the gyro beside them, or the accelerometer "
+            "with gravity."
+        )
+    mean = mean / np.linalg.norm(mean)
+    beside = accel - accel.mean(axis=0)
+    beside = beside - np.outer(beside @ mean, mean)
+    axis = np.cross(np.linalg.eigh(beside.T @ beside)[1][:, -1], mean)
+    axis = (
+        np.eye(3)["xyz".index(choice.axis)] if choice.axis else axis * np.sign(axis[np.argmax(np.abs(axis))])
+    )
+    plane = plane_about(axis * choice.sign, accel)
+    if plane is None:
+        raise SysidError("the roll axis stands upright, where gravity tells no roll. Record a gyro.")
+    blocks = _blocks(reading.time, None, plane.of(accel))
+    along = blocks.accel.imag
+    omega = np.pi / (float(np.median(np.diff(blocks.edges))) * max(half_cycle(along), 1.0))
+    given = _given_arm(reading, plane)
+    swing = min(
+        (_swung(blocks, omega, arm, given) for arm in (ARMS if given is None else [given])),
+        key=lambda s: s.cost,
+    )
+    tilt = swing.gravity + omega**2 * swing.arm.real
+    scale_std = abs(omega**2 * float(swing.std[3]) / tilt)
+    if not scale_std < CONSISTENT:
+        tilt, scale_std = swing.gravity, 1.0
+        remarks += warning(
+            "nothing tells the lever arm from the axis to the accelerometer: frequency and damping are right, the size of the "
+            "swing is unknown. Give it with --lever-arm"
+        )
+    else:
+        arm = swing.arm.real * plane.top + swing.arm.imag * plane.left
+        how = (
+            "given"
+            if given is not None
+            else f"± {100 * Z95 * float(np.hypot(*swing.std[3:])):.1g} cm, estimated"
+        )
+        remarks += note(
+            "accelerometer",
+            f"sits ({', '.join(f'{100 * v:.1f}' for v in arm)}) cm from the axis of rotation, {how}",
+        )
+    shown = ", ".join(f"{value:.2f}" for value in axis * choice.sign)
+    along = plane.of(accel).imag
+    roll = along / tilt
+    roll = (along + swing.gravity * (roll - np.sin(roll))) / tilt
+    std = noise_of(reading.time, along).std / abs(tilt)
+    remarks += note("axis", f"({shown}) of the sensor, taken as forward") + plane.zero
+    remarks += note("noise", f"{np.rad2deg(std):.2g}° from the whole signal")
+    return reading.as_roll(
+        roll, np.full(roll.size, std), "accelerometer", remarks, zero="constant", scale_std=scale_std
     )
 
 
-def _gravity(time: Array, rates: Array, accel: Array, axis: RollAxis, options: LogOptions) -> "Gravity":
-    """Smooth the direction of gravity, from the gyro's offset at rest where the log begins with one."""
-    from sysid.logs.sources.gravity_smoother import smooth_gravity
-
-    noise = float(np.mean([estimate_noise(rates[:, k]).std for k in range(3)]))
-    about = rates @ axis.vector
-    rest = find_rest(time, about, estimate_noise(about).std, 1)
-    return smooth_gravity(
-        time,
-        rates,
-        accel,
-        offset=None if rest is None else rates[rest].mean(axis=0),
-        offset_std=0.1 if rest is None else 2e-3,
-        rate_noise=noise,
-        lever_arm=None if options.lever_arm is None else np.array(options.lever_arm),
-        find_lever_arm=axis.share > ONE_AXIS,
-    )
+def _swung(blocks: Blocks, omega: float, first: complex, arm: complex | None) -> Swing:
+    """Smooth accelerations alone: the search begins from a swing at `omega` [rad/s] with the lever arm `first` [m]."""
+    size = ACCEL_UNITS["g"] + omega**2 * first.real
+    along = np.interp(blocks.edges, 0.5 * (blocks.edges[1:] + blocks.edges[:-1]), blocks.accel.imag)
+    start = along / (size if abs(size) > 1.0 else np.copysign(1.0, size))
+    with np.errstate(all="ignore"):  # a start that leads nowhere
+        stiff = 0.1 * float(np.std(start))
+        swing = smooth_swing(blocks, start, arm=arm, first=first, arm_std=USUAL_ARM, stiff=stiff)
+    return swing if np.isfinite(swing.cost) else replace(swing, cost=np.inf)
 
 
 def accel_in_si(accel: Array, choice: Choice) -> tuple[Array | None, Remarks]:
@@ -101,14 +270,14 @@ def accel_in_si(accel: Array, choice: Choice) -> tuple[Array | None, Remarks]:
     if choice.accel_unit is not None:
         scale = ACCEL_UNITS[choice.accel_unit]
     else:
-        usual = 0.8 * STANDARD_GRAVITY, 1.25 * STANDARD_GRAVITY
+        usual = 0.8 * ACCEL_UNITS["g"], 1.25 * ACCEL_UNITS["g"]
         known = {unit: size for unit, size in ACCEL_UNITS.items() if usual[0] < norm * size < usual[1]}
-        scale = next(iter(known.values()), STANDARD_GRAVITY / norm if norm > 100 else 1.0)
+        scale = next(iter(known.values()), ACCEL_UNITS["g"] / norm if norm > 100 else 1.0)
         unit = next(iter(known), f"counts of {scale:.3g} m/s²")
         remarks += note("accelerometer", f"in {unit}, because they rest at {norm:.4g}")
-    if not 0.7 < norm * scale / STANDARD_GRAVITY < 1.4:
+    if not 0.7 < norm * scale / ACCEL_UNITS["g"] < 1.4:
         remarks += warning(
-            f"'{choice.columns[3]}' holds no gravity (it rests at {norm * scale:.2g} m/s²): gyro alone. "
+            f"'{choice.columns[-3]}' holds no gravity (it rests at {norm * scale:.2g} m/s²): gyro alone. "
             "Record the accelerometer with gravity"
         )
         return None, remarks
@@ -118,8 +287,7 @@ def accel_in_si(accel: Array, choice: Choice) -> tuple[Array | None, Remarks]:
 def _saturation(choice: Choice, columns: Array) -> Remarks:
     remarks = Remarks()
     for name, column in zip(choice.columns, columns.T, strict=True):
-        excess = saturated(column, estimate_noise(column))
-        if excess is not None:
+        if (excess := saturated(column, estimate_noise(column))) is not None:
             remarks += warning(
                 f"'{name}' is saturated in {np.count_nonzero(excess)} samples (up to {np.abs(column).max():.4g}): "
                 "angles after them are off, use a range that is wide enough"
@@ -127,15 +295,41 @@ def _saturation(choice: Choice, columns: Array) -> Remarks:
     return remarks
 
 
-def imu_rate_scale(time: Array, rates: Array, accel: Array | None, choice: Choice) -> tuple[float, Remarks]:
-    """Return rad/s per unit of the rates, shape (n, 3), and how that is known; gravity tells where names do not."""
-    if choice.scale is None and choice.unit is None and accel is not None:
-        from sysid.logs.sources.gyro_unit import scale_by_gravity
+def _scale_by_gravity(
+    time: Array, rate: Array, accel: npt.NDArray[np.complex128], choice: Choice, *, counts: bool
+) -> tuple[float, Remarks]:
+    """Return rad/s per unit of a rate, shape (n,), whose name gives none: the one that turns gravity as it is felt."""
+    energy = np.concatenate(([0.0], np.cumsum((rate - np.median(rate)) ** 2)))
+    width = int(np.searchsorted(time, time[0] + PART))
+    begin = int(np.argmax(energy[width:] - energy[:-width])) if width < time.size else 0
+    part = slice(begin, begin + width)
+    time, rate, accel = time[part], rate[part], accel[part]
+    blocks = _blocks(time, rate, accel)
+    assert blocks.rate is not None
+    if counts:  # from hardly any motion on, the gain grows to the one that turns gravity as it is felt
+        turned = np.cumsum((blocks.rate - np.median(blocks.rate)) * np.diff(blocks.edges))
+        size = 1e-3 / float(np.ptp(turned))
+        small = replace(blocks, rate=size * blocks.rate, rate_std=size * blocks.rate_std)
+        swing = smooth_swing(
+            small, np.full(len(blocks.edges), np.angle(blocks.accel.mean())), gain_std=np.inf
+        )
+        if not swing.gain > MIN_GAIN_RATIO * swing.std[1]:
+            return rate_scale(rate[:, None], choice)
+        return size * swing.gain, warning(
+            f"one count of the gyro taken as {size * swing.gain:.3g} rad/s, because so it turns the accelerometer's vertical, to "
+            "some percent. Say it with --unit"
+        )
+    left = np.array([_start(blocks, RATE_UNITS[unit])[2] for unit in TRIAD_UNITS])
+    best = int(np.argmin(left))
+    if not np.delete(left, best).min() > MIN_ERROR_RATIO * left[best]:
+        return rate_scale(rate[:, None], choice)
+    unit = TRIAD_UNITS[best]
+    return RATE_UNITS[unit], warning(
+        f"rates taken as {unit}, as they match the turning of the accelerometer's vertical; no name gives their unit (else --unit)"
+    )
 
-        found = scale_by_gravity(time, rates, accel)
-        if found is not None:
-            return found
-    return rate_scale(rates, choice)
 
-
+ACCELEROMETER = Source(
+    name="accelerometer", order=4, quantity=None, find=find_accelerometer, to_roll=roll_from_accelerometer
+)
 SOURCE = Source(name="imu", order=1, quantity="rate", find=find_imu, to_roll=roll_from_imu, moving=3)

@@ -5,18 +5,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.logs.sources.axis import angle_about, find_roll_axis
+from sysid.logs.sources.axis import find_roll_axis, plane_about
 from sysid.logs.sources.registry import Reading, Source
 from sysid.logs.table.choose import Choice, chosen, triple
 from sysid.logs.table.names import Column
+from sysid.logs.table.noise import noise_of
 from sysid.logs.table.remarks import note
-from sysid.noise.sensor import estimate_noise
 from sysid.roll import Roll
 
 
 def find_quaternion(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
     """Return the columns w, x, y, z of one orientation."""
-    found = triple(columns, "quaternion", "wxyz") or triple(columns, "angle", "wxyz")
+    kinds = "quaternion", "angle", "unknown"
+    found = next((four for kind in kinds if (four := triple(columns, kind, "wxyz"))), None)
     if found is None:
         return []
     return [chosen(found, axis, sign, f"from the orientation '{found[0].name}'..., taken as sensor to earth")]
@@ -45,14 +46,14 @@ def roll_from_quaternion(reading: Reading) -> Roll:
     rates = np.concatenate((rates[:1], 0.5 * (rates[1:] + rates[:-1]), rates[-1:]))
     axis = find_roll_axis(rates, choice)
     remarks = axis.remarks
-    about = angle_about(axis.vector, attitude.as_matrix()[:, 2, :])
-    if about is None:  # the axis stands upright: the sum of the turns is all there is
+    up = attitude.as_matrix()[:, 2, :]
+    plane = plane_about(axis.vector, up)
+    if plane is None:  # the axis stands upright: the sum of the turns is all there is
         roll = np.concatenate(([0.0], np.cumsum(turned @ axis.vector)))
         remarks += note("zero", "at the first sample: the roll axis stands upright")
     else:
-        roll, zero = about
-        remarks += zero
-    noise = estimate_noise(roll)
+        roll, remarks = np.unwrap(np.angle(plane.of(up))), remarks + plane.zero
+    noise = noise_of(reading.time, roll)
     remarks += note("noise", f"{np.rad2deg(noise.std):.3g}° from the whole signal")
     return reading.as_roll(roll, np.full(roll.size, noise.std), "quaternion", remarks, zero="constant")
 

@@ -1,13 +1,14 @@
 """Registry of sensor kinds from which roll can be made: one a file of this folder, discovered by its file.
 
-Such a file ends in `SOURCE = Source(...)`. What a kind of sensor means for whoever uses the roll (whether its
-zero is known, what it measures) is written into the `Roll`, so that nobody need ask for the kind.
+Such a file ends in `SOURCE = Source(...)`. A source writes facts of its sensor (whether the zero is known, which
+quantity was measured) into the `Roll`.
 """
 
 import importlib
 import pkgutil
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
@@ -21,10 +22,18 @@ from sysid.logs import sources as package
 from sysid.logs.table.choose import Choice, find_column, parse_axis, triple
 from sysid.logs.table.clock import MIN_SAMPLES, time_scale, typical_step
 from sysid.logs.table.file import LogFile
-from sysid.logs.table.names import ANGLE_UNITS, RATE_UNITS, Column, parse_unit, unit_kind
+from sysid.logs.table.names import (
+    ANGLE_UNITS,
+    LENGTH_UNITS,
+    RATE_UNITS,
+    SPEED_UNITS,
+    Column,
+    parse_unit,
+    unit_kind,
+)
 from sysid.logs.table.options import LogOptions
 from sysid.logs.table.remarks import Remarks, note, warning
-from sysid.logs.table.rows import LARGEST
+from sysid.logs.table.rows import LARGEST, LARGEST_STAMP
 from sysid.roll import Array, Roll
 
 MIN_MOTION_SHARE, MIN_CORRELATION = 0.2, 0.5
@@ -33,16 +42,9 @@ DUPLICATE_CORRELATION = 0.9
 """Correlation [1] from which two columns whose sizes agree as well are one motion written twice."""
 AVERAGED_ROWS = (1, 4, 16)
 """Rows that are averaged before two rates are compared: the slope of an angle is mostly noise from row to row."""
-LENGTHS = {
-    "angle": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
-    "rate": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3},
-}
+LENGTHS = {"angle": {unit: LENGTH_UNITS[unit] for unit in ("m", "cm", "mm")}, "rate": SPEED_UNITS}
 """Units of a slide, whose position in m is what an angle in rad is of a hinge. A length is taken where the user names it, or where the
 log holds no angle: other columns of a log are lengths too."""
-_LENGTH = re.compile(
-    r"(?:.*[\W_](?=[cm]m)|.*[(\[]|(?:.*[\W_])?(?:position|distance|displacement|travel|[xyz])_)([cm]?m)(?:[_/](s))?[)\]]?"
-)
-"""A name that ends in a unit of length or speed. A lone m may be a motor's, but not in brackets or behind a position."""
 _ACCELERATION_ALONE = ". An accelerometer alone tells no roll: it feels how the deck swings as well as how it is tilted. Record the gyro beside it."
 _UNITS = {"angle": ("an angle", "rad", ANGLE_UNITS), "rate": ("a rotation rate", "rad/s", RATE_UNITS)}
 
@@ -70,7 +72,7 @@ class Reading:
         return slice(low, high) if self.time[low:high].size >= MIN_SAMPLES else slice(None)
 
     def as_roll(self, roll: Array, std: Array, origin: str, remarks: Remarks, **more: Any) -> Roll:
-        """Return roll and its standard deviation [rad], shape (n,) each, with what is to be said of them."""
+        """Return roll and its standard deviation [rad], shape (n,) each, with remarks."""
         return Roll(
             log=self.log, time=self.time, roll=roll, std=std, origin=origin, notes=remarks.notes,
             warnings=remarks.warnings, **more,
@@ -84,17 +86,17 @@ class Source:
     name: str
     """As `--source` takes it."""
     order: int
-    """Where the names of the columns leave it open, the lowest is taken."""
+    """The lowest is taken if the columns' names leave it open."""
     quantity: Literal["angle", "rate"] | None
-    """What `--unit` gives the unit of; None where the columns have none."""
+    """Quantity of `--unit`; None for columns without unit."""
     find: Callable[[Sequence[Column], str, float], Sequence[Choice]]
     """Its columns among some, about an axis ('' for any) with a sign: the best by their names first, none where none are
     there."""
     to_roll: Callable[[Reading], Roll]
     """Roll from its columns, with notes and warnings of its own."""
     moving: int = 0
-    """How many of its columns, from the first on, are angles or rates that a deck moves smoothly: a lone sample beside its
-    neighbours is an outlier there. Accelerations are knocked, and a quaternion's sign is free."""
+    """Number of its columns, from the first on, that move smoothly, so that a lone sample far from its neighbours is
+    an outlier. Accelerations are knocked, and a quaternion's sign is free."""
     unwrap: Callable[[Choice, Array], tuple[Choice, Array, npt.NDArray[np.intp] | None]] | None = None
     """Its one column, shape (n,), without jumps by a whole turn, what these tell of it, and the rows that stay, None for all;
     None where it does not begin again."""
@@ -112,7 +114,7 @@ def sources() -> Mapping[str, Source]:
         importlib.import_module(f"{package.__name__}.{found.name}")
         for found in pkgutil.iter_modules(package.__path__)
     )
-    found = [module.SOURCE for module in modules if hasattr(module, "SOURCE")]
+    found = [value for module in modules for value in vars(module).values() if isinstance(value, Source)]
     return MappingProxyType({source.name: source for source in sorted(found, key=lambda s: s.order)})
 
 
@@ -134,13 +136,14 @@ def choose_source(
         )
     if options.column is not None:
         column = find_column(log, options.column, columns, "--column")
-        options = _with_length(column.name, options)
         source, choice = _named(log, column, columns, sign, options)
         return source, _with_unit(source, choice, options)
     wanted = sources().values() if options.source == "auto" else [sources()[options.source]]
     found = [(s, choice) for s in wanted for choice in s.find(columns, axis, sign)]
-    if not found and options.source == "auto" and (position := _position(columns, options)):
-        return choose_source(log, columns, time, replace(options, column=position.name))
+    if not found and options.source == "auto" and (only := _only_motion(log, columns, options)):
+        source, choice = choose_source(log, columns, time, replace(options, column=only.name))
+        doubt = f"no name says angle or rate; '{only.name}' is the only column that moves and taken as roll"
+        return source, choice if only.kind in ("length", "speed") else choice.with_remarks(warning(doubt))
     if not found:
         what = "roll, angle or rotation rate" if options.source == "auto" else options.source
         accelerated = triple(columns, "accel", "xyz") and not any(column.kind == "rate" for column in columns)
@@ -154,25 +157,29 @@ def choose_source(
     others = ", ".join(dict.fromkeys(other.name for other, _ in found if other is not source))
     if others:
         choice = choice.with_remarks(note("others", f"the log also holds {others}: choose with --source"))
-    if choice.unit is None and len(choice.columns) == 1:
-        options = _with_length(choice.columns[0], options)
     return source, _with_unit(source, choice, options)
 
 
-def _with_length(name: str, options: LogOptions) -> LogOptions:
-    """Return the options with the unit of length or speed that a column's name ends in, where the user gives no unit."""
-    length = _LENGTH.fullmatch(name.lower())
-    if options.unit is not None or length is None:
-        return options
-    return replace(options, unit="/".join(filter(None, length.groups())))
+def _only_motion(log: LogFile, columns: Sequence[Column], options: LogOptions) -> Column | None:
+    """Return the only length, or else the only column without a known name, that moves; None where several do.
 
-
-def _position(columns: Sequence[Column], options: LogOptions) -> Column | None:
-    """Return the only column that is a length by its name, or the only one that can be the length that the user's unit says."""
-    others = [column for column in columns if column.kind == "unknown"]
-    named = [column for column in others if _LENGTH.fullmatch(column.name.lower())]
-    lengths = named or (others if any(options.unit in units for units in LENGTHS.values()) else [])
-    return lengths[0] if len(lengths) == 1 else None
+    Columns that differ by a number alone count as one; bare x, y and z may be of any sensor.
+    """
+    if triple(columns, "unknown", "xyz"):
+        return None
+    for kinds in (("length", "speed"), ("unknown",)):
+        moving: list[Column] = []
+        for column in columns:
+            if column.kind in kinds:
+                with suppress(SysidError):  # words
+                    values = log.read([column.name])[column.name]
+                    if np.unique(values[np.isfinite(values)]).size > MIN_SAMPLES:
+                        moving.append(column)
+        if (
+            len({re.sub(r"\d", "", column.name) for column in moving}) == 1
+        ):  # of x1 and x2, the one that moves more
+            return max(moving, key=lambda column: float(np.nanstd(log.read([column.name])[column.name])))
+    return None
 
 
 def _that_moves(
@@ -184,13 +191,15 @@ def _that_moves(
         return found[0]
     names = dict.fromkeys(name for _, choice in rivals for name in choice.columns)
     data = log.read([*names, *([time.name] if time else [])])
-    sound = np.logical_and.reduce([np.abs(column) < LARGEST for column in data.values()])
+    stamps = data.pop(time.name) if time else np.zeros(0)
+    limits = [np.abs(column) < LARGEST for column in data.values()]
+    sound = np.logical_and.reduce([*limits, *([np.abs(stamps) < LARGEST_STAMP] if time else [])])
     if np.count_nonzero(sound) < MIN_SAMPLES:
         return found[0]
     period = 1 / (options.rate or 1.0)
     if time is not None:
-        scale, _ = time_scale(data[time.name][sound], time.unit)
-        period = max(typical_step(data[time.name][sound]) * scale, 1e-9)
+        scale, _ = time_scale(stamps[sound], time.unit)
+        period = max(typical_step(stamps[sound]) * scale, 1e-9)
     turning: list[Array] = []
     for source, choice in rivals:
         assert source.turning is not None
@@ -200,41 +209,36 @@ def _that_moves(
     ]
     sizes = np.array([[float(np.std(rate)) for rate in rates] for rates in smooth])
     best = int(np.argmax(np.median(sizes, axis=0)))
-    hardly = np.any(sizes[:, 0] < MIN_MOTION_SHARE * sizes[:, best])
-    if not hardly or max(_likeness(rates[0], rates[best]) for rates in smooth) > MIN_CORRELATION:
-        rates = {
-            choice.columns[0]: rate
-            for (_, choice), rate in zip(rivals, zip(*smooth, strict=True), strict=True)
-        }
-        return found[0][0], _with_rival(found[0][1], rates)
     source, choice = rivals[best]
     named, taken = found[0][1].columns[0], ", ".join(map(repr, choice.columns))
-    return source, choice.with_remarks(
-        warning(
-            f"'{named}' hardly moves while {taken} does: roll is made from what moves. "
-            f"--column '{named}' takes the other all the same"
-        )
-    )
+    alike = [max(_likeness(rates[0], rates[k]) for rates in smooth) for k in range(len(rivals))]
+    if np.any(sizes[:, 0] < MIN_MOTION_SHARE * sizes[:, best]) and alike[best] <= MIN_CORRELATION:
+        why = f"'{named}' hardly moves while {taken} does: roll is made from the motion"
+        return source, choice.with_remarks(warning(f"{why}. --column '{named}' takes the other"))
+    equals = [k for k in range(1, len(rivals)) if rivals[k][1].columns[0] in found[0][1].rivals]
+    times = np.median(sizes / sizes[:, :1], axis=0)
+    equals = [
+        k for k in equals if times[k] > MIN_MOTION_SHARE and not _same_motion(float(times[k]), alike[k])
+    ]
+    if not equals:
+        return found[0]
+    liveliest = max(equals, key=lambda k: times[k])
+    rival = rivals[liveliest][1].columns[0]
+    if (
+        times[liveliest] > 1.0 and alike[liveliest] <= DUPLICATE_CORRELATION
+    ):  # else it may be a gear's other side
+        why = f"roll is made from '{rival}', which turns {times[liveliest]:.2g} times as much as '{named}'"
+        source, choice = rivals[liveliest]
+        return source, choice.with_remarks(warning(f"{why}: --column '{named}' takes that"))
+    why = f"roll is made from '{named}', but '{rival}' is as good by its name and turns {times[liveliest]:.2g} times as much"
+    return found[0][0], found[0][1].with_remarks(warning(f"{why}: --column '{rival}' takes that"))
 
 
-def _with_rival(choice: Choice, rates: Mapping[str, Sequence[Array]]) -> Choice:
-    """Return a choice, with a warning where another column is as good by its name and moves otherwise.
-
-    Args:
-        choice: As the names have it.
-        rates: Of every column [rad/s], averaged over `AVERAGED_ROWS` rows, shape (n,) each.
-    """
-    (name, *_), degree = choice.columns, ANGLE_UNITS["deg"]
-    for rival in choice.rivals:
-        pairs = list(zip(rates[name], rates[rival], strict=True))
-        times = float(np.median([np.std(other) / np.std(own) for own, other in pairs]))
-        as_far = any(abs(times * unit - 1) < 1 - DUPLICATE_CORRELATION for unit in (1.0, degree, 1 / degree))
-        if times > MIN_MOTION_SHARE and not (
-            as_far and max(_likeness(*pair) for pair in pairs) > DUPLICATE_CORRELATION
-        ):
-            told = f"roll is made from '{name}', but '{rival}' is as good by its name and turns {times:.2g} times as much"
-            return choice.with_remarks(warning(f"{told}: --column '{rival}' takes that"))
-    return choice
+def _same_motion(times: float, alike: float) -> bool:
+    """Return whether two angles are one motion written twice, in one unit or in two: the one turns so many times as much."""
+    degree = ANGLE_UNITS["deg"]
+    as_far = [abs(times * unit - 1) < 1 - DUPLICATE_CORRELATION for unit in (1.0, degree, 1 / degree)]
+    return any(as_far) and alike > DUPLICATE_CORRELATION
 
 
 def _likeness(one: Array, other: Array) -> float:
@@ -251,8 +255,8 @@ def _named(
 ) -> tuple[Source, Choice]:
     """Return the source that one column makes: the user's, else the one of its quantity, else the first."""
     kind = unit_kind(parse_unit(options.unit)) if options.unit else "unknown"
-    kind = next((of for of, units in LENGTHS.items() if options.unit in units), kind)
-    kind = kind if kind in _UNITS else column.kind
+    kind = column.kind if kind == "unknown" else kind
+    kind = {"length": "angle", "speed": "rate"}.get(kind, kind)
     single = [source for source in sources().values() if source.from_column is not None]
     chosen = [
         *(source for source in single if source.name == options.source),

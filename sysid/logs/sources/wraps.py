@@ -5,19 +5,20 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from sysid.logs.table.names import ANGLE_UNITS
 from sysid.roll import Array
 
-TURNS: Mapping[str, float] = {"deg": 360.0, "rad": 2 * np.pi}
+TURNS: Mapping[str, float] = {unit: 2 * np.pi / ANGLE_UNITS[unit] for unit in ("deg", "rad")}
 """A whole turn by unit."""
 NEARLY = 0.75
-"""Share of a turn that no deck moves through from one row to the next."""
+"""Share of a turn that is too far for a motion from one row to the next."""
 MAX_ROWS = 6
 """Rows over which a jump may be spread by resampling."""
 SUDDEN = 0.2
-"""Beside such a jump, the steps are below this share of those in it. A swing back and forth through most of a turn, hardly sampled,
+"""Beside such a jump, the steps are below this share of those in it. A hardly sampled swing through most of a turn
 has larger ones: a half cycle of six rows begins with a fourth of its mean step."""
 PER_ROW, MAX_REST = 0.005, 0.03
-"""Share of a turn that one more row in a jump must explain, and that may be left over of each: noise, and what the motion changes by."""
+"""Shares of a turn: one more row in a jump must explain the first; noise and motion may leave the second."""
 
 
 def find_wraps(angle: Array, turn: float) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
@@ -37,7 +38,7 @@ def find_wraps(angle: Array, turn: float) -> tuple[npt.NDArray[np.intp], npt.NDA
         (start,) = np.nonzero(np.abs(np.abs(jump) - turn) < (1 - NEARLY) * turn)
         before, after = outside[start], outside[start + rows + 1]
         motion = jump[start] - np.copysign(turn, jump[start])
-        # What is left of the jump is motion, as fast as beside it; on one side may be the next jump.
+        # The rest of the jump is motion, as fast as beside it; the next jump may follow on one side.
         quiet = np.where(np.abs(before) < np.abs(after), before, after)
         both = np.maximum(np.abs(before), np.abs(after)) < SUDDEN * turn / rows
         beside = np.where(both, (before + after) / 2, quiet)
@@ -71,7 +72,7 @@ def unit_by_wraps(angle: Array) -> str | None:
 
 
 def without_wraps(angle: Array, turn: float) -> tuple[Array, npt.NDArray[np.intp] | None, int]:
-    """Return an angle in the unit of the turn, shape (n,), without its jumps by one, the rows that are no part of a jump (None for all), and how many there were."""
+    """Return an angle in the unit of the turn, shape (n,), without jumps by a turn. Return also the rows outside jumps (None for all), and the number of jumps."""
     before, after = find_wraps(angle, turn)
     turns = np.zeros(angle.size)
     turns[after] = -np.sign(angle[after] - angle[before]) * np.maximum(

@@ -54,7 +54,7 @@ def chosen(columns: Sequence[Column], axis: str, sign: float, how: str, **more: 
 
 
 def columns_of(log: LogFile, options: LogOptions) -> tuple[Column | None, list[Column]]:
-    """Return the column of time, None where the user gives the rate, and the others with what is known of them.
+    """Return the column of time, None where the user gives the rate, and the parsed others.
 
     Raises:
         SysidError: There is no time, or nothing says what the columns are.
@@ -74,7 +74,21 @@ def columns_of(log: LogFile, options: LogOptions) -> tuple[Column | None, list[C
     while time and others > 0 and options.time_column is None and not _runs(log.read([time.name])[time.name]):
         columns = [column for column in columns if column is not time]  # a receiver without a satellite
         time, others = time_column(log, columns, options), others - 1
-    return time, [column for column in columns if time is None or column.name != time.name]
+    others = [column for column in columns if time is None or column.name != time.name]
+    return time, _joints_that_are_numbered(log, others)
+
+
+def _joints_that_are_numbered(log: LogFile, columns: Sequence[Column]) -> list[Column]:
+    """Return q0 to q3 as angles of joints where they are no orientation, whose norm stays."""
+    four = [column for column in columns if column.kind == "quaternion" and re.search(r"[0-3]$", column.name)]
+    if len(four) != 4:
+        return list(columns)
+    values = np.stack(list(log.read([column.name for column in four]).values()))
+    norm = np.linalg.norm(values, axis=0)
+    norm = norm[np.isfinite(norm)]
+    if not norm.size or np.mean(np.abs(norm - np.median(norm)) < 0.02 * np.median(norm)) > 0.9:
+        return list(columns)
+    return [replace(column, kind="angle", axis="") if column in four else column for column in columns]
 
 
 def _runs(stamps: Array) -> bool:

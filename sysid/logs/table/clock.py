@@ -7,27 +7,23 @@ import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.logs.table.names import TIME_UNITS
+from sysid.noise.sensor import quantisation_step
 from sysid.roll import Array, shown
 from sysid.text import count
 
 MIN_SAMPLES = 8
-"""Fewer tell nothing: a decaying sine about a rest angle has five unknowns, and its noise is one more."""
+"""A decaying sine about a rest angle has five unknowns, and its noise is one more."""
 GAP = 4.5
 """A step this many times the usual one is a gap: four samples in a row are lost. At random, one sample in twenty being lost, that
 happens once in 160 000."""
-SAMPLE = 200_000
-"""As many steps tell how the stamps of a long log come."""
-COUNTERS = {2.0**32: "32-bit", 2.0**16: "16-bit"}
-"""Counts after which a counter of time begins again at zero."""
-DAY, HOUR = 86400.0, 3600.0
-"""What a clock on the wall goes back by at midnight, and in autumn [s]."""
+COUNTERS = (2.0**32, 2.0**16)
+"""Counts after which a counter of time begins again at zero [1]."""
+WALL = {86400.0: "the time of day passed midnight", 3600.0: "the clock was set back by an hour"}
+"""Steps back of a clock on the wall [s]."""
 OWN_TIMES = 1e5
-"""Times are kept as the log has them up to here [s], a day and a bit; later ones (since the epoch, since a robot was
-switched on last week) have too many digits to be typed, and count from the first sample."""
-MAX_STEP_ERROR = 0.4
-"""Share [1] of a sample by which a step may be off a whole number of them that it surely spans."""
+"""Later times count from the first sample: they have too many digits to be typed [s]."""
 WINDOW = 64
-"""Rows over which the step of the stamps is averaged before it is judged: longer than most bursts."""
+"""Rows over which the step of the stamps is averaged: longer than most bursts."""
 
 
 @dataclass(slots=True)
@@ -55,30 +51,26 @@ def even_clock(count: int, rate: float, kept: npt.NDArray[np.intp] | None = None
     """Return the clock of `count` rows sampled at `rate` [Hz], at the rows that were `kept`, shape (n,)."""
     rows = np.arange(count) if kept is None else kept
     clock = Clock((rows - rows[0]) / rate, notes=[f"time from --rate: {rate:g} Hz"])
-    if clock.time.size > 1:
-        _report_gaps(clock, np.diff(clock.time))
+    _report_gaps(clock)
     return clock
 
 
 def time_scale(stamps: Array, unit: str | None) -> tuple[float, str]:
     """Return seconds per unit of the stamps, shape (n,), and how that is known.
 
-    Where the name gives no unit, the size of an epoch stamp or the usual step gives it: sampling rates of
-    boards lie between 5 Hz and 5 kHz, and the units are a thousand apart.
+    Without a unit in the name, the size of an epoch stamp or the usual step tells it. Sampling rates lie between 5 Hz
+    and 5 kHz, and the units are a thousand apart.
     """
     if unit == "100 us" and typical_step(stamps) * TIME_UNITS[unit] > 0.2:
         unit = "us"  # Xsens counts so in its trackers, and in microseconds in its DOTs
     if unit is not None:
         return TIME_UNITS[unit], f"in {unit}, by its name"
     first, step = abs(float(stamps[0])), typical_step(stamps)
-    if first > 1e8:
-        for unit, low, high in (("ns", 1e17, 1e20), ("us", 1e14, 1e17), ("ms", 1e11, 1e14), ("s", 1e8, 1e11)):
-            if low <= first < high and 2e-4 <= step * TIME_UNITS[unit] <= 0.2:
-                return TIME_UNITS[unit], f"since the epoch in {unit}, by its size"
-    for unit, high in (("s", 0.2), ("ms", 200.0), ("us", 2e5)):
-        if step <= high:
-            return TIME_UNITS[unit], f"in {unit}, by the step of {step:.4g}"
-    return TIME_UNITS["ns"], f"in ns, by the step of {step:.4g}"
+    for unit in ("s", "ms", "us", "ns"):  # 1973 to 5138 in each of them
+        if 1e8 <= first * TIME_UNITS[unit] < 1e11 and 2e-4 <= step * TIME_UNITS[unit] <= 0.2:
+            return TIME_UNITS[unit], f"since the epoch in {unit}, by its size"
+    unit = next((unit for unit in ("s", "ms", "us") if step * TIME_UNITS[unit] <= 0.2), "ns")
+    return TIME_UNITS[unit], f"in {unit}, by the step of {step:.4g}"
 
 
 def typical_step(stamps: Array) -> float:
@@ -97,10 +89,8 @@ def repair_clock(
 ) -> Clock:
     """Make a strictly increasing clock of a log's stamps.
 
-    Counter overflows are undone, a restarted counter is said and its parts are put one after the other,
-    rows out of order are sorted, copies dropped, samples that a slow sensor repeated dropped, and stamps
-    that are late (in bursts, or jittering while the signal is smooth on an even clock) replaced by the even
-    clock of the sensor. Gaps are kept and said.
+    Repairs: newest row first, counter overflows, restarts, a clock that stops, rows twice or out of order, repeats of
+    a slow sensor, late or rounded stamps. Gaps are kept and reported.
 
     Args:
         stamps: Finite stamps in the order of the file, shape (n,).
@@ -112,84 +102,93 @@ def repair_clock(
         SysidError: The stamps do not increase, so they are no clock.
     """
     scale, why = time_scale(stamps, unit)
-    clock = Clock(stamps if stamps[0] == 0 and scale == 1 else (stamps - stamps[0]) * scale)
-    begin = float(stamps[0]) * scale
-    own = abs(begin) < OWN_TIMES
-    since = "" if begin == 0 else f", from {begin:.4g} s on" if own else ", counted from the first sample"
-    clock.notes.append(f"time: '{name}' {why}{since}")
-    steps = np.diff(clock.time)
-    if steps.size == 0 or steps.min() == steps.max() == 0:
+    if stamps.size < 2 or stamps.min() == stamps.max():
         raise SysidError(
             f"the time column '{name}' never changes. Name another with --time-column, or give --rate."
         )
-    if steps.min() <= 0:
-        if steps.min() < 0:
-            _undo_going_back(clock, scale, float(np.ptp(stamps)), name)
-        if np.diff(clock.time).min() <= 0:
-            _drop_copies(clock, clock.of(signal))
+    clock = Clock(stamps)
+    if np.mean(np.diff(stamps) < 0) > 0.5:
+        clock.select(np.arange(stamps.size)[::-1])
+        clock.notes.append("time: newest row first, turned round")
+    first = float(clock.time[0])
+    begin = first * scale
+    own = abs(begin) < OWN_TIMES
+    clock.time = (clock.time - first) * scale
+    since = "" if begin == 0 else f", from {begin:.4g} s on" if own else ", counted from the first sample"
+    clock.notes.append(f"time: '{name}' {why}{since}")
+    _cut_frozen(clock)
+    if np.diff(clock.time).min() < 0:
+        _undo_going_back(clock, scale, float(np.ptp(stamps)), name)
+    _drop_copies(clock, clock.of(signal))
+    if not computed or np.diff(clock.time).min() <= 0:
+        _even_out(clock, clock.of(signal))
     drop_repeats(clock, clock.of(signal))
     if clock.time.size < MIN_SAMPLES:
         raise SysidError(
             f"only {clock.time.size} of {stamps.size} rows are measurements of their own by their time '{name}'; at "
             f"least {MIN_SAMPLES} are needed. Name another column with --time-column, or give --rate."
         )
-    if clock.time.size != stamps.size or steps.min() <= 0:
-        steps = np.diff(clock.time)
-    if (not computed or steps.min() <= 0) and _even_out(clock, clock.of(signal), steps):
-        steps = np.diff(clock.time)
     if own and begin:
         clock.time = clock.time + begin
-    _report_gaps(clock, steps)
+    _report_gaps(clock)
     return clock
 
 
 def usual_step(time: Array) -> float:
-    """Return the median step of a clock [s], shape (n,), or of enough of its middle."""
-    first = max(0, (time.size - SAMPLE) // 2)
-    return float(np.median(np.diff(time[first : first + SAMPLE])))
+    """Return the median step of a clock [s], shape (n,)."""
+    return float(np.median(np.diff(time)))
+
+
+def _runs(same: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Return where each run of rows begins and how long it is; `same` [(n - 1,)] tells the rows that are like the one before."""
+    starts = np.flatnonzero(np.concatenate(([True], ~same)))
+    return starts, np.diff(np.append(starts, same.size + 1))
+
+
+def _cut_frozen(clock: Clock) -> None:
+    """End the log where its clock stands still for longer than the rest of the log explains."""
+    starts, lengths = _runs(np.diff(clock.time) == 0)
+    longest = int(np.argmax(lengths))
+    usual = int(np.max(np.delete(lengths, longest), initial=1))
+    begin, length = int(starts[longest]), int(lengths[longest])
+    if length < max(MIN_SAMPLES, 4 * usual):
+        return
+    end, period = begin + length, typical_step(clock.time)
+    if end < clock.time.size and clock.time[end] - clock.time[begin] > 0.5 * length * period:
+        return  # the rows came late, and the clock knows of it
+    rows = (
+        np.arange(begin + 1) if 2 * begin + length > clock.time.size else np.arange(end - 1, clock.time.size)
+    )
+    left = "after" if rows[0] == 0 else "before"
+    clock.warnings.append(
+        f"the clock stands still over {length} rows at {shown(float(clock.time[begin]))}: the rows {left} it have no "
+        f"time and are left out ({clock.time.size - rows.size})"
+    )
+    clock.select(rows)
 
 
 def drop_repeats(clock: Clock, signal: Array) -> None:
     """Keep one row a measurement where a slow sensor was logged faster than it measures, by its signal in any unit, shape (n,).
 
-    A held value stands for the same number of rows while the signal moves fast; an encoder between two
-    counts does so only while it moves slowly, in steps of a count.
+    A held value stays for some rows of a fast motion. An encoder repeats a count only while it moves slowly.
     """
-    held = _held_rows(signal)
-    if held < 2:
+    starts, lengths = _runs(np.diff(signal) == 0)
+    changes = np.abs(np.diff(signal[starts]))
+    if changes.size < 20:
         return
-    changed = np.flatnonzero(np.diff(signal, prepend=np.nan) != 0)  # NaN differs from everything
-    length = np.diff(np.append(changed, signal.size))
-    place = np.arange(signal.size) - np.repeat(changed, length)
-    left = np.repeat(length, length) - place
-    keep = np.flatnonzero((place % held == 0) & ((place == 0) | (left > held / 2)))
-    clock.select(keep)
+    fast = changes > 4 * changes.min()
+    held = lengths[1:-1][fast[:-1] & fast[1:]]
+    # Noise of four steps repeats a value by chance in one row of fourteen; a sensor that is held does so in most.
+    if held.size < 20 or np.mean(held) < 1.5:
+        return
+    longest = int(np.percentile(held, 95))
+    place = np.arange(signal.size) - np.repeat(starts, lengths)
+    left = np.repeat(lengths, lengths) - place
+    clock.select(np.flatnonzero((place == 0) | ((place % longest == 0) & (left > longest / 2))))
     clock.notes.append(
-        f"time: the sensor repeats each value over {held} rows: {signal.size - keep.size} repeats dropped, "
-        f"{keep.size} measurements left"
+        f"time: the sensor repeats each value over {np.mean(held):.2g} rows: {signal.size - clock.time.size} repeats "
+        f"dropped, {clock.time.size} measurements left"
     )
-
-
-def _held_rows(signal: Array) -> int:
-    """Return for how many rows the sensor holds a value; 1 where it does not."""
-    length = min(5000, signal.size)
-    starts = np.unique(np.linspace(0, signal.size - length, 20).astype(np.intp))
-    windows = signal[starts[:, None] + np.arange(length)]
-    changes = np.diff(windows, axis=1)
-    sizes = np.abs(changes[changes != 0])
-    if sizes.size < 40:
-        return 1
-    step = sizes.min()
-    runs: list[npt.NDArray[np.intp]] = []
-    for row in changes:
-        at = np.flatnonzero(row)
-        fast = np.abs(row[at]) > 4 * step
-        runs.append(np.diff(at)[fast[1:]])
-    lengths = np.concatenate(runs)
-    if lengths.size < 20:
-        return 1
-    held = int(np.median(lengths))
-    return held if np.mean(np.abs(lengths - held) <= 1) > 0.9 and np.mean(lengths == 1) < 0.1 else 1
 
 
 def _undo_going_back(clock: Clock, scale: float, spread: float, name: str) -> None:
@@ -201,41 +200,41 @@ def _undo_going_back(clock: Clock, scale: float, spread: float, name: str) -> No
         SysidError: It goes back too often for a clock.
     """
     time = clock.time = clock.time.copy()
-    steps = np.diff(time)
-    usual = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
+    usual = typical_step(time)
     resets = {
-        modulus * scale: f"the {bits} counter of time overflowed"
-        for modulus, bits in COUNTERS.items()
-        if spread < modulus
+        size * scale: f"the {np.log2(size):.0f}-bit counter of time overflowed"
+        for size in COUNTERS
+        if spread < size
     }
-    resets |= {DAY: "the time of day passed midnight", HOUR: "the clock was set back by an hour"}
-    for length, what in resets.items():
+    for length, what in (resets | WALL).items():
+        steps = np.diff(time)
         lost = (steps < -length / 2) & (np.abs(steps + length) < 1000 * usual)
         if lost.any() and length > 20 * usual:
             time[1:] += np.cumsum(lost) * length
             clock.notes.append(f"time: {what} {count(int(np.count_nonzero(lost)), 'time')}, undone")
-            steps = np.diff(time)
-    back = np.flatnonzero(steps < 0)
+    back = np.flatnonzero(np.diff(time) < 0)
     if back.size == 0:
         return
-    row, total = int(back[0]) + 1, steps.size
-    if back.size <= 10 and np.all(-steps[back] > 20 * usual):
+    parts = np.diff(np.concatenate(([-1], back, [time.size - 1])))
+    if parts.min() >= MIN_SAMPLES and np.all(-np.diff(time)[back] > 20 * usual):
         shift = np.zeros_like(time)
-        shift[back + 1] = 1.0 - steps[back]
+        shift[back + 1] = 1.0 - np.diff(time)[back]
         time += np.cumsum(shift)
         clock.warnings.append(
-            f"time restarts {count(back.size, 'time')}, first at row {row + 1}: taken as recordings one after the other, "
-            "1 s apart"
+            f"time restarts {count(back.size, 'time')}, first at row {back[0] + 2}: taken as recordings one after the "
+            "other, 1 s apart"
         )
-        return
-    if back.size > total // 20:
+    elif back.size > time.size // 20:
         raise SysidError(
-            f"time '{name}' goes back at {back.size} of {total} rows, first at row {row + 1}: it is no clock. "
+            f"time '{name}' goes back at {back.size} of {time.size} rows, first at row {back[0] + 2}: it is no clock. "
             "Name another column with --time-column, or give --rate."
         )
-    clock.select(np.argsort(time, kind="stable"))
-    clock.time = clock.time - clock.time[0]
-    clock.warnings.append(f"{back.size} rows were out of order, first at row {row + 1}: sorted by time")
+    else:
+        clock.select(np.argsort(time, kind="stable"))
+        clock.time = clock.time - clock.time[0]
+        clock.warnings.append(
+            f"{back.size} rows were out of order, first at row {back[0] + 2}: sorted by time"
+        )
 
 
 def _drop_copies(clock: Clock, signal: Array) -> None:
@@ -246,60 +245,66 @@ def _drop_copies(clock: Clock, signal: Array) -> None:
     clock.warnings.append(f"{np.count_nonzero(same_time)} rows are copies of the row before: dropped")
 
 
-def _even_out(clock: Clock, signal: Array, steps: Array) -> bool:
-    """Replace late stamps by the even clock of the sensor; return whether the clock has changed."""
-    first = max(0, (steps.size - SAMPLE) // 2)
-    some = np.sort(steps[first : first + SAMPLE])
-    low, usual, high = np.percentile(some, (5, 50, 95))
-    mean = float(some[: some.size - max(3, some.size // 400)].mean())  # a few gaps aside
-    forced = bool(steps.min() <= 0)
-    if not forced and high - low < 0.02 * usual and mean < 1.5 * usual:
-        return False
-    bursts = bool(np.mean(some < 0.25 * mean) > 0.2)
+def _even_out(clock: Clock, signal: Array) -> None:
+    """Replace stamps that are rounded or late by the even clock of the sensor, where there is one.
+
+    Rounded stamps lie within half their resolution of an even clock. Late stamps come in bursts; sensors measure
+    evenly. For other stamps the signal decides: time errors make errors that grow with its slope.
+    """
+    steps = np.diff(clock.time)
+    resolution = quantisation_step(np.diff(steps[: 100 * WINDOW]))
+    usual, forced = float(np.median(steps)), bool(steps.min() <= 0)
     even = _even_times(clock.time)
-    stamps = _spread(clock.time) if forced else clock.time
-    smoother = even is not None and bursts  # no sensor measures in bursts, but it may well measure unevenly
-    if even is not None and not bursts:
-        with np.errstate(all="ignore"):  # stamps that nearly coincide; NaN then keeps them as they are
-            smoother = _roughness(even, signal) < 0.7 * _roughness(stamps, signal)
-    if even is None or not smoother:
-        if forced:
-            clock.time = stamps
-            clock.warnings.append("several rows share one time stamp: spread evenly up to the next stamp")
-        elif even is not None and high - low > 0.2 * usual:
-            clock.notes.append(
-                f"time: uneven sampling kept (steps {low * 1e3:.3g} to {high * 1e3:.3g} ms): the signal is as "
-                "smooth on it as on an even clock"
-            )
-        return forced
-    late = float(np.percentile(np.abs(clock.time - even - np.median(clock.time - even)), 95))
-    clock.time = even - even[0]
-    clock.warnings.append(
-        f"time stamps {'come in bursts' if bursts else 'jitter'} (up to {late * 1e3:.3g} ms off): "
-        f"replaced by the sensor's even clock of {1 / float(np.median(np.diff(even))):.4g} Hz"
-    )
-    return True
+    if even is not None and np.abs(clock.time - even).max() < 1e-3 * usual:
+        return
+    mean = float(np.sort(steps)[: steps.size - max(3, steps.size // 400)].mean())  # a few gaps aside
+    bursts = bool(np.mean(steps < 0.25 * mean) > 0.2)
+    if even is not None:
+        off = clock.time - even
+        rounded = not bursts and resolution > 0 and np.ptp(off) < 1.1 * resolution
+        if rounded or bursts or _late(clock.time if not forced else _spread(clock.time), even, signal):
+            late = float(np.percentile(np.abs(off - np.median(off)), 95))
+            clock.time = even - even[0]
+            if rounded:
+                text = (
+                    f"time: stamps rounded to {resolution:.3g} s; even clock of {1 / usual_step(even):.4g} Hz"
+                )
+                clock.notes.append(text)
+            else:
+                clock.warnings.append(
+                    f"time stamps {'come in bursts' if bursts else 'jitter'} (up to {late * 1e3:.3g} ms off): "
+                    f"replaced by the sensor's even clock of {1 / usual_step(even):.4g} Hz"
+                )
+            return
+    if forced:
+        clock.time = _spread(clock.time)
+        clock.warnings.append("several rows share one time stamp: spread evenly up to the next stamp")
+    low, high = np.percentile(steps, (5, 95))
+    if not forced and high - low > 0.2 * usual:
+        clock.notes.append(f"time: uneven sampling kept (steps {low * 1e3:.3g} to {high * 1e3:.3g} ms)")
 
 
 def _even_times(time: Array) -> Array | None:
-    """Fit an even clock to stamps that may be late, with whole samples missing here and there.
+    """Fit an even clock to stamps that may be late, with whole samples missing here and there; None where none fits.
 
-    Where the stamps come in bursts, they are never early by much, so the lowest of (stamp − index · period) within a window longer than a
-    burst is the true offset; where that steps up and stays up, samples are missing.
+    Steps of whole samples add up to the index. Otherwise stamps are late, never early by much. So the lowest of
+    (stamp − index · period) in a window longer than a burst is the offset. Samples are missing where it steps up and
+    stays up.
     """
-    count = time.size
+    size = time.size
     steps = np.diff(time)
-    lengths = steps / float(np.median(steps) or np.inf)
-    whole = np.round(lengths)
-    # Each step says how many samples it spans, unless more are lost than are there: those come in bursts.
-    if whole.min() > 0 and whole.sum() < 2 * count and np.abs(lengths - whole).max() < MAX_STEP_ERROR:
+    period = float(np.median(steps))
+    if period > 0:
+        whole = np.round(steps / period)
         index = np.append(0.0, np.cumsum(whole))
-        period, start = np.polyfit(index, time, 1)
-        return start + period * index
-    positive = steps[steps > 0]
-    large = np.flatnonzero(steps > 0.3 * np.percentile(positive, 99))
+        if whole.min() > 0 and whole.sum() < 2 * size:
+            period, start = np.polyfit(index, time, 1)
+            even = start + period * index
+            # A sum of steps that were rounded wrongly drifts off; stamps that are late do not.
+            return even if np.abs(time - even).max() < period else None
+    large = np.flatnonzero(steps > 0.3 * np.percentile(steps[steps > 0], 99))
     burst = int(np.percentile(np.diff(large), 95)) if large.size > 2 else 1
-    window = min(max(16, 8 * burst), count // 8)
+    window = min(max(16, 8 * burst), size // 8)
     if window < max(4, 2 * burst):
         return None
     period = float(np.median((time[window:] - time[:-window]) / window))
@@ -307,19 +312,18 @@ def _even_times(time: Array) -> Array | None:
         return None
     from scipy.ndimage import minimum_filter1d  # slow to load, and seldom needed
 
+    rows = np.arange(size)
+    index = rows.astype(np.float64)
     start = 0.0
-    index = np.arange(count, dtype=np.float64)
     for _ in range(2):
-        offset = time - period * np.arange(count)
-        lowest = minimum_filter1d(offset, window, mode="nearest")
-        rows = np.arange(count)
+        lowest = minimum_filter1d(time - period * rows, window, mode="nearest")
         before = lowest[np.maximum(rows - window // 2, 0)]  # over the window that ends just before the row
-        after = lowest[np.minimum(rows + window // 2, count - 1)]  # over the window that starts at it
+        after = lowest[np.minimum(rows + window // 2, size - 1)]  # over the window that starts at it
         jump = after - before
         jump[:window] = 0.0
         at = np.flatnonzero(jump > max(0.7 * period, 8 * float(np.median(np.abs(jump)))))
         groups = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1) if at.size else []
-        if len(groups) > max(3, count // 200):
+        if len(groups) > max(3, size // 200):
             return None
         index = rows.astype(np.float64)
         for group in groups:
@@ -327,26 +331,42 @@ def _even_times(time: Array) -> Array | None:
             index[place:] += max(1.0, np.round(jump[place] / period))
         period, start = (float(value) for value in np.polyfit(index, time, 1))
     even = start + period * index
-    return even if period > 0 and np.diff(even).min() > 0 else None
+    # Late stamps come back to the even clock within each window; those of samples lost one by one wander off.
+    lowest = minimum_filter1d(time - even, window)[window // 2 : -(window // 2)]
+    wander = np.ptp(np.percentile(lowest, (5, 95)))
+    return even if period > 0 and np.diff(even).min() > 0 and wander < period else None
 
 
-def _roughness(time: Array, signal: Array) -> float:
-    """Median misfit of samples in motion to the cubic through their four neighbours, per unit of noise."""
-    centre = np.arange(2, signal.size - 2)
-    centre = centre[:: max(1, centre.size // 50_000)]
-    offsets = np.array((-2, -1, 1, 2))
-    nodes = time[centre[:, None] + offsets] - time[centre, None]
-    weights = np.ones_like(nodes)
-    for i in range(4):
-        for j in range(4):
-            if i != j:
-                weights[:, i] *= nodes[:, j] / (nodes[:, j] - nodes[:, i])
-    values = signal[centre[:, None] + offsets]
-    misfit = np.abs(signal[centre] - np.sum(weights * values, axis=1)) / np.sqrt(
-        1 + np.sum(weights**2, axis=1)
-    )
-    slope = np.abs(values[:, 2] - values[:, 1])
-    return float(np.median(misfit[slope >= np.percentile(slope, 75)]))
+def _late(stamps: Array, even: Array, signal: Array) -> bool:
+    """Return whether the samples were taken on the even clock rather than at their stamps.
+
+    A sample taken at its stamp lies off the smooth course on the even clock by slope · (stamp − even). The regression of
+    the one on the other is 1 then, and 0 on the even clock. The course is a cubic through as many samples as the noise
+    hides nothing of; stamps stay where the regression is too uncertain to matter.
+    """
+    from scipy.signal import savgol_filter
+
+    off = stamps - even
+    noise, width = np.inf, 7
+    residual, slope = signal, np.zeros_like(signal)
+    while width < signal.size:
+        smooth = np.asarray(savgol_filter(signal, width, 3), np.float64)
+        # White noise leaves 1 - h of its variance, h the filter's weight of the sample itself.
+        own = savgol_filter(np.eye(1, width, width // 2)[0], width, 3)[width // 2]
+        rest: Array = np.subtract(signal, smooth)
+        left = float(np.median(np.abs(rest)) / np.sqrt(1 - float(own)))
+        if left > 1.2 * noise:
+            break
+        noise, residual = min(left, noise), rest
+        slope = np.asarray(savgol_filter(signal, width, 3, deriv=1, delta=float(np.median(np.diff(even)))))
+        width = 2 * width + 1
+    moved = slope * (off - np.asarray(savgol_filter(off, 7, 3), np.float64))
+    power = float(moved @ moved)
+    if power == 0:
+        return False
+    share = float(moved @ residual) / power
+    std = float(np.std(residual - share * moved)) / np.sqrt(power)
+    return share < 0.5 and std < 0.25
 
 
 def _spread(time: Array) -> Array:
@@ -357,9 +377,10 @@ def _spread(time: Array) -> Array:
     return spread
 
 
-def _report_gaps(clock: Clock, steps: Array) -> None:
-    limit = GAP * usual_step(clock.time)
-    if steps.max() <= limit:
+def _report_gaps(clock: Clock) -> None:
+    steps = np.diff(clock.time)
+    limit = GAP * usual_step(clock.time) if steps.size else 0.0
+    if steps.max(initial=0.0) <= limit:
         return
     gaps = np.flatnonzero(steps > limit)
     worst = int(gaps[np.argmax(steps[gaps])])

@@ -15,7 +15,7 @@ from sysid.roll import Array
 def name_columns_by_content(log: LogFile, columns: Sequence[Column]) -> list[Column]:
     """Return the columns with the quantities that their numbers tell.
 
-    Time is what always increases, unless it counts the rows, in whole numbers one after the other. Four columns of unit norm are a quaternion w, x, y, z; three whose norm rests at 9.81 m/s² or 1 g an accelerometer, and three others beside it a gyro. One
+    Time is what always increases, unless it counts the rows, in whole numbers one after the other. Four columns of unit norm are a quaternion w, x, y, z. Three whose norm rests at 9.81 m/s² or 1 g are an accelerometer, three others beside it a gyro. One
     column that moves is the angle; of two, the angle is the one whose slope the other is.
 
     Raises:

@@ -19,6 +19,6 @@ class LogFile:
     dates: frozenset[str] = frozenset()
     """Columns that hold dates or times of day instead of numbers."""
     notes: tuple[str, ...]
-    """What was inferred about the format, as 'table: separated by commas'."""
+    """Inferences about the format, as 'table: separated by commas'."""
     read: Callable[[Sequence[str]], dict[str, Array]]
     """Returns whole columns of float64, shape (n,) each, in the log's units; missing values are NaN."""

@@ -2,26 +2,32 @@
 
 Names come from phones, robots and spreadsheets: `roll_deg`, `gyroX (rad/s)`, `angular_velocity.x`,
 `Gyroscope x (rad/s)`, `ax`. A name is cut into words, its unit is taken off, and the words that are
-left decide. What the name leaves open stays None, and the content has to say (`sysid.logs.table.choose`).
+left decide. Open questions stay None, and the content decides (`sysid.logs.table.choose`).
 """
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["time", "angle", "rate", "accel", "quaternion", "std", "count", "other", "unknown"]
+Kind = Literal[
+    "time", "angle", "rate", "accel", "quaternion", "length", "speed", "std", "count", "other", "unknown"
+]
 
 _UNITS_OF: dict[Kind, dict[str, tuple[float, str]]] = {
     "angle": {
-        "rad": (1.0, "radian|radians|rads"),
+        "rad": (1.0, "radian|radians|rads|радиан|рад"),
         "mrad": (1e-3, "milliradian|milliradians"),
-        "deg": (0.017453292519943295, "degree|degrees|degs|°|grad|º"),
+        "deg": (
+            0.017453292519943295,
+            "degree|degrees|degs|°|grad|º|graus|gradi|grados|degré|degrés|stopnie|град|градусы|度",
+        ),
         "mdeg": (1.7453292519943295e-5, "millidegree|millidegrees"),
         "turn": (6.283185307179586, "turns|rev|revs|revolution|revolutions"),
     },
     "rate": {
-        "rad/s": (1.0, "rad s|radps|rad/sec|rad sec|rad s-1|rad s 1|rad per s|rad·s⁻¹|rads/s"),
+        "rad/s": (1.0, "rad s|radps|rad/sec|rad sec|rad s-1|rad s 1|rad per s|rad·s⁻¹|rads/s|рад/с"),
         "mrad/s": (1e-3, "mrad s|mradps"),
         "deg/s": (
             0.017453292519943295,
@@ -36,9 +42,17 @@ _UNITS_OF: dict[Kind, dict[str, tuple[float, str]]] = {
         "g": (9.80665, "gs|g0|gee"),
         "mg": (9.80665e-3, "millig"),
     },
+    "length": {
+        "m": (1.0, "meter|meters|metre|metres"),
+        "cm": (1e-2, "centimeter|centimeters|centimetre|centimetres"),
+        "mm": (1e-3, "millimeter|millimeters|millimetre|millimetres"),
+        "in": (0.0254, "inch|inches"),
+        "px": (1.0, "pixel|pixels"),
+    },
+    "speed": {"m/s": (1.0, "m s|mps"), "cm/s": (1e-2, "cm s"), "mm/s": (1e-3, "mm s")},
     "time": {
-        "s": (1.0, "sec|secs|second|seconds"),
-        "ms": (1e-3, "msec|msecs|millis|millisecond|milliseconds"),
+        "s": (1.0, "sec|secs|second|seconds|sek|sekunden|сек|с|秒|초"),
+        "ms": (1e-3, "msec|msecs|millis|millisecond|milliseconds|мс|毫秒"),
         "us": (1e-6, "usec|usecs|micros|microsecond|microseconds|µs|μs"),
         "ns": (1e-9, "nsec|nsecs|nanos|nanosec|nanosecond|nanoseconds"),
         "cs": (1e-2, "centisecond|centiseconds"),
@@ -48,11 +62,11 @@ _UNITS_OF: dict[Kind, dict[str, tuple[float, str]]] = {
         "h": (3600.0, "hr|hrs|hour|hours"),
     },
 }
-"""Units by what they measure: size in SI, and other spellings."""
-ANGLE_UNITS, RATE_UNITS, ACCEL_UNITS, TIME_UNITS = (
+"""Units by quantity: size in SI, and other spellings."""
+ANGLE_UNITS, RATE_UNITS, ACCEL_UNITS, LENGTH_UNITS, SPEED_UNITS, TIME_UNITS = (
     {unit: size for unit, (size, _) in units.items()} for units in _UNITS_OF.values()
 )
-"""rad, rad/s, m/s² and s in one of each unit."""
+"""rad, rad/s, m/s², m, m/s and s in one of each unit; a pixel is a length of its own."""
 _UNIT_KIND: dict[str, Kind] = {unit: kind for kind, units in _UNITS_OF.items() for unit in units}
 _UNITS = {
     alias: unit
@@ -61,55 +75,73 @@ _UNITS = {
     for alias in (unit, *more.split("|"))
 }
 
-_TIME_WORDS = {"t", "time", "times", "timestamp", "timestamps", "stamp", "elapsed", "clock", "zeit", "tiempo",
-               "temps", "ts", "epoch", "datetime", "utc", "millis", "micros", "arrival",
-               "tick", "ticks"}  # fmt: skip
-_RATE_WORDS = {"gyro", "gyr", "gyroscope", "gyroscopes", "omega", "rate", "speed", "velocity", "vel", "dot", "qvel",
-               "angvel", "thetadot", "phidot", "angularvelocity", "angularrate", "rotationrate", "qd", "dq", "qdot"}  # fmt: skip
-_GYRO_WORDS = {"gyro", "gyr", "gyroscope"}
-_COMPUTED_WORDS = {"angle", "angles", "integrated", "integral"}
+
+def _plain(text: str) -> str:
+    """Return text without the marks above and below its letters: é is e."""
+    return unicodedata.normalize("NFC", re.sub("[\u0300-\u036f]", "", unicodedata.normalize("NFD", text)))
+
+
+def _vocabulary(words: str) -> set[str]:
+    return set(_plain(words).split("|"))
+
+
+_TIME_WORDS = _vocabulary(
+    "t|time|times|timestamp|timestamps|stamp|elapsed|clock|ts|epoch|datetime|utc|millis|micros|arrival|"
+    "tick|ticks|zeit|zeitpunkt|uhrzeit|tiempo|temps|tempo|czas|tid|tijd|aika|cas|ido|timp|zaman|sure|"
+    "vreme|vrijeme|tempus|waktu|masa|время|час|χρονος|時間|时间|時刻|时刻|시간|समय|เวลา|الزمن|الوقت|زمن|זמן"
+)
+_RATE_WORDS = _vocabulary(
+    "gyro|gyr|gyroscope|gyroscopes|gyroskop|giroscopio|gyroskopet|omega|rate|speed|velocity|vel|dot|qvel|"
+    "angvel|thetadot|phidot|angularvelocity|angularrate|rotationrate|qd|dq|qdot|winkelgeschwindigkeit|"
+    "drehrate|geschwindigkeit|velocidad|velocidade|vitesse|velocita|predkosc|rychlost|hastighet|snelheid|"
+    "nopeus|sebesseg|viteza|hiz|скорость|γωνιακη|角速度|角速率|速度|각속도|속도"
+)
+_GYRO_WORDS = _vocabulary("gyro|gyr|gyroscope|gyroskop|giroscopio")
+_COMPUTED_WORDS = _vocabulary("angle|angles|integrated|integral")
 """Words beside the name of a gyro or an accelerometer that say the angle which was made of it: 'gyro_angle_x', 'accAngleY'."""
-_ACCEL_WORDS = {"acc", "accel", "accelerometer", "acceleration", "acceler"}
-_QUATERNION_WORDS = {"q", "quat", "quaternion", "orientation", "attitude"}
-_ROLL_WORDS = {"roll", "phi", "bank", "heel", "tilt", "lean"}
-_ANGLE_WORDS = _ROLL_WORDS | {"angle", "theta", "pitch", "yaw", "heading", "psi", "pos", "position", "q", "qpos", "encoder", "enc",
-                              "winkel", "angulo", "inclination", "deflection", "swing", "euler", "rpy", "ang",
-                              "rotation"}  # fmt: skip
-_OTHER_WORDS = {"mag", "magnetometer", "magnetic", "magn", "temp", "temperature", "pressure", "battery", "voltage",
-                "current", "torque", "effort", "force", "latitude", "longitude", "altitude", "heave", "surge", "sway",
-                "area", "px", "frame", "index", "sample", "count", "seq", "id", "row", "accuracy", "absolute", "norm",
-                "covariance", "gravity", "light", "sound", "movement", "label", "height", "width"}  # fmt: skip
+_ACCEL_WORDS = _vocabulary(
+    "acc|accel|accelerometer|acceleration|acceler|beschleunigung|aceleracion|aceleracao|accelerazione|"
+    "przyspieszenie|acceleratie|ускорение|加速度|가속도"
+)
+_QUATERNION_WORDS = _vocabulary("q|quat|quaternion|orientation|attitude")
+_ROLL_WORDS = _vocabulary(
+    "roll|phi|bank|heel|tilt|lean|rollwinkel|neigung|roulis|rollio|alabeo|balanceo|inclinaison|крен|ロール|"
+    "横滚|滚转|롤"
+)
+_ANGLE_WORDS = _ROLL_WORDS | _vocabulary(
+    "angle|theta|pitch|yaw|heading|psi|pos|position|q|qpos|encoder|enc|inclination|deflection|swing|euler|"
+    "rpy|ang|rotation|winkel|drehwinkel|angulo|angolo|vinkel|hoek|kat|kulma|uhel|uhol|szog|aci|unghi|kut|"
+    "sudut|goc|угол|γωνια|кут|角度|角|각도|कोण|زاوية|זווית|มุม"
+)
+_OTHER_WORDS = _vocabulary(
+    "mag|magnetometer|magnetic|magn|temp|temperature|pressure|battery|voltage|current|torque|effort|force|"
+    "tau|amps|ampere|iq|pwm|duty|load|latitude|longitude|altitude|heave|surge|sway|area|frame|index|"
+    "sample|count|seq|id|row|accuracy|absolute|norm|covariance|gravity|light|sound|movement|label|height|"
+    "width|enable|enabled|done|reward|task|mode|status|error_code"
+)
 _KNOWN_WORDS = (
     _TIME_WORDS | _RATE_WORDS | _ACCEL_WORDS | _QUATERNION_WORDS | _ANGLE_WORDS | {"angular", *"wxyz"}
 )
+_PLACES = _vocabulary("x|y|z|pos|position|distance|displacement|travel")
+"""Words before a lone 'm' that is a unit."""
 _COUNT_WORDS = {"tick", "ticks", "count", "counts", "pulse", "pulses", "step", "steps"}
 _STD_WORDS = {"std", "sigma", "stdev", "stddev", "sd"}
-_DOUBTFUL = {"ref", "reference", "truth", "mocap", "optical", "goal", "target", "cmd", "command", "commanded",
-             "setpoint", "desired", "des", "raw", "logged", "err", "error", "model", "sim", "simulated", "predicted",
-             "uncalibrated", "wrapped", "old", "linear", "user", "fused", "free",
-             "arrival", "receive", "received", "gps"}  # fmt: skip
+_DOUBTFUL = _vocabulary(
+    "ref|reference|truth|mocap|optical|goal|target|cmd|command|commanded|setpoint|desired|des|action|raw|"
+    "logged|err|error|model|sim|simulated|predicted|uncalibrated|wrapped|old|linear|user|fused|free|"
+    "arrival|receive|received|gps|soll"
+)
 """Words of columns that are not the plain measurement: goals, references, second-hand copies."""
 _DRIVING = {"motor", "rotor"}
-"""Words of what turns on the other side of a gear, which is less doubtful than any of those and more than the joint."""
+"""Words of a gear's other side: less doubtful than those above, more than the joint."""
 _GLUED = re.compile(
     r"(gyroscope|gyro|gyr|omega|w|g|accelerometer|accel|acc|a|magnetometer|mag|m|quat|q|rot)([xyzw])"
 )
 _GLUED_WORD = {"w": "omega", "g": "gyro", "a": "acc", "m": "mag", "q": "quat", "rot": "gyro"}
 _CLOCKS = {"sample time fine": "100 us", "x value": "s"}
-"""What Xsens and LabVIEW call their clocks."""
-_VECTORS = _QUATERNION_WORDS | {
-    "gyro",
-    "gyr",
-    "gyroscope",
-    "acc",
-    "accel",
-    "accelerometer",
-    "angular",
-    "rpy",
-    "euler",
-    "xyz",
-}
-"""Words of what has three or four parts: the index behind them is an axis, which that of `position[0]` is not."""
+"""Clocks of Xsens and LabVIEW."""
+_VECTORS = _QUATERNION_WORDS | _GYRO_WORDS | _vocabulary("acc|accel|accelerometer|angular|rpy|euler|xyz")
+"""Words of vectors: an index behind them is an axis. The index of `position[0]` is a joint."""
 _GREEK = str.maketrans({"φ": "phi", "ϕ": "phi", "θ": "theta", "ω": "omega", "γ": "tilt", "ψ": "psi"})
 
 
@@ -137,7 +169,7 @@ def says_counts(name: str) -> bool:
 
 
 def parse_unit(text: str) -> str | None:
-    """Return the unit's standard spelling, or None if it is none that is known here."""
+    """Return the unit's standard spelling, or None for an unknown unit."""
     plain = re.sub(r"\s+", " ", text.strip().strip("[](){}").strip().lower())
     return _UNITS.get(plain) or _UNITS.get(plain.replace("_", " ").replace("*", " "))
 
@@ -212,10 +244,10 @@ def _split_brackets(name: str) -> tuple[str, str]:
 
 
 def _words(label: str) -> list[str]:
-    label = label.translate(_GREEK)
+    label = re.sub(r"([^\W\d_\x00-\x7fµμ])(?=[A-Za-z]\b)", r"\1 ", _plain(label.translate(_GREEK)))  # 角速度x
     label = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", label)
     words: list[str] = []
-    for word in re.split(r"[^0-9a-z°µμ²]+", label.lower()):
+    for word in re.split(r"[^\w°²]+|_", label.lower()):
         glued = _GLUED.fullmatch(word)
         if numbered := re.fullmatch(r"(?:q|quat|quaternion)([0-3])", word):
             words += ["quat", "wxyz"[int(numbered[1])]]
@@ -234,8 +266,9 @@ def _split_unit(words: list[str]) -> tuple[list[str], str | None]:
         for start in range(len(words) - length, -1, -1):
             text = " ".join(words[start : start + length])
             unit = _UNITS.get(text)
-            # A lone letter is a unit only at the end, behind a word ('t_s', 'acc_x_g').
-            if unit and (len(text) > 1 or (start > 0 and start + length == len(words))):
+            # A lone letter is a unit only at the end, behind a word ('t_s', 'acc_x_g'); a lone m may be a motor's.
+            lone = start > 0 and start + length == len(words) and (text != "m" or words[start - 1] in _PLACES)
+            if unit and text != "in" and (len(text) > 1 or lone):
                 rest = words[:start] + words[start + length :]
                 return (rest if rest else words), unit
     return words, None
@@ -253,8 +286,10 @@ def _kind(words: list[str], unit: str | None) -> Kind:
         return "angle"
     if unit_kind(unit) == "angle" and found & _RATE_WORDS:
         return "rate"
-    if unit_kind(unit) in ("rate", "accel", "angle"):
+    if unit_kind(unit) in ("rate", "accel", "angle", "length", "speed"):
         return unit_kind(unit)
+    if found & {"pos", "position"} and found & {"x", "y"}:
+        return "length"
     if found & _QUATERNION_WORDS and found & set("xyzw"):
         return "quaternion"
     for kind, vocabulary in (("accel", _ACCEL_WORDS), ("rate", _RATE_WORDS), ("angle", _ANGLE_WORDS)):

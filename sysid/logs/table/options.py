@@ -1,4 +1,4 @@
-"""Options with which the user overrides what is inferred of a log."""
+"""Options that override inferences of reading a log."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from sysid.video.options import VideoOptions
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogOptions:
-    """Options with which the user overrides what is inferred of a log."""
+    """Options that override inferences of reading a log."""
 
     column: str | None = None
     """The column to read roll from: its name, or its number counted from 1."""
@@ -20,14 +20,16 @@ class LogOptions:
     time_column: str | None = None
     """The column of time: its name, or its number counted from 1."""
     source: str = "auto"
-    """What to make roll from, where a log holds several: 'auto', or a name of `sysid.logs.sources`."""
+    """Source of roll in a log that holds several: 'auto', or a name of `sysid.logs.sources`."""
     lever_arm: tuple[float, float, float] | None = None
     """From the tilt axis to the accelerometer, in sensor axes [m]; None estimates it."""
+    also: tuple[str, ...] = ()
+    """Other columns to read beside the motion into `Roll.extra`: their names, or their numbers counted from 1."""
     keep_outliers: bool = False
     """Whether lone samples far beside their neighbours are kept; films have a rule of their own."""
     start: float | None = None
-    """What is before this time [s] says nothing of the sensor either; it is read all the same."""
+    """Samples before this time [s] are read, but tell nothing of the sensor."""
     stop: float | None = None
-    """Nor does what is after this time [s]."""
+    """The same for samples after this time [s]."""
     video: VideoOptions | None = None
     """How a film is read; its `rate` is the one above."""

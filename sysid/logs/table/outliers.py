@@ -1,4 +1,4 @@
-"""Which rows of a log measured a motion: all but lone samples that no motion explains."""
+"""Rows of a log that measured a motion: all but lone outliers."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Notes and warnings of reading a log: what was inferred, and what is wrong."""
+"""Notes and warnings of reading a log: inferences and faults."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ class Remarks:
     notes: tuple[str, ...] = ()
     """What was inferred."""
     warnings: tuple[str, ...] = ()
-    """What is wrong, or may be."""
+    """Faults, certain or possible."""
 
     def __add__(self, other: "Remarks") -> "Remarks":
         """Return these and then the others."""
@@ -18,7 +18,7 @@ class Remarks:
 
 
 def note(about: str, text: str) -> Remarks:
-    """Return one note; what it is about is one word, which stands before the colon."""
+    """Return one note; its subject is one word before the colon."""
     return Remarks(notes=(f"{about}: {text}",))
 
 

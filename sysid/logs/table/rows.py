@@ -12,8 +12,8 @@ from sysid.roll import Array
 LARGEST, LARGEST_STAMP = 1e12, 1e21
 """Beyond these a signal or a time stamp is damage, not a number [the log's unit]; nanoseconds since 1970 are 1.8e18."""
 MAX_RANGE_RATIO = 3.0
-"""What lies farther from all other values than this many times their whole range is no motion of the same deck: the
-first swing after a hold at rest is at most once as far away as the hold."""
+"""A value this many times the others' range away from them is a glitch. A first swing after a hold is at most once
+that range away."""
 GLITCHES, GLITCH_SHARE = 10, 1 / 500
 """More rows than these, and than this share of all, that lie far from the others are a motion, or a broken sensor."""
 GLITCH_ROWS = 3
@@ -61,7 +61,7 @@ def measured_rows(
 def on_common_rows(data: Mapping[str, Array], stamps: Array | None) -> tuple[dict[str, Array], Remarks]:
     """Return the columns, shape (n,) each in the log's units, with those of sensors that write rows of their own brought together.
 
-    Where hardly a row holds all of them, each is interpolated to the rows of the first.
+    If hardly a row holds all of them, each is interpolated to the rows of the first.
     """
     finite = {name: np.isfinite(column) for name, column in data.items()}
     together = np.logical_and.reduce(list(finite.values()))
@@ -90,7 +90,7 @@ def _far(signal: Array) -> npt.NDArray[np.intp]:
     inner = np.percentile(signal[:: max(1, count // SAMPLE)], (1, 99))
     stand_ins = low in STAND_INS or high in STAND_INS
     if not stand_ins and max(inner[0] - low, high - inner[1]) <= MAX_RANGE_RATIO * (inner[1] - inner[0]):
-        return none  # the usual case, told from a few thousand values
+        return none  # the usual case: a few thousand values show it
     missing = np.zeros(count, dtype=np.bool_)
     for value in STAND_INS:
         if value in (low, high):

@@ -38,7 +38,7 @@ class Lens:
     known: bool
     """Whether it was calibrated."""
     note: str
-    """Where it comes from, for people."""
+    """Its source, for people."""
 
     def straighten(self, points: Places) -> Places:
         """Return points [px], shape (N, 2) or (n, N, 2), as a lens without distortion shows them; NaN stays NaN."""

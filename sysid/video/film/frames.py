@@ -1,7 +1,7 @@
 """Frames of a clip with the container's own time stamps, one at a time.
 
-Films hold brightness pixel by pixel and colour at half the resolution. Brightness is what nearly all of the work needs:
-it is used where the decoder left it, and colour is made only of the parts in which somebody asks for it.
+Films hold brightness pixel by pixel and colour at half the resolution. Nearly all of the work needs brightness alone, which
+is used where the decoder left it. Colour is made of the parts that need it.
 """
 
 from collections import deque
@@ -35,17 +35,23 @@ NO_RATE_GUESS = {"fpsprobesize": "0"}
 """FFmpeg decodes up to 20 frames of a film as it opens it, to guess its rate: frames bring their own times."""
 CAPTURE_RATE = "com.android.capture.fps"
 READOUT = "com.apple.quicktime.camera.framereadouttimeinmicroseconds"
-"""What phones note: the rate at which a film was taken [Hz], and the time for reading a frame [µs]."""
+"""Notes of phones: the rate at which a film was taken [Hz], and the time for reading a frame [µs]."""
 MAX_RATE, MAX_READOUT = 1e5, 0.1
-"""What no camera reaches: frames a second [Hz], and time for reading a frame [s]."""
+"""Limits beyond any camera: frames a second [Hz], and time for reading a frame [s]."""
 PLANES, BLACK = "yuv420p", 16
 """How nearly all films hold pictures: 8 bits of brightness from this to 235, and chroma at half the resolution."""
 TO_COLOUR = np.array([[1.164, 2.018, 0.0], [1.164, -0.391, -0.813], [1.164, 0.0, 1.596]])
 """Blue, green and red of brightness beyond `BLACK` and chroma beyond `GREY` (ITU-R BT.601)."""
 GREY = 128
 """Chroma of grey."""
-TURNS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
-"""What turns a picture clockwise [deg]."""
+TURNS = dict(
+    zip(
+        range(90, 360, 90),
+        (cv2.ROTATE_90_CLOCKWISE, cv2.ROTATE_180, cv2.ROTATE_90_COUNTERCLOCKWISE),
+        strict=True,
+    )
+)
+"""Clockwise turns [deg] in OpenCV's names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +60,11 @@ class Frame:
 
     index: int
     time: float
-    """The container's stamp since the film's first frame [s], of a film that plays slowly as it was filmed; NaN where there is none."""
+    """The container's stamp since the film's first frame [s], of a film that plays slowly as it was filmed; NaN without a stamp."""
     picture: Picture
     """Brightness as films hold it, from `BLACK` to 235, shape (height, width)."""
     chroma: tuple[Picture, Picture]
-    """What blue and red have beyond it in squares of 2x2 pixels, shape (height / 2, width / 2), rounded up."""
+    """Blue and red beyond brightness in squares of 2x2 pixels, shape (height / 2, width / 2), rounded up."""
     corner: tuple[int, int] = (0, 0)
     """Left and top of the picture in the film's [px], both even."""
     shift: Array = field(default_factory=lambda: np.zeros(2))
@@ -82,7 +88,7 @@ class Frame:
         return self.picture[top - y : bottom - y, left - x : right - x], (left, top)
 
     def cut(self, box: Box) -> "Frame":
-        """Return what was kept of a box [px], or up to a pixel more of it: whole squares."""
+        """Return the part of a box that was kept [px], up to a pixel larger: whole squares."""
         left, top, right, bottom = self.within(box)
         left, top = left - left % 2, top - top % 2
         x, y = left - self.corner[0], top - self.corner[1]
@@ -101,7 +107,7 @@ class Frame:
         return in_colour(self.picture, self.chroma)
 
     def within(self, box: Box) -> Box:
-        """Return what was kept of a box [px]."""
+        """Return the part of a box that was kept [px]."""
         left, top, right, bottom = self.box
         x, y = min(max(box[0], left), right), min(max(box[1], top), bottom)
         return x, y, max(min(box[2], right), x), max(min(box[3], bottom), y)
@@ -192,7 +198,7 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
                     "less: a higher frame rate tells more than more pixels."
                 )
             rate = float(stream.average_rate or 0)
-            # What an edit list leaves out is still in the file; where there is no index, its length tells.
+            # Frames that an edit list leaves out are still in the file. Without an index the length tells.
             shown = sum(not entry.is_discard for entry in stream.index_entries)
             announced = shown if stream.frames else round((film.duration or 0) / av.time_base * rate)
             slowed = _noted(film.metadata, CAPTURE_RATE, MAX_RATE) / max(rate, 1e-9)
@@ -229,9 +235,9 @@ def _decoded(path: Path) -> Generator[av.VideoFrame]:
             stream = film.streams.video[0]
             stream.thread_type = "AUTO"
             for packet in film.demux(stream):
-                with suppress(FFmpegError):  # what is damaged costs its own frames only
+                with suppress(FFmpegError):  # damage costs its own frames only
                     yield from packet.decode()
-    except FFmpegError:  # it ends here: whoever counts its frames sees what is missing
+    except FFmpegError:  # the caller counts the frames that are missing
         return
 
 
@@ -249,7 +255,7 @@ def _planes(frame: av.VideoFrame, rotation: int) -> tuple[Picture, tuple[Picture
 
 
 def _noted(metadata: dict[str, str], name: str, limit: float) -> float:
-    """Return a number that the phone notes; 0 where it does not, or none that a camera reaches."""
+    """Return a number that the phone notes; 0 where it does not, or beyond the limit."""
     try:
         number = float(metadata.get(name, 0))
     except ValueError:
@@ -265,7 +271,7 @@ def box_about(places: Array, margin: float) -> Box:
 
 
 def in_colour(bright: Picture, chroma: Sequence[Picture]) -> Picture:
-    """Return blue, green and red [grey levels], shape (h, w, 3), of brightness (h, w) and chroma, each of half as many rows and columns or as many."""
+    """Return blue, green and red [grey levels], shape (h, w, 3), of brightness (h, w) and chroma of full or half resolution."""
     planes = [cv2.resize(one, bright.shape[::-1], interpolation=cv2.INTER_NEAREST) for one in chroma]
     grey = np.array([[BLACK], [GREY], [GREY]])
     turn = np.hstack([TO_COLOUR, -TO_COLOUR @ grey])
@@ -273,7 +279,7 @@ def in_colour(bright: Picture, chroma: Sequence[Picture]) -> Picture:
 
 
 def halved(picture: Picture, side: int) -> tuple[Picture, int]:
-    """Halve a picture, shape (h, w) or (h, w, 3), until its longer side is at most `side` [px]; return it, and the film's px in one of it."""
+    """Halve a picture, shape (h, w) or (h, w, 3), down to a longer side of `side` [px]; return it and the factor."""
     scale = 1
     while (
         max(picture.shape[:2]) > side

@@ -5,8 +5,8 @@ import numpy as np
 from sysid.roll import Array
 
 RAMP, STEADY = 1.9, 1.25
-"""Ratio of half periods before and after, from which on no joint but a change of the film's speed explains it at once,
-and within each of both that a joint may show (stiffness and play change a period little by little)."""
+"""Ratio of half periods before and after a change of the film's speed, and the largest ratio from one half
+period to the next for a joint, whose stiffness and play change a period little by little."""
 MIN_STDS, MIN_SHARE = 8.0, 0.02
 """Least half swing that is looked at: in standard deviations, and as a share of the whole."""
 
@@ -19,7 +19,7 @@ def half_swings(time: Array, roll: Array, std: Array) -> tuple[Array, Array]:
         roll: Roll [rad], shape (n,).
         std: Its standard deviation [rad], shape (n,).
     """
-    # The stated deviation holds what is common to all frames as well, a read-out that is not known above all: it
+    # The stated deviation includes errors common to all frames, an unknown read-out above all: it
     # would hide a swing. Noise alone is what differs from frame to frame where the deck rests, most of a film.
     noise = min(np.median(std), 1.4826 * np.median(np.abs(np.diff(roll, n=2))) / np.sqrt(6))
     least = max(MIN_STDS * noise, MIN_SHARE * np.ptp(roll))

@@ -12,7 +12,7 @@ from sysid.errors import SysidError
 from sysid.video.film.background import Background
 from sysid.video.film.camera import Lens
 from sysid.video.film.frames import BYTES_AHEAD, Clip, Frame, ahead
-from sysid.video.film.survey import BOX_MARGIN, MIN_REGION, Motion, Survey, box_around
+from sysid.video.film.survey import MIN_REGION, Motion, Survey, box_around
 from sysid.video.options import VideoOptions
 from sysid.video.types import Box, Mask
 
@@ -21,12 +21,11 @@ MEMORY = 96_000_000
 MIN_FRAMES = 60
 """... or so many frames of the part in which something moves, if that is more."""
 MARGIN = 0.35
-"""What is kept beside what has moved so far, in widths of it [1]: a board that was tilted will swing to the other side."""
+"""Margin about the part that has moved so far, in widths of it [1]: a tilted board will swing to the other side."""
 MOST = 0.5
-"""Share of what moves in the end that must lie in the part that was kept: what moved first may have been a speck, or
-what a compressed film redraws while nothing moves."""
+"""Share of the final motion that must lie in the part that was kept: a speck may have moved first."""
 BEGUN = 0.1
-"""Share of what moves in the end from which on the board moves: a speck is less, and a hand that passes later is several times as much."""
+"""Share of the final motion from which on the board moves: a speck is less, a hand that passes is several times as much."""
 LOOKED_AT = 4
 """Each so many frames are looked at for motion."""
 SURVEY_FRAMES = 40
@@ -59,7 +58,7 @@ class Reel:
         """Decode from the first frame on, with nothing in memory."""
         self._frames.clear()
         self.skipped = self.repeated = 0
-        self.background = Background(self.lens)
+        self.background = Background(self.lens, self.options.no_shake)
         count = max(2, BYTES_AHEAD // (3 * self.clip.width * self.clip.height // 2))
         self._source = ahead(self._held(ahead(self._stamped(), count)), 1)
 
@@ -117,24 +116,20 @@ class Reel:
                 f"the board in the picture of {self.clip.width}x{self.clip.height}, or give its region with --roi LEFT TOP WIDTH HEIGHT."
             )
         self.background.leave_out(moving)
-        self._frames = [
-            replace(frame, shift=self.background.shift(self.skipped + row))
-            for row, frame in enumerate(self._frames)
-        ]
         some = np.unique(np.linspace(0, len(self._frames) - 1, SURVEY_FRAMES).astype(int))
-        return Survey(tuple(self._frames[number] for number in some), box_around(moving, BOX_MARGIN), moving)
+        return Survey(tuple(self._frames[number] for number in some), box_around(moving, 10), moving)
 
     def _fill(self, part: Box | None, least: int) -> tuple[Motion, Box | None]:
-        """Keep frames until memory is full of what moves; return the motion in them, and the part [px] that was kept.
+        """Keep frames until memory is full of the part that moves; return the motion and that part [px].
 
         Args:
-            part: The part, where it is known; else it follows from what moves by the time that all that is looked at fills the memory.
+            part: The part, if it is known; else it follows from the motion seen when whole frames fill the memory.
             least: Pixels that change where the board has been seen to move.
         """
         motion, size = Motion(), 0
         for number, frame in enumerate(self._source):
             if number % LOOKED_AT == 0:
-                motion.add(frame, self.background.pose(number))
+                motion.add(frame, *self.background.pose(number))
             self._frames.append(_cut(frame, part or self.region))
             size += self._frames[-1].nbytes
             if size < MEMORY or (part is not None and len(self._frames) < MIN_FRAMES):

@@ -1,14 +1,10 @@
-"""What the camera itself does: a rotation, frame by frame, as the still background shows it.
+"""The camera's own motion: a rotation, frame by frame, as the background shows it.
 
-A camera that turns moves every picture point by a homography, whatever its depth. About the picture's
-middle, with focal length f in pixels and κ = 1/f²,
+A camera that turns moves every point of the picture by a homography, whatever its depth. With places from the middle of the picture, the focal length f in pixels and κ = 1/f²:
 
     q(p) = p + a (1 + κ x p) + b (i + κ y p) + i θ p + z p,   p = x + i y,
 
-to first order: a and b are the shift of the middle, θ the turn and z a breathing of the focus. The terms
-with κ bend the picture. Without them a pan would pass for a turn and a turn for a zoom, so that a few
-patches on one side tell another rotation than those on the other. Where the focal length is not known,
-κ is found from how all frames bend.
+to first order. a and b are the shift of the middle, θ is the turn and z a breathing of the focus.
 """
 
 from dataclasses import dataclass
@@ -19,24 +15,7 @@ from sysid.roll import Array
 from sysid.video.types import Complex
 
 MIN_PATCHES = 4
-"""Least number of patches that show a rotation."""
-MAX_SCATTER = 3.0
-"""Scatter of the patches about a common rotation above which they show none [px]."""
-MIN_FRAMES_SEEN = 0.8
-"""Share of the frames that must show the background for any of it to count."""
-POOLED_FREEDOM = 20.0
-"""Degrees of freedom [1] that the clip's mean scatter counts for beside each frame's own."""
-KAPPA_SPREAD = 0.5
-"""Standard deviation of κ, as a share of it: twice that of the logarithm of a phone's focal length."""
-DISTORTION_DOUBT = 0.1
-"""Standard deviation of the logarithm of the focal length, as a lens that bends the picture itself hides it:
-what a first coefficient of 0.03, usual in phones, does."""
-CORRELATED_FRAMES = 10.0
-"""[frames] In a row, whose patches err alike, so that they count as one where κ is concerned."""
-ROUNDS = 6
-"""Times that patches are weighed anew by how far they are off."""
-BATCH_FRAMES = 100
-"""Frames that are worked out at once: that takes little longer than one; and that tell κ at most."""
+"""Least number of patches that show a rotation: it has four numbers, and a patch shows two."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,35 +23,28 @@ class Shake:
     """Rotation of the camera against the first frame."""
 
     motion: Array
-    """a, b [px], θ [rad] and z of each frame, shape (n, 4)."""
+    """a, b [px], θ [rad] and z of each frame, shape (n, 4); zero where the camera stands still."""
     std: Array
     """Standard deviation of θ [rad], shape (n,)."""
-    shift_std: float
-    """Standard deviation of a and b [px], typical."""
     focal: float
-    """Focal length with which the picture bends [px]."""
-    focal_std: float
-    """Standard deviation of its logarithm."""
+    """Focal length [px]."""
     centre: complex
     """Middle of the picture [px]."""
     found: bool
-    """Whether there was enough background to see any of it."""
+    """Whether some background was followed, or the user says that the camera stands still."""
+
+    @property
+    def moves(self) -> bool:
+        """Whether the camera moves."""
+        return bool(self.motion.any())
 
     @property
     def size(self) -> float:
         """Standard deviation of the camera's rotation about the axis where it is largest [rad]."""
         return float((np.std(self.motion[:, :3], axis=0) / [self.focal, self.focal, 1.0]).max())
 
-    @property
-    def significant(self) -> bool:
-        """Whether the camera moved by more than what noise alone would show."""
-        noise = float(np.sqrt(np.mean(self.std**2)))
-        turned = float(np.std(self.motion[:, 2])) > 2.5 * noise + 1e-5
-        shifted = float(np.std(self.motion[:, :2], axis=0).max()) > 2.5 * self.shift_std + 0.1
-        return self.found and (turned or shifted)
-
     def undo(self, points: Array) -> Array:
-        """Return the points of all frames, shape (n, N, 2) [px], where they would be with the camera still."""
+        """Return the points of all frames, shape (n, N, 2) [px], as a still camera shows them."""
         place = points[..., 0] + 1j * points[..., 1] - self.centre
         still = still_places(place, self.motion[:, None], self.focal) + self.centre
         return np.stack([still.real, still.imag], axis=-1)
@@ -111,62 +83,81 @@ def _turned(place: Complex, motion: Array, focal: float) -> Complex:
         return focal * (across + 1j * down) / depth
 
 
-def find_shake(home: Complex, seen: Complex, focal: float, centre: complex, *, known: bool) -> Shake:
-    """Fit the camera's motion to patches of background, with one focal length for all frames.
+def find_shake(
+    home: Complex, seen: Complex, focal: float, centre: complex, turn: Array, focal_std: float = 0.0
+) -> Shake:
+    """Fit the camera's motion to patches of background, if it is likelier than none.
+
+    A patch belongs to the body if a circle about the body's pivot explains its path better than the camera does. Both
+    comparisons use the Bayesian information criterion with robust scales.
 
     Args:
         home: Places of the patches in the first frame of the film, about the picture's middle [px], shape (m,).
         seen: Their places in n frames [px], shape (n, m); NaN where one is not found.
-        focal: Focal length, as far as it is known beforehand [px].
+        focal: Focal length [px].
         centre: Middle of the picture [px].
-        known: The lens is calibrated: the focal length is not to be found.
+        turn: The body's turn [rad], shape (n,).
+        focal_std: Standard deviation of the focal length's logarithm [1]; 0 for a known lens.
     """
+    count = len(seen)
+    if focal_std:
+        focal = _likeliest_focal(home, seen, focal, focal_std)
+    motion, rest, spread = fit_rotations(home, seen, focal)
+    circle = _rest_of_circles(seen, turn)
+    # Four numbers a patch for the body, and each patch's share of the camera's four numbers a frame.
+    freedom = max(1 - 2 / len(home), 1 / len(home))
+    apart = count * np.log(_scale(rest, 0) ** 2 / freedom / _scale(circle, 0) ** 2) < 2 * np.log(count)
+    if apart.sum() < MIN_PATCHES:
+        return still(count, focal, centre)
+    home, seen = home[apart], seen[:, apart]
+    motion, rest, spread = fit_rotations(home, seen, focal)
+    scale, moved = (float(_scale(one.reshape(-1, 1), 0)[0]) for one in (rest, seen - home))
+    gain = np.isfinite(rest).sum() * np.log(moved**2 / scale**2)
+    good = np.isfinite(motion[:, 0])
+    if gain < 2 * count * np.log(2 * len(home)) or good.sum() < count / 2:
+        return still(count, focal, centre, found=True)
+    # Frames without background take the motion of their neighbours, with the scatter of all frames.
+    std = np.where(good, scale * np.sqrt(spread), np.std(motion[good, 2]))
+    number = np.arange(count)
+    motion = np.stack([np.interp(number, number[good], column[good]) for column in motion.T], axis=1)
+    return Shake(motion, std, focal, centre, True)
 
-    def fitted(kappa: float) -> list[Array]:
-        parts = [seen[at : at + BATCH_FRAMES] for at in range(0, len(seen), BATCH_FRAMES)]
-        found = [fit_rotations(home, part, kappa**-0.5) for part in parts]
-        return [np.concatenate(each) for each in zip(*found, strict=True)]
 
-    kappa, doubt = (1 / focal**2, 0.0) if known else _bending(home, seen, 1 / focal**2)
-    motion, square, freedom, spread, _ = fitted(kappa)
-    good = np.asarray(np.isfinite(motion).all(axis=1), np.bool_)
-    if good.mean() <= MIN_FRAMES_SEEN:
-        return still(len(seen), focal, centre)
-    mean = max(float(square[good].sum() / freedom[good].sum()), 1e-4)
-    std = np.sqrt((square + POOLED_FREEDOM * mean) / (freedom + POOLED_FREEDOM) * spread[:, 1])
-    if doubt:
-        std = np.hypot(std, np.abs(fitted(kappa + doubt)[0][:, 2] - motion[:, 2]))
-    # Where the background is hidden: carried on, and as uncertain as the camera is restless.
-    good &= np.isfinite(std)
-    std[~good] = np.hypot(std[good].max(), np.std(motion[good, 2]))
-    number, known_at = np.arange(len(seen)), np.flatnonzero(good)
-    motion = np.stack([np.interp(number, known_at, column[good]) for column in motion.T], axis=1)
-    shift_std = float(np.sqrt(mean * np.median(spread[good, 0])))
-    focal_std = 0.0 if known else float(np.hypot(doubt / kappa / 2, DISTORTION_DOUBT))
-    return Shake(motion, std, shift_std, float(kappa**-0.5), focal_std, centre, True)
+def _likeliest_focal(home: Complex, seen: Complex, focal: float, std: float) -> float:
+    """Return the focal length [px] with which patches (m,) in n frames (n, m) fit best, by likelihood and prior.
+
+    A pan bends the picture the more, the shorter the lens. Fifty frames are used: neighbours err alike.
+    """
+    seen = seen[np.unique(np.linspace(0, len(seen) - 1, 50).astype(int))]
+    tried = std * np.linspace(-2.5, 2.5, 11)
+    rest = [fit_rotations(home, seen, focal * np.exp(one))[1].reshape(-1, 1) for one in tried]
+    scale = np.array([_scale(one, 0)[0] for one in rest])
+    score = -2 * np.isfinite(rest[0]).sum() * np.log(scale) - (tried / std) ** 2 / 2
+    return float(focal * np.exp(tried[np.argmax(score)]))
 
 
 def still(count: int, focal: float, centre: complex, *, found: bool = False) -> Shake:
-    """Return the shake of a film whose background shows none, or of a camera that is known to stand still."""
-    return Shake(np.zeros((count, 4)), np.zeros(count), 0.0, focal, np.inf, centre, found)
+    """Return the shake of a camera that stands still; `found` tells whether something shows it."""
+    return Shake(np.zeros((count, 4)), np.zeros(count), focal, centre, found)
 
 
-def _bending(home: Complex, seen: Complex, before: float) -> tuple[float, float]:
-    """Find κ by how all frames bend, with its standard deviation, both [1/px²]."""
-    some = seen[np.unique(np.linspace(0, len(seen) - 1, BATCH_FRAMES).astype(int))]
-    kappa, doubt, prior = before, KAPPA_SPREAD * before, (KAPPA_SPREAD * before) ** -2
-    for _ in range(3):  # the scatter about the right bend is less
-        motion, square, freedom, _, tells = fit_rotations(home, some, kappa**-0.5)
-        if not (good := np.isfinite(motion[:, 0])).any():
-            break
-        unit = CORRELATED_FRAMES * max(float(square[good].sum() / freedom[good].sum()), 1e-4)
-        information, pull = tells[good].sum(axis=0) / unit
-        step = (pull - prior * (kappa - before)) / (information + prior)
-        kappa, doubt = float(np.clip(kappa + step, 0.1 * before, 4 * before)), (information + prior) ** -0.5
-    return kappa, doubt
+def _rest_of_circles(seen: Complex, turn: Array) -> Complex:
+    """Return how far patches (n, m) are from circles that they run on with the body's turn (n,) [px], shape (n, m)."""
+    design = np.stack([np.ones(len(turn)), np.exp(1j * turn)], axis=1)
+    rest = np.full(seen.shape, np.nan + 0j)
+    for one, path in enumerate(seen.T):
+        good = np.isfinite(path)
+        fit, *_ = np.linalg.lstsq(design[good], path[good], rcond=None)
+        rest[good, one] = path[good] - design[good] @ fit
+    return rest
 
 
-def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Array, Array, Array, Array]:
+def _scale(rest: Complex, axis: int) -> Array:
+    """Return the standard deviation in each direction [px] of the finite values, by the median of a Rayleigh distribution."""
+    return np.nanmedian(np.abs(rest), axis=axis) / np.sqrt(2 * np.log(2)) + 0.01
+
+
+def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Complex, Array]:
     """Fit a camera's motion to each of n frames, ignoring patches that move on their own.
 
     Args:
@@ -175,42 +166,39 @@ def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Ar
         focal: Focal length [px].
 
     Returns:
-        Motion, shape (n, 4), NaN where too few patches agree; sum of squares that is left [px²], and degrees of freedom behind
-        it, shape (n,); variance of a and of θ for patches of variance 1 px², shape (n, 2); information on a change of κ, and that
-        times the change, for such patches, shape (n, 2).
+        Motion, shape (n, 4), NaN if fewer than four patches agree; residuals [px], shape (n, m);
+        variance of θ for patches of 1 px², shape (n,).
     """
+    # A hundred frames at once take little longer than one, and little memory.
+    parts = [_fit(home, seen[at : at + 100], focal) for at in range(0, len(seen), 100)]
+    motion, rest, spread = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return motion, np.asarray(rest, np.complex128), spread
+
+
+def _fit(home: Complex, seen: Complex, focal: float) -> tuple[Array, Complex, Array]:
+    """Fit a camera's motion to each of some frames: as `fit_rotations`."""
     found = np.isfinite(seen)
-    seen = np.where(found, seen, home)
+    place = np.where(found, seen, home)
     motion, weight = np.zeros((len(seen), 4)), found.astype(np.float64)
-    gap = step = scale = design = weighted = inverse = np.zeros(0)
-    for last in (*[False] * ROUNDS, True):
-        place = seen_places(home, motion[:, None], focal)
-        bend, gap = place / focal**2, seen - place
-        design = np.stack([1 + place.real * bend, 1j + place.imag * bend, 1j * place, place], axis=-1)
-        distance = np.abs(gap)
-        # 1.18: the median of a Rayleigh distribution.
-        scale = np.nan_to_num(_middle(np.where(found, distance, np.nan))) / 1.18 + 0.02
-        share = distance / scale[:, None]
-        # Those that agree, at last with equal weights: their scatter is then that of a patch.
-        weight = found * ((share < 3.5) if last else 1 / (1 + (share / 2.5) ** 2))
+    gap, inverse = np.zeros(seen.shape, complex), np.zeros((len(seen), 4, 4))
+    for _ in range(8):  # weighed anew by how far each patch is off; converges by half or better each time
+        there = seen_places(home, motion[:, None], focal)
+        gap = place - there
+        scale = _median(np.where(found, np.abs(gap), np.nan)) + 0.01
+        weight = found / (1 + (np.abs(gap) / (3 * scale[:, None])) ** 2) ** 2
+        bend = there / focal**2
+        design = np.stack([1 + there.real * bend, 1j + there.imag * bend, 1j * there, there], axis=-1)
         weighted = (design * weight[..., None]).conj().transpose(0, 2, 1)
-        # A hair's breadth of damping, so that frames which show nothing are no error.
+        # A hair's breadth of damping, so that frames without patches are no error.
         normal = (weighted @ design).real + np.diag([1e-6, 1e-6, 1e-2, 1e-2])
         inverse = np.asarray(np.linalg.inv(normal), np.float64)
-        step = (inverse @ (weighted @ gap[:, :, None]).real)[..., 0]
-        motion = motion + step
-    rest = weight * (gap - (design @ step[:, :, None])[..., 0])
-    bent = (motion[:, :1] * home.real + motion[:, 1:2] * home.imag) * home
-    own = weight * (bent - (design @ (inverse @ (weighted @ bent[:, :, None]).real))[..., 0])
-    tells = np.stack([(np.abs(own) ** 2).sum(axis=1), (own.conj() * rest).real.sum(axis=1)], axis=1)
-    motion[(weight.sum(axis=1) < MIN_PATCHES) | (scale > MAX_SCATTER)] = np.nan
-    freedom = np.maximum(2 * weight.sum(axis=1) - 4, 1)
-    spread = np.stack([inverse[:, 0, 0], inverse[:, 2, 2]], axis=1)
-    return motion, (np.abs(rest) ** 2).sum(axis=1), freedom, spread, tells
+        motion = motion + (inverse @ (weighted @ gap[:, :, None]).real)[..., 0]
+    motion[weight.sum(axis=1) < MIN_PATCHES - 1] = np.nan
+    return motion, np.where(found, gap, np.nan), inverse[:, 2, 2]
 
 
-def _middle(values: Array) -> Array:
-    """Median along the second axis of what is finite; NaN, without a warning, where nothing is."""
+def _median(values: Array) -> Array:
+    """Return the median of the finite values along the second axis, else 0."""
     ordered = np.sort(values, axis=1)
     count = np.isfinite(ordered).sum(axis=1)
-    return ordered[np.arange(len(values)), np.maximum(count - 1, 0) // 2]
+    return np.nan_to_num(ordered[np.arange(len(values)), np.maximum(count - 1, 0) // 2])

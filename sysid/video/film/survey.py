@@ -1,4 +1,4 @@
-"""What moves in a film, from small pictures of it."""
+"""Motion in a film: the pixels that change, from small pictures."""
 
 from dataclasses import dataclass, field
 
@@ -6,43 +6,40 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
+from sysid.video.film.background import SMALL_SIDE
 from sysid.video.film.frames import Frame, halved, in_colour
 from sysid.video.types import Box, Image, Mask, Picture
 
-SMALL_SIDE = 640
-"""Longer side of the pictures in which motion is looked for, and patches of the background are followed [px]."""
 MAX_SHAKE = 0.05
-"""Share of the picture's long side by which a camera may shake; one that moves further pans."""
+"""Share of the picture's long side by which a camera held by hand shakes; one that moves further pans."""
 MIN_CHANGE = 18
-"""Change of brightness that counts as motion [grey levels]."""
+"""Range of brightness that counts as motion [grey levels]: compression alone reaches 12 in films of 0.05 bit a pixel."""
 MIN_AREA = 40
-"""Least area of what moves [px of the small picture]."""
+"""Least area of a moving region [px of the small picture]."""
 MIN_REGION = 16
 """Least width and height of a region that the user gives [px]."""
-BOX_MARGIN = 10
-"""What is added to what moves, on each side [px]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """What a first look shows."""
+    """The result of a first look."""
 
     frames: tuple[Frame, ...]
-    """Some, spread over what was looked at, the first one first."""
+    """Some, spread over the frames that were looked at, the first one first."""
     box: Box
-    """Left, top, right and bottom [px] of where something moves, as far as the user wants it to be looked at."""
+    """Left, top, right and bottom [px] of where something moves, inside the user's region."""
     moving: Mask
     """Pixels in which something changes, as large as the picture."""
 
     @property
     def kept(self) -> Box:
-        """What was kept of the box in the frames [px]: of a large film less, if it moves further later on."""
+        """The part of the box that was kept in the frames [px]."""
         return self.frames[0].within(self.box)
 
 
 @dataclass(slots=True)
 class Motion:
-    """How far each pixel of small pictures changes; shake of the camera is no motion."""
+    """Range of each pixel over small pictures, without the shake of the camera and changes of the light."""
 
     _low: Picture = field(default_factory=lambda: np.array(255, np.uint8))
     """Least and most that each pixel has shown, in colour, shape (h, w, 3)."""
@@ -51,34 +48,38 @@ class Motion:
     _furthest: float = 0.0
     """How far the camera went [px of the small picture]."""
 
-    def add(self, frame: Frame, pose: Array) -> None:
-        """Take in one more whole frame, and where the camera's shake has put the first one in it [px], shape (2, 3)."""
+    def add(self, frame: Frame, pose: Array, gain: float) -> None:
+        """Take in the next whole frame, with the pose, shape (2, 3) [px], and the gain [1] of `Background.pose`."""
         self._shape = frame.picture.shape
-        bright, times = halved(frame.picture, SMALL_SIDE)
+        bright = halved(frame.picture, SMALL_SIDE)[0]
         small = in_colour(bright, [halved(one, SMALL_SIDE)[0] for one in frame.chroma])
-        self._furthest = max(self._furthest, float(np.abs(frame.shift).max()) / times)
-        still = _held(small, pose / [1, 1, times], np.broadcast_to(self._low, small.shape))
-        self._low, self._high = np.minimum(self._low, still), np.maximum(self._high, still)
-
-    @property
-    def _change(self) -> Image:
-        """Range of each pixel of the small picture [grey levels], shape (h, w)."""
-        blue, green, red = cv2.split(cv2.subtract(self._high, self._low))
-        return cv2.max(cv2.max(blue, green), red).astype(np.float32)
+        small = np.asarray(cv2.convertScaleAbs(small, alpha=gain), np.uint8)
+        height, width = small.shape[:2]
+        corners = np.array([[0, 0, 1], [width, 0, 1], [0, height, 1], [width, height, 1]])
+        went = float(np.abs(corners @ pose.T - corners[:, :2]).max())
+        self._furthest = max(self._furthest, went)
+        if went:
+            flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+            hidden = np.broadcast_to(self._low, small.shape).copy()
+            small = np.asarray(
+                cv2.warpAffine(small, pose, (width, height), hidden, flags, cv2.BORDER_TRANSPARENT), np.uint8
+            )
+        self._low, self._high = np.minimum(self._low, small), np.maximum(self._high, small)
 
     def mask(self, within: Box | None) -> Mask:
         """Return which pixels of the whole picture change, shape (height, width), inside a box [px] if there is one."""
-        return _moving(self._change, self._shape, within)
+        blue, green, red = cv2.split(cv2.subtract(self._high, self._low))
+        change = cv2.max(cv2.max(blue, green), red).astype(np.float32)
+        return _moving(change, self._shape, within)
 
     @property
     def pans(self) -> bool:
-        """Whether most of the picture changes, and the camera went far or nothing stands out."""
-        everywhere = float(np.median(self._change)) > MIN_CHANGE
-        return everywhere and (self._furthest > MAX_SHAKE * SMALL_SIDE or not self.mask(None).any())
+        """Whether the background went further than the shake of a hand."""
+        return self._furthest > MAX_SHAKE * SMALL_SIDE
 
 
 def box_around(mask: Mask, margin: int) -> Box:
-    """Return left, top, right and bottom [px] of what is set, shape (height, width), and a margin as far as the picture reaches."""
+    """Return left, top, right and bottom [px] of the pixels set, shape (height, width), and a margin inside the picture."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return (
         max(int(columns[0]) - margin, 0),
@@ -88,21 +89,11 @@ def box_around(mask: Mask, margin: int) -> Box:
     )
 
 
-def _held(small: Picture, pose: Array, other: Picture) -> Picture:
-    """Put a small picture onto the first one, which is in it at a pose, if that is more than noise and no pan; what it does not show is another one's."""
-    height, width = small.shape[:2]
-    corners = np.array([[0, 0, 1], [width, 0, 1], [0, height, 1], [width, height, 1]])
-    if not 0.05 < np.abs(corners @ pose.T - corners[:, :2]).max() < 2 * MAX_SHAKE * SMALL_SIDE:
-        return small
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    held = cv2.warpAffine(small, pose, (width, height), other.copy(), flags, cv2.BORDER_TRANSPARENT)
-    return np.asarray(held, np.uint8)
-
-
 def _moving(change: Image, shape: tuple[int, ...], box: Box | None) -> Mask:
-    """Threshold the range of each pixel; keep the largest patch, in a box, what is a fifth as large or more, and what lies among these."""
+    """Threshold the range of each pixel; keep the largest region in a box, those a fifth as large, and those among them."""
     amount = cv2.GaussianBlur(change, (0, 0), 1.5)
-    level = max(MIN_CHANGE, 3 * float(np.median(amount)))
+    # Most of the picture may move; a quarter that stands still shows the noise.
+    level = max(MIN_CHANGE, 3 * float(np.quantile(amount, 0.25)))
     mask = cv2.morphologyEx((amount > level).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     mask = cv2.dilate(mask, np.ones((5, 5), np.uint8))
     if box is not None:

@@ -25,5 +25,5 @@ class Track:
 
     @property
     def lost(self) -> int:
-        """Frames in which nothing was seen."""
+        """Number of frames without any point."""
         return int(np.isnan(self.points).all(axis=(1, 2)).sum())

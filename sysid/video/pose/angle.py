@@ -1,9 +1,8 @@
 """The angle of a body that turns about an axis, from points in pictures.
 
-A camera that does not look along the axis sees circles as ellipses, and at more depth than one. The
-picture that it would take if it did look along it is a homography of its own, known up to the axis'
-direction and the focal length; in that picture points run on circles. Direction, focal length
-and read-out of the shutter are what makes the circles round, with what is known beforehand (`circles`).
+A camera that does not look along the axis sees circles as ellipses, and at more depth than one. A homography takes its picture to that of a camera along the
+axis, in which points run on circles. It is known up to the axis' direction and the focal length. Direction, focal length
+and read-out of the shutter make these circles round (`circles`).
 """
 
 from dataclasses import dataclass, replace
@@ -34,10 +33,10 @@ class AngleTrack:
     angle: Array
     """Angle about the axis, clockwise in the picture [rad], shape (n,), unwrapped; NaN where not seen."""
     std: Array
-    """Standard deviation of each angle [rad], shape (n,): noise, blur and what is unknown of the camera;
+    """Standard deviation of each angle [rad], shape (n,): noise, blur and the unknown camera;
     not a common offset."""
     camera_state: CameraState
-    """What was found of direction, lens and shutter."""
+    """Direction, lens and shutter as fitted."""
     noise: float
     """Standard deviation of a point's position at rest [px]."""
     outliers: int
@@ -47,6 +46,12 @@ class AngleTrack:
     own: Array
     """Share of `std` that is not common to all frames [rad], shape (n,)."""
 
+    @property
+    def scale_std(self) -> float:
+        """Share of the swing that is open in common for all frames [1]: of direction, lens and pivot."""
+        common = np.sqrt(np.nanmax(np.maximum(self.std**2 - self.own**2, 0.0)))
+        return float(common / np.nanmax(np.abs(self.angle - np.nanmedian(self.angle))))
+
 
 def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior | None = None) -> AngleTrack:
     """Estimate the angle of a rigid body in every frame that shows all of its points.
@@ -55,7 +60,7 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
         view: The points.
         matrix: Camera matrix [px], shape (3, 3).
         before: Direction of the axis, focal length and read-out, as known beforehand.
-        prior: What is known of the body.
+        prior: Prior knowledge of the body.
 
     Returns:
         The angles. Zero is arbitrary here: the attitude in one of the frames.
@@ -109,8 +114,8 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
 def _left_out(speed: Array) -> Array:
     """Share of the dead zone's variance that is left, by the points' speed lately [px/frame], both of shape (n,).
 
-    Compression leaves a part of the picture as it is while that changes by little: small swings come out smaller in the
-    film, and a deck that hardly moves stands still.
+    Compression leaves parts of the picture unchanged while they change by little. Small swings shrink, and a deck that hardly
+    moves stands still.
     """
     around = np.pad(speed, LASTING_FRAMES, mode="reflect")
     lately = sliding_window_view(around, 2 * LASTING_FRAMES + 1).max(axis=1)

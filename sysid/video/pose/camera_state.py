@@ -1,7 +1,7 @@
-"""What is not known of camera and lens, before and after the film was looked at."""
+"""Knowledge of camera and lens, before and after a fit."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from sysid.video.film.camera import FOCAL_SPREAD, Lens
 from sysid.video.film.track import Track
 
 READOUT = 3
-"""Where the read-out stands among the four unknowns of a `CameraState`."""
+"""Index of the read-out among the four unknowns of a `CameraState`."""
 READOUT_CEILING = 1 / 30
 """No sensor takes longer for a frame [s]."""
 DIFFERENCE_STEP = 1e-4
@@ -48,24 +48,6 @@ class CameraState:
         """Time from the sensor's first to its last row [s]."""
         return float(self.value[READOUT])
 
-    def facing(self, place: Array, std: float) -> "CameraState":
-        """Return what is known once the axis is seen to vanish somewhere in the picture.
-
-        Args:
-            place: From the picture's middle, in focal lengths of the lens [1], shape (2,).
-            std: Standard deviation of its direction [rad].
-        """
-        aside = max(float(np.hypot(*place)), 1e-9)
-        unit, length = place / aside, aside * np.exp(-self.value[2])
-        # The direction, and how it changes with the focal length: yaw + slope * logarithm is seen.
-        off = np.arctan(length) * unit - self.value[:2]
-        seen = np.eye(2, 4)
-        seen[:, 2] = unit * length / (1 + length**2)
-        gain = self.covariance @ seen.T @ np.linalg.inv(seen @ self.covariance @ seen.T + std**2 * np.eye(2))
-        return replace(
-            self, value=self.value + gain @ off, covariance=self.covariance - gain @ seen @ self.covariance
-        )
-
 
 def spread_by(
     x: Array,
@@ -76,10 +58,9 @@ def spread_by(
     share: Array,
     readout: int | None,
 ) -> Array:
-    """What unknown numbers leave open of an angle, less what they do at rest.
+    """Return the variance of an angle for unknown numbers, without their effect at rest.
 
-    A slant squeezes the picture by its square, of which the derivative where a camera looks along the axis shows nothing. So the
-    mean square is taken over numbers as far off as they may be, to either side along each axis of what is known of them.
+    A slant squeezes the picture by its square, of which the derivative where a camera looks along the axis shows nothing. So the mean square is taken over numbers one standard deviation off, to either side along each axis of their covariance.
 
     Args:
         x: The numbers, shape (P,).
@@ -118,7 +99,7 @@ def rate_of(time: Array, angle: Array) -> Array:
 def before_looking(
     track: Track, lens: Lens, direction_std: float, readout: float | None, angle: tuple[float, float] | None
 ) -> CameraState:
-    """Return what is known of camera, lens and shutter before the board's points are looked at.
+    """Return the prior knowledge of camera, lens and shutter.
 
     Args:
         track: Its shake shows the focal length, its stamps limit the read-out.
@@ -128,15 +109,13 @@ def before_looking(
         angle: Yaw and pitch [rad], if they are given.
 
     Raises:
-        SysidError: The read-out is none.
+        SysidError: The read-out is out of range.
     """
     if readout is not None and not 0 <= readout <= 0.2:
         raise SysidError(f"--readout {readout}: a read-out takes 0 to 0.2 s; typical is 0.01 to 0.02.")
-    focal, focal_std = 0.0, 0.0 if lens.known else FOCAL_SPREAD
-    if track.shake.significant and track.shake.focal_std < focal_std:  # a camera that turns shows its lens
-        focal, focal_std = float(np.log(track.shake.focal / lens.matrix[0, 0])), track.shake.focal_std
+    focal_std = 0.0 if lens.known else FOCAL_SPREAD
     ceiling = min(float(np.median(np.diff(track.time))), READOUT_CEILING)
     direction = direction_std if angle is None else 0.0
     std = np.array([direction, direction, focal_std, ceiling / np.sqrt(12) if readout is None else 0.0])
     first, limit = (ceiling / 2, ceiling) if readout is None else (readout, np.inf)
-    return CameraState(np.array([*(angle or (0.0, 0.0)), focal, first]), np.diag(std**2), limit)
+    return CameraState(np.array([*(angle or (0.0, 0.0)), 0.0, first]), np.diag(std**2), limit)

@@ -1,7 +1,6 @@
 """Direction of the axis, lens and shutter with which the points of a turning body run on circles.
 
-As a camera along the axis sees it, every point of a rigid body, whatever its depth, runs on a circle: with complex numbers for
-picture coordinates,
+To a camera along the axis every point of a rigid body runs on a circle, whatever its depth. With complex picture coordinates:
 
     z_ij = τ_i + c_j + exp(i φ_i) q_j.
 
@@ -13,8 +12,8 @@ plane is as large as it is near, and how near it is grows evenly across that pic
 
 where P is the place at which the axis passes the plane's middle, and q_j is in focal lengths.
 
-A bundle adjustment: what all frames have in common (the camera, and the body's shape and circles) is found by least squares
-of the distances in the pictures, with what is known beforehand; where a body lies in a frame follows from that frame.
+A bundle adjustment finds the numbers that all frames share (the camera, the body's shape and circles) by least squares of the
+distances in the pictures, with priors. Each frame gives the place of the body in it.
 """
 
 from collections.abc import Callable
@@ -49,7 +48,7 @@ class Body:
     camera: Array
     """Its values [rad, rad, 1, s], shape (..., 4)."""
     flat: Array
-    """Takes what it sees to what one along the axis does [px], shape (..., 3, 3)."""
+    """Homography from its picture to that of a camera along the axis [px], shape (..., 3, 3)."""
     shape: Complex
     """q, shape (..., N)."""
     centre: Complex
@@ -60,7 +59,7 @@ class Body:
 
         Args:
             points: Points as a straight lens shows them [px], shape (n, N, 2).
-            shear: What to add to them for each second of read-out [px/s], shape (n, N, 2).
+            shear: Shift of each for a second of read-out [px/s], shape (n, N, 2).
         """
         seen = points + self.camera[..., READOUT, None, None, None] * shear
         # All frames at once: products of many small matrices take long.
@@ -84,7 +83,7 @@ class Body:
 
         Args:
             points: Points as a straight lens shows them [px], shape (n, N, 2).
-            shear: What to add to them for each second of read-out [px/s], shape (n, N, 2).
+            shear: Shift of each for a second of read-out [px/s], shape (n, N, 2).
         """
         seen, place = self.upright(points, shear)
         place = place - self.centre[..., None, :]
@@ -107,12 +106,11 @@ class Unknowns:
     matrix: Array
     """Camera matrix [px], shape (3, 3)."""
     home: Array
-    """The body in one of the frames, as filmed [px], shape (N, 2): q is counted from what a camera along the axis sees of it, so that
-    another axis bends the body as it does the picture, and leaves little to the other numbers."""
+    """The body in one of the frames, as filmed [px], shape (N, 2). q is counted from its picture along the axis: another axis bends body and picture alike."""
     slope: float = 0.0
     """How depth grows with height, as usual where its points are [1]; 0 across the axis, where that is not unknown."""
     pivot: Array = field(default_factory=lambda: np.zeros(2))
-    """Where the axis is seen on a slanted side [px], shape (2,): c is counted from what the slope makes of it."""
+    """Place of the axis on a slanted side [px], shape (2,); c is counted from the slope's part of it."""
 
     @property
     def focal(self) -> float:
@@ -137,7 +135,7 @@ class Unknowns:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What all frames have in common."""
+    """The numbers that all frames share."""
 
     unknowns: Unknowns
     x: Array
@@ -166,8 +164,8 @@ def fit_circles(
         view: The points.
         some: The frames that are used.
         matrix: Camera matrix [px], shape (3, 3).
-        before: What is known of the camera beforehand.
-        prior: What is known of the body.
+        before: Prior knowledge of the camera.
+        prior: Prior knowledge of the body.
         start: Camera from which the search sets out, shape (4,).
         slope: How depth grows with height, as usual where the points are [1]; 0 across the axis.
     """
@@ -217,7 +215,7 @@ def fit_circles(
 
 
 def _priors(unknowns: Unknowns, prior: BodyPrior) -> Callable[[Array, Body], Array]:
-    """Return what is known beforehand as a function of the numbers (..., P) and their body: distances in standard deviations."""
+    """Return the priors as a function of the numbers (..., P) and their body: distances in standard deviations."""
     before, home = unknowns.before, unknowns.home
     size = float(np.sqrt(np.mean(np.sum((home - home.mean(axis=0)) ** 2, axis=1))))
     told = [number for number in before.free if number != READOUT]
@@ -225,7 +223,7 @@ def _priors(unknowns: Unknowns, prior: BodyPrior) -> Callable[[Array, Body], Arr
 
     def at(x: Array, body: Body) -> Array:
         centre, own = np.split(x[..., len(before.free) : len(before.free) + 4 * len(home)], 2, axis=-1)
-        # The body's own size says nothing of its shape, but that shift and turn are not to be told from it.
+        # A weak prior on the shape, as shift and turn are degenerate with it.
         known = [
             (body.camera[..., told] - before.value[told]) / before.std[told],
             own * unknowns.focal / size,

@@ -10,7 +10,7 @@ from sysid.video.pose.view import View
 from sysid.video.types import Rows
 
 MAX_KEYFRAMES = 150
-"""Frames that are used at most to find what is unknown of the camera; the angle is found in all."""
+"""Most frames that are used to fit the camera; the angle is found in all."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,10 +28,10 @@ def point_noise(rest: Array, some: Keyframes, unknowns: int, prior: BodyPrior) -
     """Find the noise, and how much each frame is to be believed, from 0 to 1.
 
     Args:
-        rest: What does not fit [px], shape (m, N, 2).
+        rest: Residuals [px], shape (m, N, 2).
         some: The frames.
         unknowns: How many numbers of the camera were found beside the body.
-        prior: What is known of the body.
+        prior: Prior knowledge of the body.
     """
     speed, points = some.speed, rest.shape[1]
     freedom = max(2 * points - 3, 1)

@@ -1,4 +1,4 @@
-"""Where a body lies in a picture: affine maps of places at home [px] to places there [px], shape (3, 3)."""
+"""Poses of a body in a picture: affine maps of places at home [px] to places there [px], shape (3, 3)."""
 
 import numpy as np
 

@@ -11,8 +11,8 @@ def upright(matrix: Array, camera: Array) -> Array:
 
     Args:
         matrix: Camera matrix [px], shape (3, 3).
-        camera: Yaw and pitch of the axis, to the right of and down from the line of sight [rad], and the logarithm by which the
-            focal length is longer than the matrix's; shape (..., 3) or longer.
+        camera: Yaw and pitch of the axis, to the right of and down from the line of sight [rad], and the logarithm of the focal
+            length over that of the matrix; shape (..., 3) or longer.
     """
     yaw, pitch, longer = (camera[..., number] for number in range(3))
     scaled = matrix * np.where(np.diag([1.0, 1.0, 0.0]) > 0, np.exp(longer)[..., None, None], 1.0)
@@ -26,7 +26,7 @@ def upright(matrix: Array, camera: Array) -> Array:
 
 
 def rectify(points: Array, matrix: Array, camera: Array) -> Complex:
-    """Return points [px], shape (n, 2) or (m, n, 2), as a camera along the axis sees them, x + i y (y down); the rest as in `upright`."""
+    """Return points [px], shape (n, 2) or (m, n, 2), to a camera along the axis, x + i y (y down); arguments as of `upright`."""
     place = project(upright(matrix, camera), points)
     return place[..., 0] + 1j * place[..., 1]
 
@@ -40,10 +40,10 @@ def project(homography: Array, points: Array) -> Array:
 
 
 def smear(angle: Array) -> Array:
-    """What an unknown exposure does: a smeared body is seen at its mean, not at the middle of the exposure.
+    """Return the error of an unknown exposure: a smeared body is seen at its mean, not at the middle of the exposure.
 
-    The mean over an exposure T is off by φ̈ T²/24; for T anywhere between 0 and the frame interval the
-    root mean square of that is the second difference of the angle over 54. Both are [rad], shape (n,).
+    The mean over an exposure T is off by φ̈ T²/24. With T anywhere up to the frame interval, its root mean square is the second
+    difference of the angle over 54. Both are [rad], shape (n,).
     """
     smear = np.zeros(len(angle))
     with np.errstate(invalid="ignore"):

@@ -25,14 +25,13 @@ class View:
     share: Array = field(init=False)
     """Mean share of the read-out at which each frame's points are read, shape (n,)."""
     shear: Array = field(init=False)
-    """What to add to `points` for each second of read-out [px/s], shape (n, N, 2): that moves every point along its path to
-    the moment at which the middle of the points is read."""
+    """Shift of `points` for a second of read-out [px/s], shape (n, N, 2): it moves every point to the moment at which the middle of the points is read."""
 
     def __post_init__(self) -> None:
         """Free the points of lens and shake, and find when they are read."""
         track, filmed = self.track, self.track.points.astype(np.float64)
         points = self.straighten(filmed)
-        if track.shake.significant:
+        if track.shake.moves:
             points = track.shake.undo(points)
         when = self.row_share(filmed)
         seen = np.isfinite(when)

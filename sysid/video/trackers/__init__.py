@@ -1,4 +1,4 @@
-"""What can be followed in a film, one a module, found by being there.
+"""Trackers, one a module, found by being there.
 
 A new tracker is a new module in this folder that ends in `TRACKER = Tracker(...)`; its file name is the name that
 `--method` takes. Names are listed without importing anything: OpenCV is slow to start.
@@ -34,4 +34,4 @@ def ranked() -> "dict[str, Tracker]":
 
 if not TYPE_CHECKING:
     Method = Literal[("auto", *names())]
-"""What `--method` takes: one of the names, or auto."""
+"""Values of `--method`: the names, and auto."""

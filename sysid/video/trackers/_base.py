@@ -1,4 +1,4 @@
-"""What a tracker is: it finds something in a film that can be followed, and says how its points make an angle."""
+"""Trackers: each finds something in a film that can be followed, and says how its points make an angle."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,17 +14,16 @@ from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.view import View
 
 Solve = Callable[[View, Array, CameraState], AngleTrack]
-"""Points, camera matrix and what is known of the camera beforehand to the angle."""
+"""Points, camera matrix and prior knowledge of the camera to the angle."""
 
-DIRECTION_STD = np.radians(15.0)
-"""Standard deviation of the camera's direction before the film shows it: people stand about square [rad]."""
-UNSEEN_DIRECTION_STD = np.radians(5.0)
-"""Standard deviation of the camera's direction where nothing in the film shows it [rad]."""
+DIRECTION_STD, UNSEEN_DIRECTION_STD = np.radians([15.0, 5.0])
+"""Standard deviation of the camera's direction [rad]: people stand about square; where nothing shows it, they are asked to."""
 MIN_SWING = np.radians(1.0)
-"""What turns by less does not turn [rad]."""
+"""Least turn of a release [rad]."""
+MIN_SEEN_SHARE = 0.6
+"""Least share of the frames that must show a target."""
 DEAD_ZONE = 0.15
-"""Motion of the outermost points of colour or faint texture that compression may leave out of a film, to either
-side [px]: as found in films of 0.1 bit a pixel. A phone's have two to four times as many. Black on white shows more."""
+"""Motion of the outermost points of colour or faint texture that compression drops, to either side [px], in films of 0.1 bit a pixel. A phone's have two to four times as many. Black on white shows more."""
 
 
 class Follower(Protocol):
@@ -36,39 +35,43 @@ class Follower(Protocol):
         ...
 
     def update(self, frame: Frame) -> Array | None:
-        """Return the points in this frame [px], shape (N, 2), NaN where one is not seen; None if none is."""
+        """Return the points in this frame [px], shape (N, 2), NaN where one is not seen; None without any."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """Something in a film that can be followed, how its points make an angle, and what to tell people."""
+    """Something in a film that can be followed, how its points make an angle, and the words for people."""
 
     follower: Follower
     what: str
-    """What is followed, for messages."""
+    """Its name in messages."""
     why: str
-    """What was found, for people."""
+    """Description for people."""
     solve: Solve
     zero: Callable[[AngleTrack], float]
-    """What to add so that zero is where it should be [rad]."""
+    """Returns the shift that puts zero in its place [rad]."""
     zero_note: str
+    kind: str = ""
+    """Name shared by targets of which a film should show one only: two of them that swing apart are two bodies."""
+    other: Callable[[], "Target | None"] | None = None
+    """Returns a second target of this kind, once this one was followed."""
     shows_level: bool = True
     """Whether zero is a horizontal, rather than where the board rests or runs by chance."""
     direction_from: str = "how the points move"
-    """What shows from where the camera looks; empty where nothing does."""
+    """The source of the camera's direction; empty without one."""
     warnings: tuple[str, ...] = ()
     shows_body: bool = True
-    """Whether two or more of its points stay where they are on the board, so that they tell how all of it moved."""
+    """Whether two or more of its points stay where they are on the board, so that they show how all of it moved."""
     shows_turn: bool = True
     """Whether its points are places on the board, so that all of it turns as far as they do; texture's are means over depths."""
     joined: tuple[tuple[int, int], ...] = ()
-    """Points between which a line is drawn, so that a person sees what they are."""
+    """Points between which a line is drawn for people."""
 
     @property
     def direction_std(self) -> float:
         """Standard deviation of yaw and pitch before the film is looked at [rad]."""
-        return DIRECTION_STD if self.direction_from else UNSEEN_DIRECTION_STD
+        return float(DIRECTION_STD if self.direction_from else UNSEEN_DIRECTION_STD)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,18 +79,18 @@ class Tracker:
     """One way to follow a board."""
 
     rank: int
-    """Where none is asked for, that of the lowest rank is tried first."""
+    """Trackers of lower rank come first."""
     find: Callable[[Reel], Target | None]
     not_found: str
-    """What to tell people where it finds nothing; `{where}` is the region that they gave."""
+    """Message where it finds nothing; `{where}` is the region that the user gave."""
     takes_pivot: bool = False
     """Whether it can use a pivot that the user gives."""
     last_resort: bool = False
-    """Whether it is tried only where nothing else is found: it takes long."""
+    """Whether it takes long, and is tried only where nothing else gives a good angle."""
 
 
 def rests_at(angle: Array) -> float:
-    """Return the attitude at the end of the film, in the last tenth of what is seen of it [rad]; angle of shape (n,)."""
+    """Return the attitude in the last tenth of the frames that show one [rad]; angle of shape (n,)."""
     seen = angle[np.isfinite(angle)]
     return float(np.median(seen[-max(5, len(seen) // 10) :]))
 

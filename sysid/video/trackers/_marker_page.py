@@ -11,10 +11,6 @@ from sysid.video.trackers.marker import marker_cells
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-PAGE = (210.0, 297.0)
-"""Width and height of A4 [mm]."""
-MARKERS = ((74.0, 205.0, 80.0), (166.0, 205.0, 40.0))
-"""Middle and side of each black square [mm], from the page's lower left corner."""
 HOW_TO = {
     "Print": 'at 100 % ("actual size"): the bar is then 100 mm long.',
     "Cut": "along the dashed line: the white margin belongs to the marker.",
@@ -29,7 +25,7 @@ HOW_TO = {
     "Copy the file as it is: a messenger compresses it again.",
     "Read": "husky-sysid decay clip.mp4 --board NAME --overlay seen.mp4, and look at seen.mp4.",
 }
-"""What to do with it, step by step."""
+"""Instructions, step by step."""
 
 
 def write_marker_page(path: Path, number: int) -> None:
@@ -42,12 +38,13 @@ def write_marker_page(path: Path, number: int) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(PAGE[0] / 25.4, PAGE[1] / 25.4))
+    page = np.array([210.0, 297.0])  # A4 [mm]
+    figure = Figure(figsize=tuple(page / 25.4))
     FigureCanvasAgg(figure)
-    axes = figure.add_axes((0, 0, 1, 1), xlim=(0, PAGE[0]), ylim=(0, PAGE[1]))
+    axes = figure.add_axes((0, 0, 1, 1), xlim=(0, page[0]), ylim=(0, page[1]))
     axes.set_axis_off()
-    for offset, (across, up, side) in enumerate(MARKERS):
-        _draw_marker(axes, number + offset, across, up, side)
+    for offset, (across, side) in enumerate(((74.0, 80.0), (166.0, 40.0))):
+        _draw_marker(axes, number + offset, across, 205.0, side)
     axes.text(20, 280, "husky-sysid: markers for films of a rocking board", fontsize=14, weight="bold")
     axes.plot([55, 155], [125, 125], color="black", linewidth=1.0)
     for end in (55, 155):

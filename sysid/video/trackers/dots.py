@@ -1,9 +1,10 @@
 """Coloured stickers: two on the deck's end, or one dot that swings about a pivot.
 
-They are found by colour as people see it, which changes little with shade, and followed by colour as films hold it: two numbers for a
-square of 2x2 pixels, both 128 where it is grey.
+They are found by colour as people see it, which changes little with shade. They are followed by colour as films hold it: two
+numbers for a square of 2x2 pixels, both 128 for grey.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -21,7 +22,15 @@ from sysid.video.pose.keyframes import keyframes_of
 from sysid.video.pose.prior import POINT_FLOOR, SAME_PICTURE, BodyPrior
 from sysid.video.pose.rectify import project, rectify, smear, unwrap, upright
 from sysid.video.pose.view import View
-from sysid.video.trackers._base import DEAD_ZONE, MIN_SWING, Target, Tracker, level_angle, level_at_rest
+from sysid.video.trackers._base import (
+    DEAD_ZONE,
+    MIN_SEEN_SHARE,
+    MIN_SWING,
+    Target,
+    Tracker,
+    level_angle,
+    level_at_rest,
+)
 from sysid.video.types import Complex, Image, Picture
 
 MIN_CHROMA, PALE_CHROMA = 28.0, 22.0
@@ -30,18 +39,16 @@ MIN_AREA, MAX_AREA_SHARE = 40, 0.02
 """Area of a dot: least [px], and largest as a share of the picture."""
 PLACE_FLOOR = 0.08
 """Least standard deviation of a dot's place [px]: films hold colour at half the resolution of brightness."""
-SAME_CHROMA = 18.0
-"""Distance below which two dots are of one colour [a film's units]: such a pair is preferred to any other."""
 MAX_AROUND = 0.05
 """Share of dot in the ring about a sticker, up to twice its radius: 0.03 at most in films of stickers, mostly more in prints."""
-MAX_PAIRS, MIN_SEEN, MAX_STRETCH = 8, 0.6, 0.03
-"""Pairs of dots that are tried at most, share of some frames in which both must be seen, and by how much of their distance this may scatter."""
+MAX_PAIRS, MAX_STRETCH = 8, 0.03
+"""Most pairs of dots that are tried, and largest scatter of their distance [1]."""
 MAX_ASIDE = np.radians(3.0)
 """How far from straight below, above or beside its pivot a single dot may rest and still show level by that [rad]."""
 CIRCLE_SCALE = 3.0
 """Distance from a circle that counts in full [px]."""
 RIM = 2
-"""Width of the rim about what is more than half a dot in which squares may hold some of it [squares]."""
+"""Width of the rim about a dot in which squares hold some of it [squares]."""
 MIN_UNCOVERED = 0.85
 """A dot of which less than this share is left is covered in part."""
 
@@ -55,16 +62,20 @@ class Dot:
     radius: float
     """Radius of the circle of the same area [px]."""
     chroma: Array
-    """What blue and red have beyond grey, in a film's units, shape (2,)."""
+    """Blue and red beyond grey, in a film's units, shape (2,)."""
     pale: bool = False
-    """Whether it is much paler than what is brightest."""
+    """Whether it is much paler than the brightest."""
     alone: bool = True
     """Whether nothing about it has its colour, as about a sticker; a blob of a print fades into others like it."""
 
 
-def find_dots(look: Survey) -> tuple[Dot, ...]:
-    """Return the two dots that turn as one, or the one that moves; nothing where no colour stands out."""
-    dots = _patches(look.frames[0].cut(look.box), look)
+def find_dots(look: Survey, besides: tuple[Dot, ...] = ()) -> tuple[Dot, ...]:
+    """Return the two dots that turn as one, or the one that moves, other than some; nothing where no colour stands out."""
+    dots = [
+        dot
+        for dot in _patches(look.frames[0].cut(look.box), look)
+        if all(np.linalg.norm(dot.place - other.place) > dot.radius for other in besides)
+    ]
     pairs = [(a, b) for a in dots for b in dots if a.place[0] < b.place[0] and _alike(a, b)]
     pairs = sorted(pairs, key=_likely, reverse=True)[:MAX_PAIRS]
     bright = [pair for pair in pairs if not (pair[0].pale or pair[1].pale)]
@@ -73,24 +84,23 @@ def find_dots(look: Survey) -> tuple[Dot, ...]:
 
 
 def _alike(a: Dot, b: Dot) -> bool:
-    """Whether two dots may be stickers of one deck: about as large, well apart, and a pale one only beside a bright one, if both stand alone."""
+    """Return whether two dots may be stickers of one deck: as large and well apart. A pale one needs a bright one beside it."""
     apart = np.linalg.norm(a.place - b.place) > 4 * max(a.radius, b.radius)
     clear = not (a.pale or b.pale) or (a.pale != b.pale and a.alone and b.alone)
     return bool(0.65 < a.radius / b.radius < 1.55 and apart and clear)
 
 
-def _likely(pair: tuple[Dot, Dot]) -> tuple[bool, bool, bool, float]:
-    """What tells that two dots are stickers: they are bright, nothing about them has their colour, they have the same one, and stand out."""
+def _likely(pair: tuple[Dot, Dot]) -> tuple[bool, bool, float]:
+    """Return the rank of a pair as stickers: bright, alone of their colour, and large."""
     a, b = pair
-    same = bool(np.linalg.norm(a.chroma - b.chroma) < SAME_CHROMA)
-    return not (a.pale or b.pale), a.alone and b.alone, same, _worth(a) + _worth(b)
+    return not (a.pale or b.pale), a.alone and b.alone, _worth(a) + _worth(b)
 
 
 def _turn_as_one(pair: tuple[Dot, Dot], look: Survey) -> bool:
     """Whether two dots keep their distance in most frames, and turn."""
     follower = DotFollower(pair)
     seen = np.array([points for frame in look.frames if (points := follower.update(frame)) is not None])
-    if len(seen) < MIN_SEEN * len(look.frames):
+    if len(seen) < MIN_SEEN_SHARE * len(look.frames):
         return False
     arm = (seen[:, 1] - seen[:, 0]) @ np.array([1, 1j])
     return bool(
@@ -129,7 +139,7 @@ class DotFollower:
 
     def update(self, frame: Frame) -> Array | None:
         """Return the dots' centres [px], shape (N, 2); None unless all are seen."""
-        # What moves on is expected further on, what was lost is looked for where it was.
+        # A moving dot is expected further on; a lost one is searched at its last place.
         ahead = self._step * (1 + self._lost) * (self._lost < 2)
         apart = float(np.linalg.norm(np.ptp(self._places, axis=0))) or np.inf
         reach = np.array([(3.0 + 2.0 * min(self._lost, 5)) * dot.radius for dot in self.dots])
@@ -141,7 +151,7 @@ class DotFollower:
         length, usual = (
             np.linalg.norm(np.ptp(both, axis=0)) for both in (places, [dot.place for dot in self.dots])
         )
-        # A hand in front of a part of a dot moves the middle of what is left; blur only spreads it.
+        # A hand before a part of a dot moves the middle of the rest; blur only spreads it.
         covered = np.isnan(sizes).any() or np.any(sizes < MIN_UNCOVERED * self._size)
         if covered or not 0.75 * usual <= length <= 1.35 * usual:
             self._lost += 1
@@ -194,7 +204,7 @@ def fit_pivot(
     Args:
         view: The points, one a frame.
         matrix: Camera matrix [px], shape (3, 3).
-        before: What is known of camera and lens.
+        before: Prior knowledge of camera and lens.
         pivot: Pivot [px].
     """
     flat, dot = upright(matrix, before.value), view.points[:, 0]
@@ -226,7 +236,7 @@ def fit_pivot(
 def _centre(z: Complex, share: Array) -> tuple[Array, Array]:
     """Centre of the circle that points [px] run on, shape (2,), and its covariance: least squares of the distances.
 
-    As Gander, Golub and Strebel (1994), with a loss that ignores what is further off. Frames of one still picture err alike: they
+    As Gander, Golub and Strebel (1994), with a loss that ignores outliers. Frames of one still picture err alike: they
     count as one.
 
     Args:
@@ -321,10 +331,12 @@ def _stands_alone(colour: Picture, place: Array, dot: Dot) -> bool:
 
 
 def _find(reel: Reel) -> Target | None:
-    options, look = reel.options, reel.look
-    dots = find_dots(look)
-    if not dots:
-        return None
+    dots = find_dots(reel.look)
+    return _target(reel, dots, lambda: _other_pair(reel, dots)) if dots else None
+
+
+def _target(reel: Reel, dots: tuple[Dot, ...], other: Callable[[], Target | None] | None) -> Target:
+    options = reel.options
     follower = DotFollower(dots)
     size = ", ".join(f"{2 * dot.radius:.0f} px wide at {dot.place[0]:.0f},{dot.place[1]:.0f}" for dot in dots)
     if len(dots) == 2:
@@ -335,6 +347,8 @@ def _find(reel: Reel) -> Target | None:
             )
         pair = Target(
             follower=follower,
+            kind="pair of dots",
+            other=other,
             what="the pair of dots",
             why=f"two coloured dots ({size})",
             solve=partial(fit_angle, prior=BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE)),
@@ -342,7 +356,7 @@ def _find(reel: Reel) -> Target | None:
             joined=((0, 1),),
             zero_note="where the line between the dots is level in the picture",
         )
-        if all(dot.alone for dot in dots):
+        if all(dot.alone for dot in dots) and not _among_others(reel.look, dots):
             return pair
         return replace(
             pair,
@@ -350,8 +364,7 @@ def _find(reel: Reel) -> Target | None:
             why=f"two patches of colour ({size})",
             zero=level_at_rest,
             shows_level=False,
-            zero_note="where the deck is at the end of the film: colours run on about both patches, as in a print, and "
-            "nobody put them on level",
+            zero_note="where the deck is at the end of the film: a print shows no level",
         )
     return Target(
         follower=follower,
@@ -359,12 +372,27 @@ def _find(reel: Reel) -> Target | None:
         why=f"one coloured dot ({size}) about a {'fitted' if options.pivot is None else 'given'} pivot",
         solve=partial(fit_pivot, pivot=options.pivot),
         zero=_level_arm,
-        zero_note="straight below, above or beside the pivot in the picture, if the dot swings to within "
-        f"{np.degrees(MAX_ASIDE):.0f}° about that; else where it is at the end of the film",
+        zero_note=f"straight below, above or beside the pivot, if the dot rests within {np.degrees(MAX_ASIDE):.0f}° of that; "
+        "else its place at the end of the film",
         shows_level=False,
         shows_body=False,
         direction_from="",
     )
+
+
+def _among_others(look: Survey, dots: tuple[Dot, ...]) -> bool:
+    """Return whether a third patch turns with two dots: they are specks of a print, not two stickers."""
+    patches = _patches(look.frames[0].cut(look.box), look)
+    some = (
+        dot for dot in patches if all(np.linalg.norm(dot.place - other.place) > dot.radius for other in dots)
+    )
+    return any(_turn_as_one((dots[0], dot), look) for dot in some)
+
+
+def _other_pair(reel: Reel, dots: tuple[Dot, ...]) -> Target | None:
+    """Return a second pair that turns as one, if there is one."""
+    other = find_dots(reel.look, dots)
+    return _target(reel, other, None) if len(other) == 2 and _turn_as_one(other, reel.look) else None
 
 
 def _level_pair(track: AngleTrack) -> float:
@@ -379,6 +407,6 @@ def _level_arm(track: AngleTrack) -> float:
 TRACKER = Tracker(
     rank=1,
     find=_find,
-    not_found="no coloured dot that moves is seen{where}. Use stickers of a colour that nothing else has",
+    not_found="no coloured dot that moves is seen{where}. Use stickers of a colour of their own",
     takes_pivot=True,
 )

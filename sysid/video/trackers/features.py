@@ -1,7 +1,6 @@
 """No mark at all: the deck's own texture, always compared with one and the same frame.
 
-The picture is turned back by the motion expected so far, so that patches look as they did in the
-reference frame whatever the roll, and only a small rest is left to be measured. As the reference
+The picture is turned back by the expected motion. Patches then look as in the reference frame, and a small rest is measured. As the reference
 never changes, nothing drifts.
 """
 
@@ -20,33 +19,27 @@ from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import fit_angle
 from sysid.video.pose.pose import pose_between, principal_corners, shifted, turn_of
-from sysid.video.pose.prior import ANY_SIDE, BodyPrior
+from sysid.video.pose.prior import ANY_SIDE, BODY_FLOOR, BodyPrior
 from sysid.video.pose.rectify import project
+from sysid.video.registration import MAX_SIDE
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_at_rest
-from sysid.video.types import Picture
+from sysid.video.types import Mask, Picture
 
 MAX_FEATURES, MIN_FEATURES = 40, 10
 """Patches that are followed at most, and at least."""
 WINDOW = 21
 """Side of a patch [px]."""
-PATCH_SIDE = 720
-"""Longer side of what is looked at of the board, that takes time; a larger picture is halved [px]."""
 STATIC_LIKENESS = 0.75
-"""Correlation with the same place in other frames above which a patch stands still; noise lowers it, so that it
-counts against the highest that the patch reaches."""
+"""Correlation with the same place in other frames, as a share of the patch's highest, above which a patch stands still [1]."""
 AS_EXPECTED = np.radians(1.0)
 """Difference of turns at which patches look as they did in the reference [rad]."""
 SAME_ERRORS = 3.0
 """Motion up to which patches of texture err alike [px]: as the deck turns they are seen at another slant, of which
 the reference knows nothing."""
-MAX_UNLIKE = 35.0
-"""Mean difference of brightness up to which a patch is the same [grey levels]."""
-PLACE_FLOOR = 0.04
-"""Least standard deviation of the body's points [px]: neighbouring patches err alike."""
 INLIER_DISTANCE = 2.0
 """Distance from the common motion within which a patch takes part in it [px]."""
-TEXTURE = BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE, still=SAME_ERRORS, slopes=ANY_SIDE)
-"""What is known of patches on the deck: they may lie on any side of it."""
+TEXTURE = BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE, still=SAME_ERRORS, slopes=ANY_SIDE)
+"""Prior knowledge of patches: they lie on any side of the deck."""
 
 
 def find_features(look: Survey) -> Array:
@@ -77,6 +70,9 @@ class FeatureFollower:
     places: Array
     """Centres of the patches in it [px], shape (m, 2)."""
     points: int = 4
+    _agreed: Array = field(init=False)
+    """Frames in which each patch took part in the common motion, shape (m,)."""
+    _frames: int = 0
     _home: Array = field(init=False)
     """The four points in the reference, as wide apart as the patches are on average [px], shape (4, 2)."""
     _pose: Array = field(default_factory=lambda: np.eye(3))
@@ -90,17 +86,18 @@ class FeatureFollower:
     def __post_init__(self) -> None:
         """Cut the board out of the reference."""
         patch, corner = self.reference.part(box_about(self.places, 2 * WINDOW))
-        self._patch, times = halved(patch, PATCH_SIDE)
+        self._patch, times = halved(patch, MAX_SIDE)
         self._cut = shifted(np.array(corner) + (times - 1) / 2) @ np.diag([times, times, 1.0])
+        self._agreed = np.zeros(len(self.places))
         self._home = principal_corners(self.places, np.ones(len(self.places)))[0]
 
     def update(self, frame: Frame) -> Array | None:
         """Return the four points [px], shape (4, 2); None if most patches are not found."""
-        expected, best, pose = self._step @ self._pose, 0, self._pose
+        expected, best, pose, agree = self._step @ self._pose, 0, self._pose, np.zeros(0, np.bool_)
         for _ in range(2):  # once more if it turns otherwise
-            found, near = self._match(frame, expected)
-            if near > best:
-                best, pose = near, found
+            found, mask = self._match(frame, expected)
+            if (near := int(mask.sum())) > best:
+                best, pose, agree = near, found, mask
             if near == 0 or abs(turn_of(found) - turn_of(expected)) < AS_EXPECTED:
                 break
             expected = found
@@ -110,28 +107,35 @@ class FeatureFollower:
         step = pose_between(project(self._pose, self._home), project(pose, self._home))
         self._step = np.eye(3) if step is None else step
         self._pose = pose
+        self._agreed[agree] += 1
+        self._frames += 1
         return project(pose, self._home)
 
-    def _match(self, frame: Frame, expected: Array) -> tuple[Array, int]:
-        """Turn the picture back and measure where each patch is; return the pose on which most agree, and how many do."""
+    def others(self) -> Array:
+        """Return the patches that did not take part in most frames: those of another body [px], shape (k, 2)."""
+        return self.places[self._agreed < 0.5 * self._frames]
+
+    def _match(self, frame: Frame, expected: Array) -> tuple[Array, Mask]:
+        """Turn the picture back and measure where each patch is; return the pose on which most agree, and which do, shape (m,)."""
+        nothing = np.zeros(len(self.places), np.bool_)
         height, width = self._patch.shape
         begin = expected @ self._cut
         ends = project(begin, np.array([[0, 0], [width, 0], [0, height], [width, height]], float))
         part, corner = frame.part(box_about(ends, 4))
         if min(part.shape[:2]) < WINDOW:
-            return expected, 0
+            return expected, nothing
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         move = (shifted(-np.array(corner)) @ begin)[:2]
         back = cv2.warpAffine(part, move, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE)
         start = project(np.asarray(np.linalg.inv(self._cut), np.float64), self.places).astype(np.float32)
         flow: Any = cv2.calcOpticalFlowPyrLK  # its stubs do not know the type of points
         criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01)
-        there, status, error = flow(
+        there, status, _ = flow(
             self._patch, back, start, None, winSize=(WINDOW, WINDOW), criteria=criteria, maxLevel=2
         )
-        good = (status.ravel() > 0) & (error.ravel() < MAX_UNLIKE)
+        good = status.ravel() > 0
         if good.sum() < MIN_FEATURES // 2:
-            return expected, 0
+            return expected, nothing
         estimate: Any = cv2.estimateAffine2D  # its stubs do not know that it may find nothing
         found, agree = estimate(
             self.places[good],
@@ -139,8 +143,9 @@ class FeatureFollower:
             ransacReprojThreshold=INLIER_DISTANCE,
         )
         if found is None or not 0.8 < np.sqrt(abs(np.linalg.det(found[:, :2]))) < 1.25:
-            return expected, 0
-        return np.vstack([found, [0, 0, 1]]), int(agree.sum())
+            return expected, nothing
+        nothing[np.flatnonzero(good)[agree.ravel() > 0]] = True
+        return np.vstack([found, [0, 0, 1]]), nothing
 
 
 def _moves(frames: Sequence[Frame], place: Array) -> bool:
@@ -161,12 +166,17 @@ def _moves(frames: Sequence[Frame], place: Array) -> bool:
 
 
 def _find(reel: Reel) -> Target | None:
-    look = reel.look
-    places = find_features(look)
+    return _target(reel.look, find_features(reel.look))
+
+
+def _target(look: Survey, places: Array) -> Target | None:
     if len(places) < MIN_FEATURES:
         return None
+    follower = FeatureFollower(look.frames[0], places)
     return Target(
-        follower=FeatureFollower(look.frames[0], places),
+        follower=follower,
+        kind="texture",
+        other=lambda: _target(look, follower.others()),
         what="the deck's texture",
         why=f"{len(places)} patches of texture that move",
         solve=partial(fit_angle, prior=TEXTURE),

@@ -16,7 +16,7 @@ from sysid.video.film.reel import Reel
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.trackers._base import Target, Tracker, level_angle
-from sysid.video.trackers._edge_profile import Aliasing, corners, find_steps
+from sysid.video.trackers._edge_profile import corners, find_steps
 from sysid.video.types import Box, Picture
 
 PRINTED = "ArUco 4x4"
@@ -30,27 +30,23 @@ DICTIONARIES = {
     "AprilTag 25h9": cv2.aruco.DICT_APRILTAG_25h9,
 }
 SEARCH_SIDE = 1280
-"""Longer side of what is looked through for a marker, that takes time; a larger picture is halved [px]."""
+"""Longer side of the picture that is searched for a marker [px]; a larger one is halved, to save time."""
 SEARCH_FRAMES = 5
-"""Frames in which a marker is looked for."""
+"""Frames in which a marker is looked for, and a lost one in the whole picture every so many: that is slow."""
 SEARCH_MARGIN = 40
-"""What is looked at beside what moves, for the white about a marker [px]."""
+"""Margin about the part that moves, for the white about a marker [px]."""
 MIN_SIDE = 24
 """Shortest side of a marker that is followed [px]."""
 MIN_LIKENESS = 0.6
 """Least correlation of a marker's cells with what its number says."""
 CONVERGED = 0.15
 """Edges are measured once more where that moves the corners by more than this [px]."""
-MIN_CONTRAST = 12.0
-"""Step of brightness at a marker's edge [grey levels]."""
 STEP_WINDOW = 2.8
-"""Width of the window that tells where an edge is, as a factor of the width of its step: black on white stands far above noise, and the
-pixels' grid shows in narrower ones (0.040° in a long film at 1.4, 0.027° at 2.8)."""
+"""Width of the window on an edge, as a multiple of the width of its step: the pixels' grid shows in narrower ones (0.040° in a long film at 1.4,
+0.027° at 2.8)."""
 CORNER_DEAD_ZONE = 0.03
-"""Motion that compression leaves out of black on white, to either side [px]: what corners in long films err by beyond what they
-scatter within a frame (0.015 px), as a width."""
-FULL_SEARCH_EVERY = 5
-"""A lost marker is looked for in the whole picture in every so many frames: that is slow."""
+"""Motion that compression drops from black on white, to either side [px]: the error of corners in long films beyond their scatter
+within a frame (0.015 px)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +80,6 @@ class MarkerFollower:
     """Follows one marker: its four edges from frame to frame, found anew where that fails."""
 
     marker: Marker
-    aliasing: Aliasing = field(default_factory=Aliasing)
-    """Of its edges; what is known of it grows from frame to frame."""
     points: int = 4
     """Its corners."""
     cells: Array = field(init=False)
@@ -110,7 +104,7 @@ class MarkerFollower:
         if found is None:
             margin = 0.8 * np.ptp(self._corners, axis=0).max() * (1 + self._lost)
             found = self._search(frame, box_about(np.concatenate([predicted, self._corners]), margin))
-        if found is None and self._lost % FULL_SEARCH_EVERY == 0:
+        if found is None and self._lost % SEARCH_FRAMES == 0:
             found = self._search(frame, frame.box)
         if found is None:
             self._lost, self._step = self._lost + 1, np.zeros((4, 2))
@@ -135,24 +129,19 @@ class MarkerFollower:
         if np.any(rough < limits[0] + 2) or np.any(rough > limits[1] - 3):
             return None
         place, reach = rough, min(0.75 * cell, 3.0 + 3.0 * self._miss, 12.0)
-        ends = edges = np.empty(0)
         for _ in range(3):
             before = place
             ends = np.stack([place, np.roll(place, -1, axis=0)], axis=1)
-            (edges,), _ = find_steps(frame, ends, reach, MIN_CONTRAST, STEP_WINDOW)
+            edges = find_steps(frame, ends, reach, STEP_WINDOW)
             if np.isnan(edges).any(axis=2).mean(axis=1).max() > 0.5:
                 return None
-            straight = self.aliasing.taken_from(edges, ends)
-            place = corners([edge[np.isfinite(edge).all(axis=1)] for edge in straight])
+            place = corners([edge[np.isfinite(edge).all(axis=1)] for edge in edges])
             if not np.isfinite(place).all() or np.abs(place - rough).max() > 2 * cell:
                 return None
             if np.abs(place - before).max() < CONVERGED:
                 break
             reach = min(0.6 * cell, 5.0)
-        if self._likeness(frame, place) < MIN_LIKENESS:
-            return None
-        self.aliasing.learn(edges, ends)
-        return place
+        return place if self._likeness(frame, place) > MIN_LIKENESS else None
 
     def _likeness(self, frame: Frame, place: Array) -> float:
         """Correlation of the cells seen with the cells that the marker should have."""
@@ -195,7 +184,7 @@ def marker_cells(number: int, kind: str = PRINTED) -> Picture:
 def _find(reel: Reel) -> Target | None:
     look = reel.look
     around = box_about(np.reshape(look.box, (2, 2)), SEARCH_MARGIN)
-    # Where something moves, or anywhere at last: a board may hardly do so.
+    # In the part that moves, at last anywhere: a board may hardly move.
     places = [(frame, around) for frame in look.frames[:: max(1, len(look.frames) // SEARCH_FRAMES)]]
     markers = (find_marker(*place) for place in [*places, (look.frames[0], look.frames[0].box)])
     marker = next((one for one in markers if one is not None), None)
@@ -203,11 +192,8 @@ def _find(reel: Reel) -> Target | None:
         _refuse_mirrored(reel, places)
     if marker is None:
         return None
-    first = MarkerFollower(marker)
-    for frame in look.frames:  # what they tell of aliasing
-        first.update(frame)
     return Target(
-        follower=MarkerFollower(marker, first.aliasing),
+        follower=MarkerFollower(marker),
         what=f"{marker.kind} marker {marker.number}",
         why=f"{marker.kind} marker {marker.number}",
         solve=partial(fit_angle, prior=BodyPrior(square=True, dead_zone=CORNER_DEAD_ZONE)),

@@ -10,16 +10,13 @@ import pytest
 import robots
 from command_line import husky
 
-from sim.mjcf import board_mjcf
 from sim.model.scene import scene_of
 from sim.model.setup import Setup
 from sim.model.subject import board_of
 from sysid.board import BoardEffect
-from sysid.errors import SysidError
 from sysid.quantity import Quantity
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.sensors import Sensor
-from sysid.workspace import Workspace
 
 KNEE = {"damping": 0.035, "coulomb.torque": 0.02, "armature.inertia": 0.002}
 LIFT = {"stiffness": 212.0, "damping": 1.1, "rest_angle": 0.028}
@@ -71,13 +68,6 @@ def test_fit_finds_the_truth_and_shows_the_change(mended):
     assert "known from the model, not fitted" in done.stderr
 
 
-def test_the_record_begins_with_what_the_model_said(mended):
-    folder, _ = mended
-    stood = Workspace(folder).first("arm_knee")
-    assert stood.damping == 0.02
-    assert not stood.fit
-
-
 def test_the_gate_lets_only_the_mended_model_pass(mended):
     folder, _ = mended
     ours = ("check", folder / "swing.csv", "--joint", "knee", "--workspace", folder)
@@ -126,18 +116,6 @@ def test_a_slide_is_fitted_in_metres_with_its_weight_known(tmp_path):
         listed = husky(*command, "--workspace", tmp_path).stdout
         assert "mrad" not in listed
         assert "[rad]" not in listed
-
-
-@pytest.mark.parametrize("kind", ["--bench", "--scene"])
-def test_no_hinge_is_written_for_a_slide(tmp_path, kind):
-    """Its N/m would be a hinge's N·m/rad."""
-    record = board_of(Setup(file=robots.write(tmp_path)["slider"], joint="lift"))[0]
-    Workspace(tmp_path).save_board(record)
-    done = husky("mjcf", "--board", record.name, kind, "-o", tmp_path / "rig.xml", "--workspace", tmp_path)
-    assert (done.returncode, "into a copy of its model" in done.stderr) == (1, True), done.stderr
-    assert not (tmp_path / "rig.xml").exists()
-    with pytest.raises(SysidError, match="slides"):
-        board_mjcf(record, "bench")
 
 
 def test_what_is_written_of_a_slide_is_said_in_its_units(tmp_path):

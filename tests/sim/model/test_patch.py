@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import robots
 
-from sim.model.patch import patch
+from sim.model.patch import copy_path, patch
 from sim.model.setup import Setup
 from sim.model.subject import board_of
 from sysid.board import Board, BoardEffect
@@ -72,7 +72,7 @@ def test_a_spring_that_rests_beyond_the_range_is_told(tmp_path):
     for rest, leans in ((0.1, False), (3.0, True)):
         tilt = {"stiffness": Quantity(2.0, 0.01, "N*m/rad"), "rest_angle": Quantity(rest, 0.001, "rad")}
         said = " ".join(patch(setup, board.with_tilt(**tilt)).remarks)
-        assert ("beyond the joint's range of -2.618 to 2.618" in said) is leans
+        assert ("outside the joint's range of -2.618 to 2.618" in said) is leans
 
 
 def test_an_attribute_is_replaced_where_it_stands_and_polynomials_are_written(tmp_path):
@@ -123,21 +123,66 @@ def test_a_file_without_a_last_newline_runs_no_lines_of_the_diff_into_one(tmp_pa
     assert lines[end + 2] == f"--- {tmp_path / 'parts' / 'link.xml'}"
 
 
-def test_a_copy_that_cannot_load_is_not_left_there(tmp_path):
-    setup, board = knee(tmp_path / "model")
-    (tmp_path / "elsewhere").mkdir()
-    mesh = (
-        (tmp_path / "model" / "arm.xml")
-        .read_text()
-        .replace("</mujoco>", '<asset><hfield name="h" file="ground.png" size="1 1 1 1"/></asset></mujoco>')
+def with_mesh(folder) -> tuple[Setup, Board]:
+    """Return the knee in a model with a mesh, which an include of an include names."""
+    setup, board = knee(folder)
+    (folder / "parts" / "mesh.xml").write_text(
+        '<mujocoinclude><asset><mesh file="t.obj"/></asset></mujocoinclude>'
     )
-    (tmp_path / "model" / "arm.xml").write_text(mesh)
-    from PIL import Image
+    (folder / "parts" / "more.xml").write_text(
+        '<mujocoinclude><include file="parts/mesh.xml"/></mujocoinclude>'
+    )
+    (folder / "meshes").mkdir()
+    corners, faces = ("0 0 0", "1 0 0", "0 1 0", "0 0 1"), ("1 3 2", "1 2 4", "1 4 3", "2 3 4")
+    lines = [*(f"v {one}" for one in corners), *(f"f {one}" for one in faces)]
+    (folder / "meshes" / "t.obj").write_text("\n".join(lines))
+    text = setup.file.read_text().replace('angle="degree"', 'angle="degree" meshdir="meshes"')
+    setup.file.write_text(text.replace("</mujoco>", '<include file="parts/more.xml"/></mujoco>'))
+    return setup, board
 
-    Image.new("L", (4, 4)).save(tmp_path / "model" / "ground.png")
-    with pytest.raises(SysidError, match="write it beside the model"):
-        patch(setup, board).save(tmp_path / "elsewhere" / "mended.xml")
+
+def test_a_copy_in_another_folder_finds_meshes_and_includes(tmp_path):
+    setup, board = with_mesh(tmp_path / "model")
+    stood = {path for path in (tmp_path / "model").rglob("*") if path.is_file()}
+    first, *others = patch(setup, board).save(tmp_path / "elsewhere" / "mended.xml")
+    model = mujoco.MjModel.from_xml_path(str(first))
+    assert (model.nmesh, model.dof_damping[0]) == (1, 0.034)
+    assert {path.parent for path in (first, *others)} == {tmp_path / "elsewhere"}
+    assert stood == {path for path in (tmp_path / "model").rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("own", ["", '<mujoco><compiler meshdir="meshes" strippath="true"/></mujoco>'])
+def test_a_urdf_in_another_folder_finds_its_meshes(tmp_path, own):
+    with_mesh(tmp_path / "model")
+    file = "package://arm/meshes/t.obj" if own else "meshes/t.obj"
+    mesh = f'<collision><geometry><mesh filename="{file}"/></geometry></collision>'
+    inertial = '<inertial><origin xyz="0 0 -.1"/><mass value=".5"/><inertia ixx=".01" iyy=".01" izz=".01" ixy="0" ixz="0" iyz="0"/></inertial>'
+    joint = '<joint name="h" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint>'
+    urdf = tmp_path / "model" / "arm.urdf"
+    urdf.write_text(
+        f'<robot name="r">{own}<link name="a"/><link name="b">{inertial}{mesh}</link>{joint}</robot>'
+    )
+    setup = Setup(file=urdf, joint="h")
+    board = board_of(setup)[0].with_tilt(damping=Quantity(0.034, 0.001, "N*m*s/rad"))
+    (copy,) = patch(setup, board).save(tmp_path / "elsewhere" / "mended.urdf")
+    model = mujoco.MjModel.from_xml_path(str(copy))
+    assert (model.nmesh, model.dof_damping[0]) == (1, 0.034)
+
+
+def test_a_copy_that_cannot_load_is_not_left_there(tmp_path):
+    setup, board = with_mesh(tmp_path / "model")
+    made = patch(setup, board)
+    (tmp_path / "model" / "meshes" / "t.obj").unlink()
+    with pytest.raises(SysidError, match="Write it beside the model"):
+        made.save(tmp_path / "elsewhere" / "mended.xml")
     assert list((tmp_path / "elsewhere").iterdir()) == []
+
+
+def test_the_default_copy_stays_out_of_installed_packages(tmp_path):
+    for parent, beside in (("robots", True), ("lib/site-packages/robots", False)):
+        file = robots.write(tmp_path / parent)["arm"]
+        found = copy_path(Setup(file=file, joint="knee"), "arm_knee", tmp_path / "out")
+        assert found == (file.parent if beside else tmp_path / "out") / "arm_knee.xml"
 
 
 def test_a_joint_from_elsewhere_is_refused(tmp_path):

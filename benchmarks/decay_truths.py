@@ -1,0 +1,278 @@
+"""Random free decays with a known truth, by a generator that shares no code with the package's laws, fits or synthetic logs.
+
+Any joint: natural frequency 0.4 to 60 rad/s, damping ratio 0.004 to 2, laws as written or bent by a tenth, hands that hold, open
+slowly, push or touch, sensors that are coarse, drift, filter, clip, or measure the rate only.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sysid.recording import Recording
+from sysid.roll import Roll
+
+Law = Callable[[float, float, list[float], float], tuple[float, list[float]]]
+"""`law(x, v, states, t)` in units of the widest swing and of 1/ω₀: opposing torque over I ω₀² A, and the rates of its states."""
+
+
+@dataclass(kw_only=True)
+class Truth:
+    kind: str
+    """clean, known or outside."""
+    families: tuple[str, ...]
+    omega: float
+    zeta: float
+    amplitude: float
+    bent: bool
+    hand: str
+    sensor: str
+    laws: list[tuple[str, Law, int]] = field(default_factory=list)
+    """Name, law, number of states."""
+
+
+def _unit(v: float) -> float:
+    return float(np.tanh(v / 2e-3))
+
+
+def known(rng: np.random.Generator, name: str) -> tuple[str, Law, int]:
+    """Return a law of the catalogue's families, of a size that matters."""
+    u = rng.uniform
+    if name == "friction":
+        f = u(0.02, 0.09)
+        if rng.random() < 0.3:
+            extra, width = f * u(0.5, 1.0), u(0.05, 0.15)
+            return (
+                "stribeck",
+                lambda x, v, z, t: ((f + extra * np.exp(-((v / width) ** 2))) * _unit(v), []),
+                0,
+            )
+        return "coulomb", lambda x, v, z, t: (f * _unit(v), []), 0
+    if name == "drag":
+        c, cubic = u(0.08, 0.4), rng.random() < 0.3
+        return "drag", lambda x, v, z, t: (c * (v**3 if cubic else v * abs(v)), []), 0
+    if name == "hardening":
+        c = float(rng.choice([u(0.08, 0.5), u(-0.35, -0.08)]))
+        return "cubic", lambda x, v, z, t: (c * x**3, []), 0
+    if name == "asymmetry":
+        b = float(rng.choice([-1, 1])) * u(0.08, 0.35)
+        square = rng.random() < 0.5
+        return "asymmetry", lambda x, v, z, t: (b * (x * x if square else abs(x)), []), 0
+    if name == "stop":
+        a, k, d = u(0.5, 0.85), 10 ** u(0.5, 1.5), u(0.0, 0.4)
+        side = rng.random() < 0.4
+
+        def stop(x: float, v: float, z: list[float], t: float) -> tuple[float, list[float]]:
+            beyond = max(x - a, 0.0) if side else max(abs(x) - a, 0.0) * np.sign(x)
+            return k * beyond + (d * v if beyond else 0.0), []
+
+        return "stop", stop, 0
+    if name == "freeplay":
+        w = u(0.05, 0.15)
+        return "freeplay", lambda x, v, z, t: (-float(np.clip(x, -w, w)), []), 0
+    if name == "hysteresis":
+        c, a, n = u(0.08, 0.3), u(0.08, 0.3), rng.choice([1, 2])
+
+        def hysteresis(x: float, v: float, z: list[float], t: float) -> tuple[float, list[float]]:
+            s = z[0]
+            return c * s, [(v - 0.5 * abs(v) * abs(s) ** (n - 1) * s - 0.5 * v * abs(s) ** n) / a]
+
+        return "bouc-wen", hysteresis, 1
+    if name == "relaxation":
+        if rng.random() < 0.6:
+            c, tau = u(0.1, 0.5), 10 ** u(-0.1, 0.9)
+            return "maxwell", lambda x, v, z, t: (c * z[0], [v - z[0] / tau]), 1
+        share, w, damp = u(0.05, 0.2), u(1.4, 3.5), u(0.02, 0.1)
+
+        def support(x: float, v: float, z: list[float], t: float) -> tuple[float, list[float]]:
+            s, r = z
+            return -share * w * s, [r, w * w * (x - s) - 2 * damp * w * r]
+
+        return "second", support, 2
+    raise KeyError(name)
+
+
+def outside(rng: np.random.Generator) -> tuple[str, Law, int]:
+    """Return a law that no effect of the catalogue is."""
+    u, pick = rng.uniform, rng.integers(6)
+    c = u(0.1, 0.3)
+    if pick == 0:
+        n, p = u(4, 9), u(0, 6)
+        return "detent", lambda x, v, z, t: (c * 0.5 * np.sin(n * x + p), []), 0
+    if pick == 1:
+        slow = c / 25
+        return "spring that fades", lambda x, v, z, t: (-min(slow * t, 0.5) * x, []), 0
+    if pick == 2:
+        return "damper of the angle", lambda x, v, z, t: (2.0 * c * x * x * v, []), 0
+    if pick == 3:
+        a, w = u(-0.4, 0.4), u(0.1, 0.2)
+        return "patch of friction", lambda x, v, z, t: (c * np.exp(-(((x - a) / w) ** 2)) * _unit(v), []), 0
+    if pick == 4:
+        return "one way damper", lambda x, v, z, t: (c * max(v, 0.0) * (1.0 if x > 0 else 0.2), []), 0
+    w = u(0.2, 0.5)
+    return "pump", lambda x, v, z, t: (0.5 * c * np.sin(w * t) * x, []), 0
+
+
+FAMILIES = ("friction", "drag", "hardening", "asymmetry", "stop", "freeplay", "hysteresis", "relaxation")
+
+
+def draw(seed: int) -> tuple[Truth, Recording]:
+    """Return one random truth and its recording."""
+    rng = np.random.default_rng((20261129, seed))
+    u = rng.uniform
+    omega, amplitude = 10 ** u(-0.4, 1.78), u(0.08, 0.7)
+    zeta = 10 ** u(-2.4, -0.3) if rng.random() < 0.9 else 10 ** u(-0.3, 0.3)
+    kind = str(rng.choice(["known", "known", "known", "clean", "outside"]))
+    bent = bool(kind == "known" and rng.random() < 0.4)
+    names = (
+        tuple(sorted(rng.choice(FAMILIES, 2 if rng.random() < 0.25 else 1, replace=False)))
+        if kind == "known"
+        else ()
+    )
+    laws = (
+        [known(rng, str(n)) for n in names]
+        if kind == "known"
+        else [outside(rng)]
+        if kind == "outside"
+        else []
+    )
+    if bent:
+        laws = [(n, _bend(law, rng), s) for n, law, s in laws]
+    hand = str(rng.choice(["clean", "clean", "slow", "push", "caught", "touch"]))
+    sensor = str(
+        rng.choice(["plain", "plain", "plain", "coarse", "drift", "filter", "clip", "gyro", "fused"])
+    )
+    truth = Truth(
+        kind=kind, families=tuple(map(str, names)), omega=omega, zeta=zeta, amplitude=amplitude, bent=bent, hand=hand, sensor=sensor, laws=laws
+    )  # fmt: skip
+    return truth, _record(truth, rng, seed)
+
+
+def _bend(law: Law, rng: np.random.Generator) -> Law:
+    a, b, c = rng.normal(size=3) * 0.06
+
+    def bent(x: float, v: float, z: list[float], t: float) -> tuple[float, list[float]]:
+        torque, rates = law(x, v, z, t)
+        return torque * (1 + a * np.sin(2 * x) + b * np.cos(3 * x) + c * np.sin(2 * v)), rates
+
+    return bent
+
+
+def _record(truth: Truth, rng: np.random.Generator, seed: int) -> Recording:
+    u = rng.uniform
+    per_period = 10 ** u(1.4, 2.5)
+    number = int(rng.integers(1, 5))
+    swings = [1.0, -u(0.7, 0.95), u(0.4, 0.6), -u(0.25, 0.9)][:number]
+    step = 2 * np.pi / per_period
+    fine = max(int(np.ceil(per_period and 400 / per_period)), 1)
+    longest = 2 * np.pi * min(40.0, max(3.0, 3.9 / (2 * np.pi * max(truth.zeta, 0.015))))
+    angle: list[float] = []
+    rate: list[float] = []
+    for swing in swings:
+        held = int(u(1.0, 3.0) * per_period)
+        x, v = swing, 0.0
+        states = [_start(name, swing, held * step) for name, _, count in truth.laws for _ in range(count)]
+        if truth.hand == "push":
+            x, v, states = 0.0, 0.0, [0.0 for _ in states]
+        angle += [x] * held
+        rate += [v] * held
+        opening = u(0.05, 0.25) * 2 * np.pi if truth.hand == "slow" else 0.0
+        pulse = (u(0.3, 1.2), swing * u(0.8, 1.2)) if truth.hand == "push" else (0.0, 0.0)
+        touch = (u(0.55, 0.8) * longest, u(0.1, 0.4)) if truth.hand == "touch" else (np.inf, 0.0)
+        catch = u(0.4, 0.7) * longest if truth.hand == "caught" else np.inf
+        h = step / fine
+        y = np.array([x, v, *states])
+
+        def slope(y: np.ndarray, t: float) -> np.ndarray:
+            x, v = float(y[0]), float(y[1])
+            force, rates, at = -x - 2 * truth.zeta * v, [], 2
+            for _, law, count in truth.laws:
+                torque, moved = law(x, v, [float(s) for s in y[at : at + count]], t)
+                force -= torque
+                rates += moved
+                at += count
+            if t < opening:  # a hand that lets go gradually
+                force += (1 - t / opening) * (8.0 * (swing - x) - 3.0 * v)
+            if t < pulse[0]:
+                force += pulse[1] * np.pi / 2 / pulse[0] * np.sin(np.pi * t / pulse[0])
+            if touch[0] < t < touch[0] + 1.0:
+                force -= touch[1] * 2 * v
+            if t > catch:
+                force -= 6.0 * v + 4.0 * x
+            return np.array([v, force, *rates])
+
+        t = 0.0
+        for _ in range(int(longest / step)):
+            for _ in range(fine):
+                a = slope(y, t)
+                b = slope(y + h / 2 * a, t + h / 2)
+                c = slope(y + h / 2 * b, t + h / 2)
+                d = slope(y + h * c, t + h)
+                y = y + h / 6 * (a + 2 * b + 2 * c + d)
+                t += h
+            angle.append(float(y[0]))
+            rate.append(float(y[1]))
+        # The hand brings it back for the next release.
+        back = int(1.5 * per_period)
+        angle += list(float(y[0]) * np.cos(np.linspace(0, np.pi / 2, back)) ** 2)
+        rate += [0.0] * back
+    x, v = np.array(angle) * truth.amplitude, np.array(rate) * truth.amplitude * truth.omega
+    time = np.arange(len(x)) * step / truth.omega
+    noise = truth.amplitude / 10 ** u(2.2, 3.4)
+    if truth.sensor == "filter":
+        share = 1 - np.exp(-step / (2 * np.pi * u(0.01, 0.05)))
+        for i in range(1, len(x)):
+            x[i] = x[i - 1] + share * (x[i] - x[i - 1])
+    if truth.sensor == "drift":
+        x = x + np.cumsum(rng.normal(size=len(x))) * truth.amplitude * u(0.001, 0.005) / np.sqrt(per_period)
+    x = x + noise * rng.normal(size=len(x))
+    if truth.sensor == "coarse":
+        q = noise * u(2.0, 5.0)
+        x = np.round(x / q) * q
+        noise = float(np.hypot(noise, q / np.sqrt(12)))
+    if truth.sensor == "clip":
+        limit = truth.amplitude * u(0.85, 0.97)
+        x = np.clip(x, -limit, limit)
+    keep = rng.random(len(x)) > 0.003
+    stamps = time + rng.normal(size=len(x)) * 0.01 * step / truth.omega
+    keep &= np.concatenate([[True], np.diff(stamps) > 0])
+    rated = v + noise * truth.omega * rng.normal(size=len(v))
+    std = np.full(len(x), noise)
+    shared = {"log": f"random-{seed}", "time": stamps[keep]}
+    if truth.sensor == "gyro":
+        offset = truth.amplitude * truth.omega * 0.002 * rng.normal()
+        rated = rated + offset
+        total = np.cumsum(rated) * np.median(np.diff(time))
+        roll = Roll(
+            **shared,
+            roll=total[keep],
+            std=std[keep] * 3,
+            rate=rated[keep],
+            rate_std=std[keep] * truth.omega,
+            origin="gyro",
+            zero="drifting",
+            measured="rate",
+        )
+    elif truth.sensor == "fused":
+        roll = Roll(
+            **shared,
+            roll=x[keep],
+            std=std[keep],
+            rate=rated[keep],
+            rate_std=std[keep] * truth.omega,
+            origin="fused",
+            zero="known",
+            measured="roll",
+        )
+    else:
+        roll = Roll(**shared, roll=x[keep], std=std[keep], origin="angle")
+    return Recording.of(roll, keep_zero=True)
+
+
+def _start(name: str, swing: float, held: float) -> float:
+    """Return a state after a slow drag to the swing and a hold."""
+    if name == "maxwell":
+        return swing * np.exp(-held)
+    if name == "bouc-wen":
+        return float(np.sign(swing) * (1 - np.exp(-abs(swing) / 0.15)))
+    return swing

@@ -1,0 +1,110 @@
+"""MuJoCo's soft dry friction in a log: a log simulated with the default `solreffriction` creeps where a real joint sticks."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sysid.joint.equations import EquationsOfMotion
+from sysid.joint.law import JointLaw
+from sysid.joint.mujoco_step import Hinge, step
+from sysid.quantity import slide_unit
+from sysid.roll import Array, Release
+from sysid.text import display
+
+STEP = 5e-4
+"""Time step of the comparison [s]: a fortieth of the default time constant of friction, 20 ms."""
+
+
+def fit_soft(law: JointLaw, free: Sequence[str], releases: Sequence[Release]) -> tuple[JointLaw, float]:
+    """Fit a law whose dry friction yields as MuJoCo's default frictionloss does.
+
+    Args:
+        law: The law with hard friction; the fit starts there.
+        free: Its fitted parameters, by the structure's names.
+        releases: Measured decays; angle and rate at their starts, and their zeros, are fitted too.
+
+    Returns:
+        The law, and its RMS error [rad or m].
+    """
+    from scipy.optimize import least_squares
+
+    names = law.structure.parameters
+    where = [names.index(name) for name in free]
+    moves = [_moves(law, release) for release in releases]
+    sizes = np.array([max(abs(law.vector[i]), 1e-6) for i in where])
+
+    def law_at(unknown: Array) -> Array:
+        vector = law.vector.copy()
+        vector[where] = sizes * unknown[: len(where)]
+        return vector
+
+    def misfit(unknown: Array) -> Array:
+        starts = unknown[len(where) :].reshape(-1, 3)
+        triples = zip(moves, starts, releases, strict=True)
+        return np.concatenate(
+            [zero + move(law_at(unknown), start) - one.roll for move, (*start, zero), one in triples]
+        )
+
+    guess = [*(law.vector[where] / sizes), *(value for one in releases for value in (one.roll[0], 0.0, 0.0))]
+    found = least_squares(misfit, guess, x_scale="jac", diff_step=1e-5, max_nfev=20)
+    return JointLaw.from_vector(law.structure, law_at(found.x)), float(np.sqrt(np.mean(found.fun**2)))
+
+
+def soft_friction_warning(fit: Any, *, slides: bool) -> list[str]:
+    """Return a warning where soft friction explains most of the error that a fit leaves above the noise.
+
+    Args:
+        fit: A `JointFit` of angles or positions.
+    """
+    law, noise = fit.law, fit.noise
+    if (
+        not any(part.slides for part in law.structure.torques)
+        or law.structure.states
+        or fit.records[0].is_rate
+    ):
+        return []
+    if noise.excess(fit.rmse)[0] <= 0:
+        return []
+    soft, error = fit_soft(law, list(fit.quantities), [record.release for record in fit.records])
+    if fit.rmse**2 - error**2 < (fit.rmse**2 - noise.std**2) / 2:
+        return []
+    show = display(is_rate=False, slides=slides)
+    numbers = ", ".join(
+        f"{name} {soft.parameters[name]:.4g} {slide_unit(q.unit) if slides else q.unit}"
+        for name, q in fit.quantities.items()
+    )
+    return [
+        f"the log moves as MuJoCo's default frictionloss does, which yields (error {show(error)} instead of {show(fit.rmse)}): was it "
+        f"simulated? With that soft friction the numbers are: {numbers}. The hard law of a real joint is not this log's"
+    ]
+
+
+def _moves(law: JointLaw, release: Release) -> Any:
+    """Return the function (parameters, [angle, rate]) → roll at the samples of a release [rad], shape (n,)."""
+    import casadi
+
+    ca: Any = casadi
+    structure = law.structure
+    p, y = ca.SX.sym("p", len(structure.parameters)), ca.SX.sym("y", 2)
+    equations = EquationsOfMotion(structure, p)
+    joint = equations.joint
+
+    def torque(q: Any, v: Any) -> Any:
+        own, deck = equations.torques(ca.vertcat(q, v))
+        return own + deck + joint.damping * v
+
+    hinge = Hinge(
+        inertia=joint.inertia, damping=(joint.damping, 0.0, 0.0), torque=torque,
+        frictionloss=equations.friction(y[0] - joint.rest_angle, 0.0),
+    )  # fmt: skip
+    move = ca.Function("move", [y, p], [ca.vertcat(*step(hinge, y[0], y[1], timestep=STEP))])
+    time = release.time - release.time[0]
+    count = int(time[-1] / STEP) + 2
+    moves, grid = move.mapaccum("moves", count), STEP * np.arange(count + 1)
+
+    def path(vector: Array, start: Sequence[float]) -> Array:
+        moved = np.asarray(moves(start, vector))[0]
+        return np.interp(time, grid, [start[0], *moved])
+
+    return path

@@ -1,0 +1,127 @@
+"""A joint without a spring that spins down: viscous damping and dry friction over the inertia.
+
+    v̇ = -β v - c sgn v,  v(t) = (v₀ + c/β) e^(-βt) - c/β  until it stops,  β = d/I,  c = friction/I
+
+A pure exponential is also the return of an overdamped spring. The angle decides: a spring does not let its joint go round.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from sysid.decay.linear_fit import FittedTrace, TraceFit
+from sysid.decay.trace import traces_of
+from sysid.least_squares import Normal, minimise
+from sysid.noise.whiteness import lag_one
+from sysid.quantity import Quantity, t95
+from sysid.roll import Array, Release
+
+TURNS_ON = math.pi
+"""Angle through which no spring lets its joint go in one direction [rad]: half a turn."""
+BACK = 0.05
+"""Share of the way that a joint without a spring may seem to come back: noise, and the slack of what drives it."""
+
+
+@dataclass(frozen=True, slots=True)
+class CoastDown:
+    """A fit without a spring."""
+
+    trace: TraceFit
+    """Its poles are those of a spring too weak to be seen."""
+    damping_rate: Quantity
+    """β = d/I [1/s]."""
+    friction_rate: Quantity
+    """c = friction/I [rad/s²]."""
+
+
+def _nothing(poles: Array) -> tuple[Array, Array]:
+    return np.zeros_like(poles), np.ones_like(poles)
+
+
+def spins_down(releases: Sequence[Release]) -> bool:
+    """Whether each release goes more than half a turn in one direction and does not come back."""
+    for release in releases:
+        way = release.roll - release.roll[0]
+        whole = float(np.abs(way).max())
+        if release.slides or whole < TURNS_ON or abs(float(way[-1])) < (1 - BACK) * whole:
+            return False
+    return True
+
+
+def fit_coast_down(releases: Sequence[Release]) -> CoastDown:
+    """Fit one damping and one friction to all releases together, each with its own speed and place or offset."""
+    traces, signal = traces_of(releases)
+    rate = signal == "rate"
+
+    def model(time: Array, p: Array) -> Array:
+        beta, friction, speed, place = (float(value) for value in p)
+        size, since = abs(speed), time - time[0]
+        stop = math.log1p(beta * size / friction) / beta if friction > 1e-12 * size else math.inf
+        t = np.minimum(since, stop)
+        fading = np.exp(-beta * t)
+        if rate:
+            return place + math.copysign(1.0, speed) * ((size + friction / beta) * fading - friction / beta)
+        way = (size + friction / beta) * (1 - fading) / beta - friction / beta * t
+        return place + math.copysign(1.0, speed) * way
+
+    start = [1.0 / (traces[0].time[-1] - traces[0].time[0]), 0.0]
+    for trace in traces:
+        first = slice(0, max(5, len(trace.time) // 20))
+        slope = float(np.polyfit(trace.time[first], trace.measured[first], 1)[0])
+        start += [float(np.median(trace.measured[first])), 0.0] if rate else [slope, float(trace.measured[0])]
+    start[1] = abs(start[2]) * start[0]
+    begin = np.array(start)
+    least = np.full(len(begin), -np.inf)
+    least[:2] = 1e-6 * begin[0], 0.0
+
+    def residuals(p: Array) -> Array:
+        parts = [
+            trace.weight
+            * (trace.measured - model(trace.time, np.concatenate([p[:2], p[2 + 2 * i : 4 + 2 * i]])))
+            for i, trace in enumerate(traces)
+        ]
+        return np.concatenate(parts)
+
+    def evaluate(p: Array) -> Normal:
+        here = residuals(p)
+        steps = 1e-5 * np.maximum(np.abs(p), 1e-2 * np.abs(begin).max())
+        jacobian = np.column_stack(
+            [
+                (residuals(p + step * unit) - here) / step
+                for step, unit in zip(steps, np.eye(len(p)), strict=True)
+            ]
+        )
+        return Normal(0.5 * float(here @ here), jacobian.T @ here, jacobian.T @ jacobian)
+
+    best = minimise(evaluate, begin, least, np.full(len(begin), np.inf), iterations=200, tolerance=1e-12)
+    left, parts = residuals(best.point), []
+    free = max(len(left) - len(begin), 1)
+    cuts = np.cumsum([len(trace.time) for trace in traces])[:-1]
+    rho = lag_one(np.split(left, cuts))
+    variance = 2 * best.normal.cost / free * (1 + rho) / (1 - rho)
+    covariance = np.asarray(np.linalg.pinv(best.normal.hessian), dtype=np.float64) * variance
+    for i, trace in enumerate(traces):
+        own = np.concatenate([best.point[:2], best.point[2 + 2 * i : 4 + 2 * i]])
+        level = float(own[3]) if rate else float(trace.measured[-1])
+        parts.append(FittedTrace(trace, model(trace.time, own), np.array([0.0, 0.0, level]), 0.0, _nothing))
+    noise = math.sqrt(2 * best.normal.cost / free)
+    spread = sum(float(np.var(trace.measured)) * len(trace.measured) for trace in traces)
+    weak = 2 * math.log(100 * max(float(trace.time[-1] - trace.time[0]) for trace in traces))
+    beta, friction = (float(value) for value in best.point[:2])
+    trace = TraceFit(
+        poles=np.array([weak, beta * math.exp(weak)]), covariance=np.eye(2), white_covariance=np.eye(2),
+        degrees_of_freedom=free, noise=noise, correlation=rho, explained=1 - noise**2 * free / spread, signal=signal,
+        releases=tuple(parts), law="none",
+    )  # fmt: skip
+    quantile, kind = t95(free), "coast-down"
+    std = np.sqrt(np.diag(covariance))
+
+    def quantity(value: float, std: float, unit: Literal["1/s", "rad/s^2"]) -> Quantity:
+        return Quantity(value, std, unit, kind, (value - quantile * std, value + quantile * std))
+
+    return CoastDown(
+        trace, quantity(beta, float(std[0]), "1/s"), quantity(friction, float(std[1]), "rad/s^2")
+    )

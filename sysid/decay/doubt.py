@@ -1,0 +1,301 @@
+"""Whether a linear law holds, and whether the log could have shown that it does not.
+
+A second law adds a torque to the fitted one. Its response to the fitted motion is one more column of the fit. The score test (Rao, 1948)
+gives the size of that torque, its significance, and the shift of frequency and damping that comes with it. The same shift times the
+torque's deviation is the part that the log leaves open: one swing cannot distinguish dry friction from damping.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Literal
+
+import numpy as np
+
+from sysid.decay.linear_fit import (
+    FittedTrace,
+    TraceFit,
+    decay_basis,
+    motion,
+    project,
+    rates,
+    refitted,
+    response,
+)
+from sysid.noise.floor import NoiseFloor, local_noise
+from sysid.noise.whiteness import lag_one
+from sysid.quantity import Z95, Quantity
+from sysid.roll import Array, Release
+from sysid.text import display
+
+SURE = 4.0
+"""Deviations from which a departure is named: by chance in one of a thousand logs with a dozen tests each."""
+MATTERS = np.array([0.01, 0.05])
+"""Shift of ω_n and of ζ, as shares of them, from which a second law matters: a tenth of the usual randomisation of a policy."""
+OPEN = np.array([0.1, 0.3])
+"""Shift of ω_n and of ζ that a log must be able to exclude: the usual randomisation of a policy."""
+USUAL = 0.1
+"""Share of the torque of a second law where nothing is known of it: joints of public logs have 3 to 30 %."""
+ABOVE_NOISE = 1.15
+"""Residual over noise from which the residual is more than noise; the noise itself is known to 5 %."""
+ONE_RATE = 0.7
+"""Damping ratio from which a late half is one exponential: it overshoots by less than 5 %."""
+LEVELS_APART = 0.01
+"""Share of the first amplitude by which rest levels must differ: sensors wander by less between releases."""
+PER_PERIOD = 4.0
+"""Independent values in a period of an error that follows the motion: it holds the motion's frequency and twice that."""
+
+Status = Literal["linear", "not linear", "cannot tell"]
+TORQUES: dict[str, Callable[[Array, Array], Array]] = {
+    "dry friction": lambda x, v: v / np.hypot(v, 0.02),
+    "drag": lambda x, v: v * np.abs(v),
+    "hardening": lambda x, v: x**3,
+    "softening": lambda x, v: -(x**3),
+    "asymmetry": lambda x, v: x * x,
+}
+"""Torques of angle and rate, both over their widest [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class SecondLaw:
+    """A torque beside the linear one, as far as the decays show it."""
+
+    name: str
+    share: float
+    """Of the spring's torque at the widest swing [1]."""
+    std: float
+    shift: Array
+    """Shift of ln ω_n and ln ζ for a share of 1, shape (2,)."""
+
+    def seen(self, which: slice) -> bool:
+        """Whether it is significant and matters for some of the numbers."""
+        matters = bool((np.abs(self.share * self.shift) > MATTERS)[which].any())
+        return self.share > SURE * self.std and matters
+
+    def hides(self, which: slice) -> bool:
+        """Whether the log leaves open that it moves some of the numbers by too much."""
+        return bool((Z95 * self.std * np.abs(self.shift) > OPEN)[which].any())
+
+    @property
+    def left_open(self) -> Array:
+        """Deviations of ln ω_n and ln ζ (dimensionless), were it as large as such torques usually are, shape (2,)."""
+        return np.abs(self.shift) / math.hypot(1 / max(self.std, 1e-12), 1 / USUAL)
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """Whether a linear law holds, and the reason."""
+
+    status: Status
+    reason: str
+    """One clause; '' where the law holds."""
+    over_noise: float
+    """Residual over the sensor's noise [1]."""
+    wider: float
+    """Factor by which intervals are widened for a residual beyond the noise."""
+    second_laws: tuple[SecondLaw, ...]
+    """Significant ones, the most significant first."""
+
+
+def sensor_noise(fit: TraceFit) -> NoiseFloor:
+    """Return the noise of the fitted signal: its scatter about a law that may change from swing to swing."""
+    stated = max(one.trace.known_std for one in fit.releases)
+    floor = local_noise([(one.trace.time, one.trace.measured) for one in fit.releases], fit.poles)
+    timed = [0.0]
+    for one in fit.releases:
+        interval, step = one.trace.passages
+        if interval:  # a passage is known to a sample's time, or to a step where the signal is faster
+            way = interval * np.gradient(one.modelled, one.trace.time)
+            timed.append(float(np.mean(np.minimum(way**2, step**2 / 2) / 12)))
+    return replace(floor, std=max(stated, floor.std, math.sqrt(max(timed))))
+
+
+def judged(
+    fit: TraceFit, floor: NoiseFloor, releases: Sequence[Release], rests: Sequence[Quantity]
+) -> tuple[TraceFit, Judgement]:
+    """Judge a fit, and widen its covariance for a residual beyond the noise.
+
+    Args:
+        fit: Of the releases.
+        floor: Noise of its signal.
+        rests: Rest level of each release [rad]; empty where a gyro tells none.
+    """
+    fit, wider = _widened(fit, floor)
+    ratio = fit.noise / floor.std if floor.std > 0 else math.inf
+    others = second_laws(fit)
+    which = slice(None) if fit.damping_ratio < 1 else slice(1, None)  # what returns slowly fixes d/k alone
+    seen = sorted((one for one in others if one.seen(which)), key=lambda one: -one.share / one.std)
+    half_width = Z95 * np.sqrt(np.diag(to_logs(fit) @ fit.covariance @ to_logs(fit).T))
+    apart, moved = unseen(fit, floor.std if ratio > ABOVE_NOISE else 0.0)
+    status: Status = "not linear"
+    if scattered(releases, rests):
+        show = display(is_rate=False, slides=releases[0].slides)
+        levels = ", ".join(f"{show.scale * rest.value:+.2f}{show.unit}" for rest in rests[:6])
+        reason = f"the releases come to rest at {levels}, where a spring returns to one angle"
+    elif seen:
+        moves = seen[0].share * seen[0].shift
+        reason = (
+            f"{' or '.join(one.name for one in seen)} is significant, and moves ω_n by {100 * moves[0]:+.2g} %, "
+            f"ζ by {100 * moves[1]:+.2g} %"
+        )
+    elif apart > SURE and bool((np.abs(moved) > MATTERS)[which].any()):
+        reason = (
+            f"the early half of each release does not predict the late one: ω_n differs by {100 * moved[0]:+.2g} %, "
+            f"ζ by {100 * moved[1]:+.2g} %"
+        )
+    elif ratio > ABOVE_NOISE and bool((half_width > OPEN)[which].any()):
+        reason = "the residual has a shape, see the picture"
+    elif hidden := [one.name for one in others if one.hides(which)]:
+        status = "cannot tell"
+        reason = f"as much {' or '.join(hidden)} as moves k by 20 % or d by 30 % would look the same"
+    elif bool((half_width > 2 * OPEN).any()) and fit.damping_ratio < 1:
+        status, reason = "cannot tell", "the intervals are as wide as the numbers"
+    else:
+        status, reason = "linear", ""
+    if fit.damping_ratio >= 1:  # one way without a swing: dry friction and a bent law look like another rest
+        open_ones = sum((one.left_open**2 for one in others), np.zeros(2))
+        fit = replace(fit, covariance=fit.covariance + np.diag(open_ones * [4.0, float(fit.poles[1]) ** 2]))
+    return fit, Judgement(status, reason, ratio, wider, tuple(seen))
+
+
+def to_logs(fit: TraceFit) -> Array:
+    """Return the derivatives of (ln ω_n, ln ζ) by (ln m [1], τ [s]), shape (2, 2); beyond critical damping of (ln ω_n, ln d/k)."""
+    tau = float(fit.poles[1]) or 1e-12
+    return np.array(
+        [[-0.5, 0.0], [-0.5, 1 / tau]] if fit.damping_ratio < 1 else [[-0.5, 0.0], [0.0, 1 / tau]]
+    )
+
+
+def second_laws(fit: TraceFit) -> list[SecondLaw]:
+    """Return the size of each second torque, alone beside the linear law."""
+    rate = fit.signal == "rate"
+    moves = [motion(one, fit.poles, rate=rate) for one in fit.releases]
+    widest = max(float(np.abs(x).max()) for _, x, _ in moves) or 1.0
+    fastest = max(float(np.abs(v).max()) for _, _, v in moves) or 1.0
+    parts = [project(one.trace, fit.poles, one.beyond) for one in fit.releases]
+    jacobian = np.concatenate([part[2] for part in parts])
+    residuals = [part[1] for part in parts]
+    residual = np.concatenate(residuals)
+    left, values, right = np.linalg.svd(jacobian, full_matrices=False)
+    inverse = (right.T / np.maximum(values, 1e-9 * values[0])) @ left.T
+    cuts = np.cumsum([len(one) for one in residuals])[:-1]
+    found: list[SecondLaw] = []
+    for name, torque in TORQUES.items():
+        answers = [
+            (t, response(fit.poles, t, -widest * torque(x / widest, v / fastest), rate=rate))
+            for t, x, v in moves
+        ]
+        column = np.concatenate(
+            [_without_start(one, fit, *two) for one, two in zip(fit.releases, answers, strict=True)]
+        )
+        beside = inverse @ column
+        own = column - jacobian @ beside
+        power = max(float(own @ own), 1e-300)
+        share = float(own @ residual) / power
+        # The noise is what is left with this torque in the law.
+        rest = residual - share * own
+        rho = lag_one(np.split(rest, cuts))
+        variance = float(rest @ rest) / max(len(rest) - 3 - 3 * len(parts), 1) * (1 + rho) / (1 - rho)
+        if name == "asymmetry":  # of either sign
+            share = abs(share)
+        found.append(SecondLaw(name, share, math.sqrt(variance / power), to_logs(fit) @ beside))
+    return found
+
+
+def _without_start(one: FittedTrace, fit: TraceFit, grid: Array, answer: Array) -> Array:
+    """Return a response at a trace's samples, whitened, without the share of amplitude, phase and rest angle, shape (n,)."""
+    u, v = decay_basis(one.trace.time - one.trace.time[0], *rates(fit.poles))
+    basis = one.trace.whiten(np.column_stack([u, v, one.beyond(fit.poles)[1]]))
+    orthogonal, _ = np.linalg.qr(basis / (np.linalg.norm(basis, axis=0) + 1e-300))
+    column = one.trace.whiten(np.interp(one.trace.time, grid, answer))
+    return column - orthogonal @ (orthogonal.T @ column)
+
+
+def unseen(fit: TraceFit, noise: float = 0.0) -> tuple[float, Array]:
+    """Compare the law of the early half of each release with that of the late half.
+
+    Args:
+        noise: Of the sensor, where the residual is more than noise and does not measure chance.
+
+    Returns:
+        Their distance in deviations [1], and the shift of ln ω_n and ln ζ [1], shape (2,); 0 where a half is too short.
+    """
+    cuts = [_half(one, fit) for one in fit.releases]
+    early = refitted(fit, [slice(0, cut) for cut in cuts])
+    late = refitted(fit, [slice(cut, None) for cut in cuts])
+    if early is None or late is None or min(early.decay_rate, late.decay_rate) <= 0:  # a half of noise may grow
+        return 0.0, np.zeros(2)
+    if fit.damping_ratio > ONE_RATE and min(early.decay_rate, late.decay_rate) > 0:
+        moved = math.log(late.decay_rate / early.decay_rate)
+        return abs(moved) / math.hypot(*(_rate_std(half) for half in (early, late))), np.array([0.0, moved])
+    apart = late.poles - early.poles
+    spread = early.covariance + late.covariance
+    if noise:
+        spread = sum(
+            ((noise / half.noise) ** 2 * half.white_covariance for half in (early, late)), np.zeros((2, 2))
+        )
+    deviations = math.sqrt(max(float(apart @ np.linalg.pinv(spread) @ apart), 0.0))
+    return deviations, to_logs(fit) @ apart
+
+
+def _rate_std(fit: TraceFit) -> float:
+    """Return the standard deviation of the logarithm of the decay rate."""
+    steps = np.diag([1e-4, 1e-4 * float(fit.poles[1])])
+    slope = [
+        (replace(fit, poles=fit.poles + step).decay_rate / fit.decay_rate - 1) / step.sum() for step in steps
+    ]
+    return math.sqrt(max(float(np.array(slope) @ fit.covariance @ np.array(slope)), 1e-30))
+
+
+def _half(one: FittedTrace, fit: TraceFit) -> int:
+    """Return the sample that halves the log of the amplitude above the noise."""
+    time = one.trace.time - one.trace.time[0]
+    size = float(np.abs(one.modelled - one.level).max())
+    heard = math.log(max(size / max(fit.noise, 1e-300), math.e)) / max(fit.decay_rate, 1e-9)
+    return int(np.searchsorted(time, min(heard, float(time[-1])) / 2))
+
+
+def scattered(releases: Sequence[Release], rests: Sequence[Quantity]) -> bool:
+    """Whether the releases come to rest at different angles, and not further the later.
+
+    Dry friction F holds a joint anywhere within F/k of its rest. A linear decay with a level for each release takes that for a
+    stiffer spring. The residual hardly grows, and the stiffness is off by tens of percent.
+    """
+    apart = [
+        abs(a.value - b.value)
+        > max(SURE * math.hypot(a.std, b.std), LEVELS_APART * min(one.amplitude, other.amplitude))
+        for (one, a), (other, b) in combinations(zip(releases, rests, strict=False), 2)
+    ]
+    if not any(apart) or len(rests) < 3 or len({release.start for release in releases}) < 3:
+        return any(apart)
+    value, std = (np.array([getattr(rest, name) for rest in rests]) for name in ("value", "std"))
+    time = np.array([release.start for release in releases])
+    left = value - np.polyval(np.polyfit(time, value, 1, w=1 / std), time)
+    return bool(np.abs(left / std).max() > SURE or np.abs(left).max() > np.ptp(value) / 5)
+
+
+def _widened(fit: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, float]:
+    """Widen the covariance where the residual is significantly more than noise, and return by which factor.
+
+    Such a residual follows the motion. It has few independent values, and the fit takes up five of each release.
+    """
+    power, noise, count, values = 0.0, 0.0, 0, 0.0
+    for one in fit.releases:
+        since = one.trace.time - one.trace.time[0]
+        span = min(float(since[-1]), 3.0 / max(fit.decay_rate, 1e-9))
+        moving = one.residual[since <= span]
+        power, count = power + float(moving @ moving), count + len(moving)
+        noise += len(moving) * max(floor.highest, one.trace.known_std) ** 2
+        values += 1.0 + PER_PERIOD * span * fit.omega_n / (2 * math.pi)
+    noise *= 1.0 + Z95 * math.sqrt(2.0 / max(count, 1))
+    if power <= noise:
+        return fit, 1.0
+    if all(
+        one.trace.known_std for one in fit.releases
+    ):  # its covariance knows already how long its errors last
+        return replace(fit, covariance=fit.covariance * power / noise), math.sqrt(power / noise)
+    left = max(values - 2 - 3 * len(fit.releases), 1.5)
+    covariance = fit.white_covariance * (1.0 + (power - noise) / (left * fit.noise**2))
+    growth = math.sqrt(float(np.mean(np.diag(covariance) / np.diag(fit.covariance))))
+    return (replace(fit, covariance=covariance), growth) if growth > 1.0 else (fit, 1.0)

@@ -1,0 +1,73 @@
+"""Laws that explain a log down to its noise: there the fits themselves are the evidence.
+
+A fit by output error sees all of a release: its start, where friction stops it, and where it rests. The equations leave these out.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid.diagnosis.posterior import Found, Size
+from sysid.diagnosis.posterior import lost as loss_of
+from sysid.effects import effect
+from sysid.fitting.result import JointFit
+from sysid.joint.torques import effect_torque
+from sysid.joint.trajectory import simulate
+
+
+def reaches_noise(fit: JointFit) -> bool:
+    """Return whether a fit leaves no more than the noise, within the 95 % interval of the noise."""
+    return fit.rmse <= fit.noise.highest
+
+
+def weigh(fits: Sequence[tuple[Found, JointFit]], families: int) -> list[float] | None:
+    """Return the probability of each set among some fitted ones; None where none of them reaches the noise.
+
+    With ε = 0 the evidence of a fit with p parameters and n samples is, by Laplace's method with a unit-information prior,
+    -χ²/2 - p/2 ln n (Schwarz 1978; Kass and Raftery, JASA 90, 1995). χ² counts the noise that the best fit leaves.
+
+    Args:
+        fits: Sets and their fits.
+        families: Families of the catalogue: each is as likely as one of them.
+    """
+    if not any(reaches_noise(fit) for _, fit in fits):
+        return None
+    noise = min(fit.rmse for _, fit in fits)
+    logs = []
+    for found, fit in fits:
+        samples, free = fit.problem.samples, len(fit.problem.names)
+        named = len([f for f in found.families if f != "rest"])
+        logs.append(-0.5 * samples * (fit.rmse / noise) ** 2 - 0.5 * free * np.log(samples) - named * np.log(max(families - 1, 1)))
+    weights = np.exp(np.array(logs) - max(logs))
+    return [float(w) for w in weights / weights.sum()]
+
+
+def sizes_of(fit: JointFit, names: Sequence[str]) -> dict[str, Size]:
+    """Return how much each of some effects does in the fitted motion, by family.
+
+    The deviation is that of the effect's first parameter, as a share of it.
+    """
+    law = fit.law
+    plain = law.of_joint()
+    peaks = dict.fromkeys(names, 0.0)
+    works = dict.fromkeys(names, 0.0)
+    spring, lost = 1e-300, 0.0
+    for record, (angle, rate) in zip(fit.records, fit.starts, strict=True):
+        time = np.linspace(0.0, float(record.time[-1]), 2000)
+        path = simulate(plain, time, angle, rate)
+        spring = max(spring, float(np.abs(law.frequency**2 * law.inertia * (path.roll - law.rest_angle)).max()))
+        lost += law.damping * float(np.trapezoid(path.rate**2, time))
+        for name in names:
+            torque = effect_torque(plain, name, time, path.roll, path.rate)
+            peaks[name] = max(peaks[name], float(np.quantile(np.abs(torque), 0.999)))
+            works[name] -= float(np.trapezoid(loss_of(torque[:, None], path.roll - law.rest_angle)[:, 0] * path.rate, time))
+    lost += sum(works.values())
+    found: dict[str, Size] = {}
+    for name in names:
+        first = fit.quantities.get(f"{name}.{effect(name).parameters[0].name}")
+        share = first.std / abs(first.value) if first is not None and first.value and np.isfinite(first.std) else 0.0
+        torque, energy = peaks[name] / spring, works[name] / (lost or 1e-300)
+        found[effect(name).family] = Size(
+            torque_share=torque, torque_std=share * torque, energy_share=energy, energy_std=share * abs(energy)
+        )
+    return found

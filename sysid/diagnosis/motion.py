@@ -1,0 +1,189 @@
+"""Free motion on a uniform grid, in units of the widest swing and of one radian of the joint's natural swing."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from sysid.errors import SysidError
+from sysid.roll import Array, Release
+
+Mask = npt.NDArray[np.bool_]
+
+NODES = 64
+"""Grid nodes a period. Torques are linear between nodes: at the peak of a swing that is off by (2π/64)²/8 = 0.12 %."""
+MOST_NODES = 6000
+"""Grid nodes in all: a longer log gets a coarser grid, down to `FEWEST` nodes a period."""
+FEWEST = 20
+"""Nodes a period of the coarsest grid: linear interpolation is then off by 1.2 % at the peak of a swing."""
+CLEAR = 7.0
+"""A swing counts while its range is so many times the noise of a sample."""
+QUIET = 0.02
+"""A swing counts while its range is at least this share of the widest swing."""
+LETTING_GO = 0.04
+"""Share of a period after a release in which a hand may still touch."""
+SHORTEST = 12
+"""Samples of the shortest release that is used."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """Releases on one grid: row r is a release, column j a node. Angles over `amplitude`, time times `frequency`."""
+
+    amplitude: float
+    """Widest swing A about rest [rad]."""
+    frequency: float
+    """Natural frequency ω₀ that makes time dimensionless [rad/s]."""
+    step: float
+    """Step h of the grid [rad of swing]."""
+    reading: Array
+    """Mean of the samples at each node over A (angle) or A ω₀ (rate), shape (r, n)."""
+    variance: Array
+    """Its variance, shape (r, n); inf where no sample is, or none counts."""
+    lag: Array
+    """Mean time of these samples after the node [rad of swing], shape (r, n)."""
+    length: npt.NDArray[np.intp]
+    """Nodes of each release, shape (r,)."""
+    envelope: Array
+    """Local amplitude over A, shape (r, n)."""
+    hold: Array
+    """Angle over A at which each release was held, shape (r,)."""
+    held: Array
+    """For how long [rad of swing], shape (r,)."""
+    rest: float
+    """Angle from which the motion counts [rad]."""
+    is_rate: bool
+    """Whether the reading is the rate."""
+    zero: Literal["known", "constant", "drifting"]
+    """Zero of the reading: the joint's own, unknown but fixed, or another in each release."""
+    starts: Array
+    """Time of the first node of each release on the log's clock [s], shape (r,)."""
+
+    @property
+    def inside(self) -> Mask:
+        """Nodes that belong to a release, shape (r, n)."""
+        return np.arange(self.reading.shape[1])[None] < self.length[:, None]
+
+    @property
+    def nodes_a_period(self) -> int:
+        """Return the nodes a period."""
+        return round(2 * np.pi / self.step)
+
+
+def motion_of(
+    releases: Sequence[Release], rest: float, noise: float, *, rate: bool, nodes: int = NODES, frequency: float | None = None
+) -> Motion:
+    """Put the free motion of some releases on a grid.
+
+    Args:
+        releases: Free decays.
+        rest: Angle from which the motion counts where the sensor's zero is the joint's [rad].
+        noise: Noise of a sample [rad or rad/s]: that of the usual one, where the log states one for each.
+        rate: Whether to use the measured rate.
+        nodes: Grid nodes a period.
+        frequency: Natural frequency [rad/s]; estimated where left out.
+
+    Raises:
+        SysidError: No release holds enough motion.
+    """
+    zero = releases[0].zero if not rate else "known"
+    levels = [rest if zero == "known" else release.rest for release in releases]
+    swings = [float(np.abs(r.roll - r.rest).max()) for r in releases]
+    widest = releases[int(np.argmax(swings))]
+    omega = frequency or natural_frequency(widest, rate=rate)
+    period, amplitude = 2 * np.pi / omega, max(swings)
+    unit = amplitude * omega if rate else amplitude
+    small = noise / omega if rate else noise
+    cuts = [_cut(release, period, amplitude, small) for release in releases]
+    used = [i for i, (a, b) in enumerate(cuts) if b - a >= SHORTEST]
+    if not used:
+        raise SysidError(
+            f"no release has {SHORTEST} samples of free motion above the noise. Record at a higher rate, or start wider."
+        )
+    seconds = [float(releases[i].time[cuts[i][1] - 1] - releases[i].time[cuts[i][0]]) for i in used]
+    nodes = int(np.clip(MOST_NODES * period / sum(seconds), FEWEST, nodes))
+    step = period / nodes
+    count = max(round(s / step) for s in seconds) + 1
+    shape = (len(used), count)
+    reading, lag, angle = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    variance, envelope = np.full(shape, np.inf), np.ones(shape)
+    length = np.zeros(len(used), dtype=np.intp)
+    hold, held, starts = np.zeros(len(used)), np.zeros(len(used)), np.zeros(len(used))
+    for row, i in enumerate(used):
+        release, part = releases[i], slice(*cuts[i])
+        time = release.time[part]
+        after = time - time[0]
+        bins = np.rint(after / step).astype(np.intp)
+        values, stds = (release.roll - levels[i], release.std)
+        if rate and release.rate is not None and release.rate_std is not None:
+            values, stds = release.rate, release.rate_std
+        stds = stds * (noise / np.median(stds[part]))
+        number = np.bincount(bins, minlength=count).astype(float)
+        some = number > 0
+        mean = np.bincount(bins, values[part], count)[some] / number[some]
+        reading[row, some] = mean / unit
+        lag[row, some] = np.bincount(bins, after - bins * step, count)[some] / number[some] * omega
+        variance[row, some] = np.bincount(bins, stds[part] ** 2, count)[some] / number[some] ** 2 / unit**2
+        length[row] = bins[-1] + 1
+        angle[row] = np.interp(np.arange(count), bins, (release.roll[part] - levels[i]) / amplitude)
+        envelope[row] = _envelope(angle[row], nodes)
+        before = release.held.roll if release.held is not None else release.roll[:1]
+        hold[row] = (float(np.median(before)) - levels[i]) / amplitude
+        held[row] = release.hold * omega
+        starts[row] = time[0]
+    return Motion(
+        amplitude=amplitude, frequency=omega, step=2 * np.pi / nodes, reading=reading, variance=variance, lag=lag,
+        length=length, envelope=np.maximum(envelope, QUIET / 2), hold=hold, held=held, rest=rest, is_rate=rate, zero=zero,
+        starts=starts,
+    )  # fmt: skip
+
+
+def natural_frequency(release: Release, *, rate: bool) -> float:
+    """Estimate ω₀ of a release [rad/s]: from zero crossings, or where there are few from integrals of the motion.
+
+    Twice integrated, ẍ + d ẋ + k x = 0 is linear in k and d without any derivative of the log.
+    """
+    time, angle = release.time - release.time[0], release.roll - release.rest
+    signal = release.rate if rate and release.rate is not None else angle
+    wide = 0.05 * float(np.abs(signal).max())
+    side = np.where(signal > wide, 1, np.where(signal < -wide, -1, 0))
+    clear = np.flatnonzero(side)
+    crossings = clear[1:][side[clear[1:]] != side[clear[:-1]]]
+    if len(crossings) > 3:
+        return float(np.pi / np.median(np.diff(time[crossings])))
+    span = time[-1]
+    once = _integral(time, signal)
+    twice = _integral(time, once)
+    table = np.column_stack([np.ones_like(time), time, once, twice, *([] if rate else [time**2])])
+    stiffness = -float(np.linalg.lstsq(table, signal, rcond=None)[0][3])
+    return float(np.sqrt(max(stiffness, (np.pi / span) ** 2)))
+
+
+def _integral(time: Array, values: Array) -> Array:
+    return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))])
+
+
+def _cut(release: Release, period: float, amplitude: float, noise: float) -> tuple[int, int]:
+    """Return the first sample and the end of the motion that stands clear of the noise."""
+    time = release.time
+    first = int(np.searchsorted(time, time[0] + LETTING_GO * period))
+    ends = np.arange(time[0], time[-1], period / 2)
+    last = time[-1] - (0.1 * period if release.end == "caught" else 0.0)
+    for begin in ends:
+        part = (time >= begin) & (time < begin + period)
+        whole = begin + 0.7 * period < time[-1]
+        away = 2 * float(np.abs(release.roll[part] - release.rest).max(initial=0.0))
+        if whole and part.any() and away < max(QUIET * amplitude, CLEAR * noise):
+            last = min(last, begin + period / 2)
+            break
+    return first, int(np.searchsorted(time, last, side="right"))
+
+
+def _envelope(angle: Array, nodes: int) -> Array:
+    """Return half the range of the angle within a period about each node."""
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    size = nodes + 1
+    return (maximum_filter1d(angle, size) - minimum_filter1d(angle, size)) / 2

@@ -1,0 +1,252 @@
+"""Amplitude and phase of a lightly damped decay, cycle by cycle: a second whitener for the same evidence.
+
+Errors of a waveform (a lens, a filter, a clock) are amplified where a log is differentiated, but they do not reach the slow flow. With
+x = a cos ψ a torque f does (Krylov and Bogoliubov; Nayfeh and Mook, Nonlinear Oscillations, 1979, section 3.3; time in 1/ω₀)
+
+    ȧ/a = ∮ f sin ψ dψ / (2π a),   ψ̇ - 1 = ∮ f cos ψ dψ / (2π a).
+
+Both integrals come from the laws of the catalogue themselves, on a cycle of each of some amplitudes. Averaging is of first order in the
+loss per cycle: cycles that lose much belong to the equations.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.diagnosis.evidence import Problem, items_of, marginalised, search, solve
+from sysid.diagnosis.laws import Laws, Term
+from sysid.diagnosis.motion import Motion
+from sysid.diagnosis.posterior import SHOWS, Posterior, Size, Subject, found_sets
+from sysid.diagnosis.smoother import Smoothed
+from sysid.roll import Array
+
+AMPLITUDES = 12
+"""Amplitudes at which a law is averaged."""
+TURNS = 3
+"""Cycles until the states of a law are periodic; the last one is averaged."""
+WALKS = (1e-4, 1e-3, 1e-2)
+"""Random walk of ln a and of the phase in the square root of a period: what no law explains."""
+LOST = 0.4
+"""Loss of ln a in a cycle above which averaging does not hold."""
+FEWEST_CYCLES = 10
+"""Cycles of the shortest decay that has a slow flow."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cycles:
+    """One release, cycle by cycle."""
+
+    time: Array
+    """Middle of each cycle [1/ω₀], shape (c,)."""
+    amplitude: Array
+    """Over the widest swing, shape (c,)."""
+    phase: Array
+    """Beside the time [rad], shape (c,)."""
+    std: Array
+    """Deviation of ln a and of the phase, shape (c,)."""
+
+
+def cycles_of(motion: Motion) -> list[Cycles]:
+    """Return amplitude and phase of each cycle of each release by least squares on a constant, a slope and three harmonics."""
+    found: list[Cycles] = []
+    size = motion.nodes_a_period
+    for row, n in enumerate(motion.length):
+        rows: list[tuple[float, float, float, float]] = []
+        for begin in range(0, n - size, size):
+            nodes = np.arange(begin, begin + size)
+            nodes = nodes[np.isfinite(motion.variance[row, nodes])]
+            if len(nodes) < 7:
+                continue
+            middle = (begin + size / 2) * motion.step
+            at = nodes * motion.step + motion.lag[row, nodes] - middle
+            harmonics = range(1, 4) if len(nodes) > 12 else range(1, 2)
+            waves = [f(h * at) for h in harmonics for f in (np.cos, np.sin)]
+            table = np.column_stack([*waves, np.ones_like(at), at])
+            reading = motion.reading[row, nodes]
+            c, *_ = np.linalg.lstsq(table, reading, rcond=None)
+            left = reading - table @ c
+            noise = max(float(left @ left) / max(len(at) - table.shape[1], 1), float(np.median(motion.variance[row, nodes])))
+            inverse = np.linalg.inv(table.T @ table)
+            amplitude = float(np.hypot(c[0], c[1]))
+            phase = float(np.arctan2(-c[1], c[0])) - (np.pi / 2 if motion.is_rate else 0.0)
+            std = float(np.sqrt(noise * (inverse[0, 0] + inverse[1, 1]) / 2)) / amplitude
+            rows.append((middle, amplitude, phase, std))
+        table = np.array(rows).reshape(-1, 4)
+        clear = np.cumprod(table[:, 3] < 0.2).astype(bool)
+        middle, amplitude, phase, std = table[clear].T
+        loss = -np.diff(np.log(amplitude), append=np.log(amplitude[-1]) if len(amplitude) else [])
+        begin = int(np.argmax(loss < LOST)) if len(loss) else 0
+        if len(middle) - begin >= 3:
+            keep = slice(begin, None)
+            found.append(Cycles(time=middle[keep], amplitude=amplitude[keep], phase=np.unwrap(phase)[keep], std=std[keep]))
+    return found
+
+
+def averaged(laws: Laws, subject: Subject, lowest: float) -> tuple[Array, Array, list[Term]]:
+    """Return amplitudes, shape (a,), and ȧ/a and ψ̇ - 1 there, shape (a, 2, c), of the record's effects and of all terms."""
+    amplitudes = np.geomspace(lowest, 1.0, AMPLITUDES)
+    size = laws.motion.nodes_a_period
+    psi = np.arange(TURNS * size) * 2 * np.pi / size
+    x, v = amplitudes[:, None] * np.cos(psi), -amplitudes[:, None] * np.sin(psi)
+    zeros = np.zeros_like(x)
+    motion = replace(
+        laws.motion, reading=zeros, variance=zeros, lag=zeros, length=np.full(AMPLITUDES, len(psi)), envelope=zeros,
+        hold=amplitudes, held=np.full(AMPLITUDES, 100.0), step=2 * np.pi / size, starts=zeros[:, 0],
+    )  # fmt: skip
+    own = Laws.__new__(Laws)
+    own.motion, own.unit, own.scales = motion, laws.unit, laws.scales
+    smoothed = Smoothed(angle=x, rate=v, rate_variance=zeros, misfit=zeros, cost=0.0)
+    last = slice(-size, None)
+    wave = np.stack([np.sin(psi[last]), np.cos(psi[last])])
+    recorded = own.recorded(smoothed, subject.known)
+    known = np.stack([_mean(c[..., None], wave, last, amplitudes)[..., 0] for c in recorded], axis=2) if recorded else np.zeros((AMPLITUDES, 2, 0))
+    found: list[Term] = []
+    for term in own.terms(smoothed, subject.parts, {}):
+        mean = _mean(term.columns, wave, last, amplitudes)
+        like = np.sqrt(0.5 / np.mean(term.columns[-1, last] ** 2, axis=0))  # as large as the spring's torque in the widest swing
+        unit = tuple(float(u * s) for u, s in zip(term.unit, like, strict=True))
+        found.append(replace(term, columns=mean * like, unit=unit))
+    return amplitudes, known, found
+
+
+def _mean(columns: Array, wave: Array, last: slice, amplitudes: Array) -> Array:
+    """Return the means of torques, shape (a, p, c), times sine and cosine over the last cycle, over the amplitude: shape (a, 2, c)."""
+    return np.einsum("apc,wp->awc", columns[:, last], wave) / wave.shape[1] / amplitudes[:, None, None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Regression:
+    """Increments of ln a and phase of all releases, and what each torque makes of them, not whitened yet."""
+
+    increments: Array
+    """Shape (2, i)."""
+    columns: Array
+    """Of spring, damper and all terms, shape (2, i, m)."""
+    blocks: list[tuple[slice, Array, Array]]
+    """Rows, deviations of the cycles, and time between them, of each release."""
+
+
+def regression(cycles: Sequence[Cycles], amplitudes: Array, flows: Array) -> Regression:
+    """Return the increments of a decay, and columns of spring, damper and flows, shape (a, 2, m)."""
+    steps: list[Array] = []
+    tables: list[Array] = []
+    blocks: list[tuple[slice, Array, Array]] = []
+    at = 0
+    laws = flows
+    for c in cycles:
+        h = np.diff(c.time)
+        middle = np.sqrt(c.amplitude[1:] * c.amplitude[:-1])
+        steps.append(np.stack([np.diff(np.log(c.amplitude)), np.diff(c.phase)]))
+        plain = np.zeros((2, len(h), 2))
+        plain[0, :, 1], plain[1, :, 0] = -h / 2, h / 2
+        place = np.log(np.clip(middle, amplitudes[0], 1.0))
+        flow = np.stack([[np.interp(place, np.log(amplitudes), laws[:, w, m]) for m in range(laws.shape[2])] for w in (0, 1)])
+        tables.append(np.concatenate([plain, flow.reshape(2, laws.shape[2], -1).transpose(0, 2, 1) * h[:, None]], axis=2))
+        blocks.append((slice(at, at + len(h)), c.std, h))
+        at += len(h)
+    return Regression(increments=np.concatenate(steps, axis=1), columns=np.concatenate(tables, axis=1), blocks=blocks)
+
+
+def whitened(problem: Regression, of_amplitude: float, of_phase: float) -> tuple[Array, float]:
+    """Return the Gram matrix of increments and columns, and the log determinant.
+
+    Increments share the errors of the cycles between them, and have a random walk of their own.
+
+    Args:
+        problem: Increments.
+        of_amplitude: Random walk of ln a in the square root of a period.
+        of_phase: Random walk of the phase.
+    """
+    every = np.concatenate([problem.increments[:, :, None], problem.columns], axis=2)
+    gram, spread = np.zeros((every.shape[2], every.shape[2])), 0.0
+    for channel, walk in enumerate((of_amplitude, of_phase)):
+        for rows, std, h in problem.blocks:
+            variance = std**2
+            covariance = np.diag(variance[1:] + variance[:-1] + walk**2 * h / (2 * np.pi))
+            covariance -= np.diag(variance[1:-1], 1) + np.diag(variance[1:-1], -1)
+            lower = np.linalg.cholesky(covariance)
+            white = np.linalg.solve(lower, every[channel, rows])
+            gram += white.T @ white
+            spread += 2 * float(np.log(np.diag(lower)).sum())
+    return gram, spread
+
+
+def slow_posterior(fast: Posterior, subject: Subject) -> Posterior | None:
+    """Return the posterior of sets of laws by the slow flow; None where too few cycles stand clear of the noise.
+
+    Args:
+        fast: The posterior by the equations, whose frequency and damping the cycles are counted with.
+        subject: The joint.
+    """
+    motion, inertia = fast.motion, subject.inertia
+    cycles = cycles_of(motion)
+    if sum(len(c.time) for c in cycles) < FEWEST_CYCLES:
+        return None
+    laws = Laws(motion, inertia, 1.0, fast.damping)
+    amplitudes, known, terms = averaged(laws, subject, min(float(c.amplitude.min()) for c in cycles))
+    flow = regression(cycles, amplitudes, np.concatenate([known, *(t.columns for t in terms)], axis=2))
+    table = flow.columns.reshape(-1, flow.columns.shape[2])
+    base = 2 + known.shape[2]
+    frame = np.linalg.qr(table[:, :base])[0]
+    kept: list[Term] = []
+    columns = list(range(base))
+    at = base
+    for term in terms:
+        own = list(range(at, at + term.columns.shape[2]))
+        at += len(own)
+        seen = table[:, own]
+        if np.linalg.norm(seen - frame @ (frame.T @ seen)) > SHOWS * np.linalg.norm(table[:, 1]) * fast.damping:
+            kept.append(term)
+            columns += own
+    rate, middle = fast.damping, np.concatenate([np.sqrt(c.amplitude[1:] * c.amplitude[:-1]) for c in cycles])
+    step = np.concatenate([h for _, _, h in flow.blocks])
+    place = (np.log(middle) - np.log(middle.min())) / max(float(np.ptp(np.log(middle))), 1e-9)
+    bumps = np.exp(-0.5 * ((place[:, None] - np.linspace(0, 1, BUMPS)) * (BUMPS - 1)) ** 2) * (step * rate / 2)[:, None]
+    plain = np.stack([np.column_stack([table[: len(step), :2], np.zeros(len(step))]), np.column_stack([table[len(step) :, :2], np.zeros(len(step))])])
+    g = np.zeros((2, len(step), 2 * BUMPS))
+    g[0, :, :BUMPS], g[1, :, BUMPS:] = bumps, bumps
+    g -= np.einsum("wij,jk->wik", plain[..., :2], np.linalg.lstsq(plain[..., :2].reshape(-1, 2), g.reshape(-1, 2 * BUMPS), rcond=None)[0])
+    whole = replace(flow, columns=np.concatenate([flow.columns[:, :, columns], g], axis=2))
+    families = sorted({t.family for t in kept})
+    items = items_of(kept, families, 1 + base)
+    named = 1 + len(columns)
+    cells = []
+    for of_amplitude in WALKS:
+        for of_phase in WALKS:
+            gram, spread = whitened(whole, of_amplitude, of_phase)
+            for tau in SLOW_NAMELESS:
+                reduced, more = (gram[:named, :named], 0.0) if not tau else marginalised(gram, named, np.full(2 * BUMPS, tau))
+                problem = Problem(reduced, np.ones(base), items, 0.0)
+                sets = search(problem)
+                constant = -0.5 * spread - 0.5 * reduced[0, 0] + more
+                cells.append((problem, replace(sets, log_evidence=sets.log_evidence + constant), tau))
+    scaled = [np.ones(t.columns.shape[2]) for t in kept]
+    unit = inertia * motion.frequency**2
+    linear = {"stiffness": (unit, unit), "damping": (0.0, inertia * motion.frequency)}
+    ranked = found_sets([(p, s) for p, s, _ in cells], kept, families, scaled, linear)
+    sets, singles, inclusion, which, best = ranked
+    problem, _, tau = cells[which]
+    scored = solve(problem, best)
+    sizes: dict[str, Size] = {}
+    weight = middle**2
+    lost = flow.columns[0][:, columns]
+    loss = -float(weight @ lost[:, :base] @ scored.means[:base]) - float(sum(weight @ lost[:, c - 1] * m for c, m in zip([c for i in best for c in items[i].columns], scored.means[base:], strict=True)))
+    at = base
+    for i in best:
+        n = len(items[i].columns)
+        own = [c - 1 for c in items[i].columns]
+        means, spread = scored.means[at : at + n], scored.covariance[at : at + n, at : at + n]
+        work = weight @ lost[:, own]
+        sizes[kept[i].family] = Size(
+            torque_share=float(np.abs(means).sum()), torque_std=float(np.sqrt(np.trace(spread))),
+            energy_share=float(-work @ means / (loss or 1e-12)), energy_std=float(np.sqrt(max(work @ spread @ work, 0.0)) / abs(loss or 1e-12)),
+        )  # fmt: skip
+        at += n
+    return replace(fast, sets=sets, singles=singles, inclusion=inclusion, sizes=sizes, by_cycles=True, nameless=tau * rate, named=max((s.torque_share for s in sizes.values()), default=0.0))
+
+
+BUMPS = 6
+"""Functions of ln a that change the loss, and as many that change the frequency, without a name."""
+SLOW_NAMELESS = (0.0, 0.3)
+"""Their prior deviation over the loss."""

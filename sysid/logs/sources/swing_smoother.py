@@ -1,0 +1,206 @@
+"""The angle of a sensor that turns about one axis, from gyro and accelerometer together, or from the accelerometer alone.
+
+Least squares over the whole record finds the angle φ at the edges of short blocks, and the constants of the sensors. Each
+block measures the angles at its edges. The gyro's mean rate is their difference, but for its offset b and gain error
+c. The two accelerations square to the axis, as one complex number, are
+
+    a = G e^(iφ) - (i φ̈ + φ̇²) ρ
+
+with gravity G and the lever arm ρ from the axis to the accelerometer. The angles have no prior, so the estimate is
+unbiased. Each sensor counts by its noise: the gyro in fast motion, gravity in slow motion. A linear filter
+that treats all times alike leaves the frequency and the damping of a decay as they are.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from sysid.logs.table.clock import GAP
+from sysid.logs.table.names import ACCEL_UNITS
+from sysid.roll import Array
+
+PER_SWING = 20
+"""Blocks in a period: their mean takes (π/20)²/6 = 0.4 % of a swing's amplitude, from gyro and accelerometer alike."""
+ROUNDS = 8
+"""Steps of Gauss and Newton; the fourth moves the angle by less than rounding."""
+GAIN_STD = 0.02
+"""Typical gain error of a MEMS gyro, as a share: 1 to 3 % in data sheets."""
+MOST_FILLED = 1000
+"""Nodes of the line across a gap: bounds the memory."""
+LONGEST_ARM = 5.0
+"""Standard deviation of a lever arm before it is known [m]."""
+_EDGES = np.array([[-1.0, 13.0, 13.0, -1.0]]) / 24
+"""Mean of a cubic between its middle nodes, by its four nodes."""
+_SLOPE = np.array([[-1.0, 1.0]])
+"""Mean of the first derivative, by the ends, in steps of the nodes."""
+_BEND = np.array([[-1.0, 9.0, -8.0, -8.0, 9.0, -1.0]]) / 12
+"""Mean of the second derivative in the same way, by six nodes: the difference of five-point slopes, in steps of the nodes."""
+
+
+_ROUGH = np.array([[1.0, -4.0, 6.0, -4.0, 1.0]])
+"""Fourth difference, in steps of the nodes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Blocks:
+    """Sensors, averaged over blocks of an even clock."""
+
+    edges: Array
+    """Times of the blocks' edges [s], shape (n + 1,)."""
+    rate: Array | None
+    """Mean rate about the axis [rad/s], shape (n,); None without a gyro."""
+    accel: npt.NDArray[np.complex128]
+    """Mean acceleration square to the axis, in m/s², complex: along the zero of the angle and to its left, shape (n,)."""
+    rate_std: float
+    """Of a block's mean rate [rad/s]."""
+    accel_std: Array
+    """Of a component of a block's mean acceleration [m/s²], shape (n,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Swing:
+    """Result of gyro and accelerometer together."""
+
+    angle: Array
+    """At the blocks' edges [rad], shape (n + 1,)."""
+    offset: float
+    """Of the gyro [rad/s]."""
+    gain: float
+    """Rate of the sensor over its reading [1]."""
+    gravity: float
+    """As the accelerations have it [m/s²]; it lies along the zero of the angle."""
+    arm: complex
+    """From the axis to the accelerometer, in the same axes [m]."""
+    std: Array
+    """Standard deviations of offset [rad/s], gain [1], gravity [m/s²] and arm (2) [m], shape (5,)."""
+    left: npt.NDArray[np.complex128]
+    """Residual acceleration, complex [m/s²], shape (n,)."""
+    cost: float
+    """Half the sum of squares, in deviations [1]."""
+
+
+def smooth_swing(
+    blocks: Blocks,
+    start: Array,
+    *,
+    arm: complex | None = None,
+    first: complex = 0j,
+    gain_std: float = GAIN_STD,
+    arm_std: float = LONGEST_ARM,
+    stiff: float = 0.0,
+) -> Swing:
+    """Find angle, offset, gain, gravity and lever arm.
+
+    Args:
+        blocks: The measurement.
+        start: First guess of the angle at the blocks' edges [rad], shape (n + 1,).
+        arm: The lever arm [m], where it is known.
+        first: First guess of the lever arm [m].
+        gain_std: Of the gyro's gain error [1].
+        arm_std: Of the lever arm, before it is known [m].
+        stiff: Standard deviation of the fourth difference of the angle [rad]; 0 for none, which needs a gyro.
+    """
+    from scipy import sparse
+    from scipy.sparse.linalg import splu
+
+    n, step = len(blocks.accel), float(np.median(np.diff(blocks.edges)))
+    mean, slope, bend = (
+        _stencil(weights, n, n + 1) / step**order for order, weights in enumerate((_EDGES, _SLOPE, _BEND))
+    )
+    weight = 1 / blocks.accel_std
+    weight[:2] = weight[-2:] = 0.0  # stencils reach beyond the ends there
+    has_gyro = blocks.rate is not None
+    rates = blocks.rate if blocks.rate is not None else np.zeros(n)
+    phi, rho = start.copy(), first if arm is None else arm
+    const = np.array([0.0, 0.0, ACCEL_UNITS["g"], rho.real, rho.imag])
+    prior = np.array([np.inf, gain_std, np.inf, arm_std, arm_std])
+    free = np.array([has_gyro, has_gyro, True, arm is None, arm is None])
+    cost, now, left, inverse = np.inf, np.inf, np.zeros(n, complex), np.eye(5)
+    for _ in range(ROUNDS):
+        offset, gain, gravity = const[:3]
+        rho = complex(const[3], const[4])
+        middle, rate, turn = mean @ phi, slope @ phi, bend @ phi
+        # Means over a block: of e^(iφ) at a constant rate, and of φ̇² at a constant acceleration.
+        turned = np.exp(1j * middle) * np.sinc(rate * step / (2 * np.pi))
+        lever = -(1j * turn + rate**2 + (turn * step) ** 2 / 12)
+        left = blocks.accel - gravity * turned - lever * rho
+        by_angle = (
+            sparse.diags(1j * gravity * turned) @ mean
+            - 1j * rho * bend
+            - 2 * rho * sparse.diags(rate) @ slope
+        )
+        by_const: npt.NDArray[np.complex128] = np.stack(
+            (0 * turned, 0 * turned, turned, lever, 1j * lever), axis=1
+        )
+        weigh = sparse.diags(weight)
+        parts = [weigh @ by_angle.real, weigh @ by_angle.imag]
+        consts = [by_const.real * weight[:, None], by_const.imag * weight[:, None]]
+        residuals = [left.real * weight, left.imag * weight]
+        if has_gyro:
+            parts.append(slope / blocks.rate_std)
+            consts.append(
+                np.stack((np.ones(n), -rates, 0 * rates, 0 * rates, 0 * rates), axis=1) / blocks.rate_std
+            )
+            residuals.append(((1 + gain) * rates - offset - rate) / blocks.rate_std)
+        if stiff > 0:
+            parts.append(_stencil(_ROUGH, n - 3, n + 1) / stiff)
+            consts.append(np.zeros((n - 3, 5)))
+            residuals.append(-(parts[-1] @ phi))
+        angles, constants = sparse.vstack(parts).tocsc(), np.vstack(consts) * free
+        residual = np.concatenate(residuals)
+        known = const * free / prior**2
+        now = 0.5 * float(residual @ residual + const @ known)
+        curvature = (angles.T @ angles).tocsc()
+        # A sensor that says nothing of some angle leaves it where it is.
+        solve = splu(
+            curvature + 1e-12 * float(curvature.diagonal().max()) * sparse.identity(n + 1, format="csc")
+        ).solve
+        mixed = np.asarray(angles.T @ constants)
+        reduced = solve(mixed)
+        inverse = np.linalg.inv(
+            constants.T @ constants + np.diag(free / prior**2 + ~free) - mixed.T @ reduced
+        )
+        gradient = angles.T @ residual
+        own = inverse @ (constants.T @ residual - known - reduced.T @ gradient)
+        phi, const = phi + solve(gradient) - reduced @ own, const + own * free
+        if abs(cost - now) < 1e-9 * now:
+            break
+        cost = now
+    std = np.sqrt(np.clip(np.diagonal(inverse), 0.0, None)) * free
+    return Swing(phi, const[0], 1 + const[1], const[2], complex(const[3], const[4]), std, left, now)
+
+
+def _stencil(weights: Array, rows: int, nodes: int) -> Any:
+    """Return the matrix that applies weights about each of some rows to angles at nodes, shape (rows, nodes)."""
+    from scipy import sparse
+
+    size = weights.size
+    first = np.clip(np.arange(rows) - (size - (nodes - rows) - 1) // 2, 0, nodes - size)
+    at = np.repeat(np.arange(rows), size), (first[:, None] + np.arange(size)).ravel()
+    return sparse.csr_matrix((np.tile(weights.ravel(), rows), at), shape=(rows, nodes))
+
+
+def integral_of(time: Array, values: Array) -> Callable[[Array], Array]:
+    """Return the integral of a cubic spline through samples, shape (n,), as a function of time [s].
+
+    Uneven stamps or few samples a period do not shift it. A line bridges gaps, where a spline would overshoot.
+    """
+    from scipy.interpolate import CubicSpline
+
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    gaps = np.flatnonzero(steps > GAP * usual)
+    fill = [
+        np.linspace(time[k], time[k + 1], 2 + min(int(steps[k] / usual), MOST_FILLED))[1:-1] for k in gaps
+    ]
+    fine = np.sort(np.concatenate([time, *fill]))
+    return CubicSpline(fine, np.interp(fine, time, values)).antiderivative()
+
+
+def block_means(time: Array, values: Sequence[Array], step: float) -> tuple[Array, list[Array]]:
+    """Return the edges of blocks of about `step` [s] on an even clock, and the means of values, shape (n,) each, between them."""
+    edges = np.linspace(time[0], time[-1], max(8, int((time[-1] - time[0]) / step)) + 1)
+    return edges, [np.diff(integral_of(time, column)(edges)) / np.diff(edges) for column in values]

@@ -1,0 +1,78 @@
+"""Files of a few kilobytes that ask for gigabytes, and others whose reader would end the process, get one line."""
+
+import struct
+import zlib
+
+import numpy as np
+import pytest
+
+from sysid.errors import SysidError
+from sysid.logs import read_roll
+
+
+def test_a_matlab_file_that_unpacks_to_gigabytes(tmp_path):
+    pack = zlib.compressobj()
+    zeros = bytes(1 << 24)
+    data = b"".join(pack.compress(zeros) for _ in range(70)) + pack.flush()
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
+    path = tmp_path / "log.mat"
+    path.write_bytes(head + struct.pack("<II", 15, len(data)) + data)
+    with pytest.raises(SysidError, match="unpacks to more than 1 GiB"):
+        read_roll(path)
+
+
+def test_a_parquet_file_of_a_billion_equal_rows(tmp_path):
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / "log.parquet"
+    part = pa.table({"flag": pa.DictionaryArray.from_arrays(np.zeros(1 << 21, np.int8), ["x"])})
+    with pq.ParquetWriter(path, part.schema) as writer:
+        for _ in range(70):
+            writer.write_table(part)
+    assert path.stat().st_size < 1 << 20
+    with pytest.raises(SysidError, match="unpacks to more than 1 GiB"):
+        read_roll(path)
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4", ""])
+def test_an_mcap_chunk_that_says_it_is_huge(tmp_path, compression):
+    pytest.importorskip("mcap")
+    name = compression.encode()
+    body = struct.pack("<QQQII", 0, 0, 1 << 40, 0, len(name)) + name + struct.pack("<Q", 4) + bytes(4)
+    path = tmp_path / "log.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n" + b"\x06" + struct.pack("<Q", len(body)) + body)
+    with pytest.raises(SysidError, match=r"unpacks to more than 1 GiB|damaged MCAP"):
+        read_roll(path)
+
+
+def test_a_dataset_of_hdf5_that_was_never_filled(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("roll_rad", shape=(1 << 40,), dtype="f8", chunks=(1 << 16,), compression="gzip")
+    with pytest.raises(SysidError, match="unpacks to more than 1 GiB"):
+        read_roll(path)
+
+
+def test_a_cell_far_from_the_others(tmp_path):
+    writer = pytest.importorskip("xlsxwriter")
+    path = tmp_path / "log.xlsx"
+    with writer.Workbook(path) as book:
+        sheet = book.add_worksheet()
+        sheet.write_row(0, 0, ("time_s", "roll_rad"))
+        sheet.write(1048575, 16383, 1.0)
+    with pytest.raises(SysidError, match=r"a cell far from the others \(column 16384, row 1048576\)"):
+        read_roll(path)
+
+
+def test_a_note_beside_the_table_is_no_column_of_it(tmp_path):
+    pytest.importorskip("python_calamine")
+    writer = pytest.importorskip("xlsxwriter")
+    path = tmp_path / "log.xlsx"
+    time = np.arange(0, 5, 0.01)
+    with writer.Workbook(path) as book:
+        sheet = book.add_worksheet()
+        sheet.write(2, 9, "spring changed here")
+        sheet.write_row(0, 0, ("time_s", "roll_rad"))
+        for row, cells in enumerate(zip(time, 0.2 * np.exp(-time) * np.cos(20 * time), strict=True), 1):
+            sheet.write_row(row, 0, cells)
+    assert read_roll(path).time.size == time.size

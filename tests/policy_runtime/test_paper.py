@@ -1,0 +1,178 @@
+"""The paper's tables and figures: what is measured for them, and what they say of what is not there."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from paper.parts import MAP_DELAY, MAP_SPEED, MAP_STIFFNESS, PARTS, compared
+from paper.published import MAIN, SENSITIVITY
+from paper.runs import Run, load_runs
+from paper_tables import paper
+from riding import pink, world_or_skip
+
+from policy_runtime.evaluation.plain import Protocol, evaluate_policy
+from sysid.cli import build_app
+from sysid.errors import SysidError
+from sysid.quantity import Quantity
+from sysid.text import in_brackets as text
+from sysid.workspace import shipped_data
+
+pytestmark = pytest.mark.train
+
+HUSKY = Run(name="mine", row="husky", board="pink", command="husky-sysid train", policy=Path("zero"))
+
+
+@pytest.fixture(scope="module")
+def result():
+    world_or_skip()
+    return evaluate_policy(
+        "zero", pink(), episodes=2, seeds=(0,), protocol=Protocol(duration=0.2, speed=(1, 1))
+    )
+
+
+@pytest.fixture
+def measured(result):
+    """What was asked to be measured; every answer is the same."""
+    asked = []
+
+    def measure(run, protocol):
+        asked.append((run.name, protocol))
+        return result
+
+    return asked, measure
+
+
+def test_main_table_has_every_row_and_says_what_is_missing(measured, tmp_path):
+    asked, measure = measured
+    section = PARTS["main"]([HUSKY], measure, tmp_path)
+    assert [name for name, _ in asked] == ["mine"]
+    lines = "\n".join(section.lines)
+    for row in MAIN:
+        assert row.title in lines
+    assert "| HUSKY | paper | 1.000 ± 0.000 | 0.056 ± 0.013 |" in lines
+    assert "| HUSKY | mine on pink | 1.000 [0.342, 1.000] |" in lines
+    assert len(section.missing) == len(MAIN) - 1
+    assert "pushing by tracking: husky-sysid train --pushing tracking" in section.missing
+
+
+def test_options_of_every_row_are_options_of_the_training():
+    for row in (*MAIN, *SENSITIVITY):
+        build_app().parse_args(
+            ["train", "--board", "pink", *row.options.split()], exit_on_error=False, print_error=False
+        )
+
+
+def test_figures_are_compared_by_both_intervals():
+    paper = {"E_vel": Quantity(0.056, 0.013, "m/s", "paper"), "E_yaw": Quantity(0.208, 0.014, "rad", "paper")}
+    ours = {
+        "E_vel": Quantity(0.11, 0.005, "m/s", "ours", (0.10, 0.12)),
+        "E_yaw": Quantity(0.22, 0.005, "rad", "ours", (0.21, 0.23)),
+    }
+    assert compared(ours, paper) == (
+        "agree: E_yaw [0.210, 0.230] of 0.180 to 0.236; disagree: E_vel [0.100, 0.120] of 0.030 to 0.082"
+    )
+    few = ours | {"E_vel": Quantity(0.08, 0.01, "m/s", "ours", (0.06, 0.10)), "E_smth": ours["E_vel"]}
+    assert compared(few, paper | {"E_smth": paper["E_vel"]}).endswith(
+        "not decided: E_vel [0.060, 0.100] of 0.030 to 0.082"
+    )
+    assert compared(ours, {}) == ""
+    assert text(ours["E_vel"]) == "0.110 [0.100, 0.120]"
+    assert text(Quantity(float("nan"), float("nan"), "1", "")) == "–"
+
+
+def test_map_rides_every_stiffness_speed_and_delay(measured, tmp_path):
+    asked, measure = measured
+    section = PARTS["map"]([HUSKY], measure, tmp_path)
+    seen = {(p.board_scale["k"], p.speed, p.stress.delay) for _, p in asked}
+    assert len(seen) == len(asked) == len(MAP_STIFFNESS) * len(MAP_SPEED) * len(MAP_DELAY)
+    assert (4.0, (0.8, 0.8), 0.02) in seen
+    assert (tmp_path / "map.png").stat().st_size > 10_000
+    assert len(section.numbers) == len(asked)
+
+
+def test_headings_are_grouped_by_what_was_asked(measured, tmp_path):
+    """In every class of turns as many are counted as were asked for, and all of them in all."""
+    _, measure = measured
+    section = PARTS["headings"]([HUSKY], measure, tmp_path)
+    asked = np.degrees(measure(HUSKY, Protocol()).headings[:, 0])
+    assert sum(int(line.split("|")[-2]) for line in section.lines[2:]) == len(asked[np.abs(asked) < 45])
+    for row in section.numbers:
+        low, high = row["asked_deg"]
+        assert ((asked >= low) & (asked < high)).any()
+
+
+def test_trajectories_and_terrain_ride_what_they_show(measured, tmp_path):
+    asked, measure = measured
+    section = PARTS["trajectories"]([HUSKY], measure, tmp_path)
+    assert [protocol.coupling for _, protocol in asked] == ["equality", "none"]
+    assert (tmp_path / "trajectories.png").stat().st_size > 10_000
+    assert section.missing
+    asked.clear()
+    PARTS["terrain"]([HUSKY], measure, tmp_path)
+    assert [protocol.terrain for _, protocol in asked] == ["slopes", "steps"]
+
+
+def test_shipped_manifest_names_files_that_are_there_and_their_curves_are_drawn(tmp_path):
+    runs = load_runs()
+    assert {"pink", "black"} <= {run.name for run in runs}
+    section = PARTS["curves"](runs, None, tmp_path)
+    last = (shipped_data() / "policies" / "pink_curves.csv").read_text().splitlines()[-1]
+    assert section.numbers["pink"]["iteration"] == float(last.split(",")[0])
+    assert (tmp_path / "curves.png").stat().st_size > 20_000
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("[[run]]\nname = 'a'\nboard = 'pink'", r"run 1 \('a'\): 'command' is missing"),
+        ("[[run]]\nname='a'\nboard='b'\ncommand='c'\nrwo='husky'", "'rwo' is unknown. Known: board, command"),
+        (
+            "[[run]]\nname='a'\nboard='b'\ncommand='c'\npolicy='none.onnx'",
+            r"policy .*none\.onnx is not there",
+        ),
+        ("[[run", "not a TOML file"),
+    ],
+)
+def test_a_broken_manifest_is_refused_in_words(tmp_path, content, message):
+    path = tmp_path / "runs.toml"
+    path.write_text(content)
+    with pytest.raises(SysidError, match=message):
+        load_runs(path)
+
+
+def test_command_writes_page_and_numbers(tmp_path, capsys):
+    (tmp_path / "curves.csv").write_text(
+        "iteration,samples,survival,speed_error,heading_error,both_feet\n1,96,0,1,1,0\n2,192,0.5,0.4,0.3,0.9\n"
+    )
+    manifest = tmp_path / "runs.toml"
+    manifest.write_text("[[run]]\nname='a'\nboard='pink'\ncommand='husky-sysid train'\ncurves='curves.csv'")
+    assert paper("main", "curves", runs=manifest, output=tmp_path / "out") == 0
+    page = (tmp_path / "out" / "paper.md").read_text()
+    assert "## Main table" in page
+    assert "![Learning curves, and where they end](curves.png)" in page
+    assert "- a: `husky-sysid train`" in page
+    content = json.loads((tmp_path / "out" / "paper.json").read_text())
+    assert len(content["sections"]["Main table"]["missing"]) == len(MAIN)
+    assert np.isclose(
+        content["sections"]["Learning curves, and where they end"]["rows"]["a"]["survival"], 0.5
+    )
+
+
+def test_what_has_been_ridden_is_not_ridden_again(tmp_path, result, monkeypatch):
+    asked = []
+
+    def ridden(policy, board, **others):
+        asked.append(policy)
+        return result
+
+    monkeypatch.setattr("policy_runtime.evaluation.plain.evaluate_policy", ridden)
+    manifest, policy = tmp_path / "runs.toml", tmp_path / "a.onnx"
+    manifest.write_text("[[run]]\nname='a'\nrow='husky'\nboard='pink'\ncommand='c'\npolicy='a.onnx'")
+    pages = []
+    for weights in (b"one", b"one", b"two"):
+        policy.write_bytes(weights)
+        assert paper("main", runs=manifest, output=tmp_path / "out") == 0
+        pages.append((tmp_path / "out" / "paper.md").read_text())
+    assert len(asked) == 2  # other weights are another policy
+    assert pages[0] == pages[1]
