@@ -428,7 +428,7 @@ def test_the_joint_margin_is_an_option(margin, stops):
 
 def test_the_real_robot_takes_only_boards_that_passed(capsys, tmp_path):
     world_or_skip()
-    save_board(replace(pink(), check={}), tmp_path / "data" / "boards" / "pink.toml")
+    save_board(replace(pink(), last_check={}), tmp_path / "data" / "boards" / "pink.toml")
     with pytest.raises(SysidError, match="has not passed `check`") as caught:
         call(
             capsys, "run", "zero", "-b", "pink", "--robot", "unitree", "--workspace", tmp_path, "-o", tmp_path
