@@ -4,10 +4,16 @@ Run:  pip install "mujoco[sysid]" pysindy colorama
       python benchmarks/foreign_logs.py ../shared/foreign_logs > verdicts.txt
       python benchmarks/foreign_peers.py ../shared/foreign_logs verdicts.txt
 
-Each gets the releases that `find_releases` cuts; how the peers are asked stands in `hidden_effects_peers.py`. Both want even
-steps, so what jitters or lacks rows is interpolated for them. A peer that is not installed is a column that says so.
+Each gets the releases that `find_releases` cuts. Both peers want even steps, so logs with jitter or gaps are interpolated for
+them. A peer that is not installed is a column that says so.
+
+mujoco.sysid fits stiffness and damping from the record's values, each release from its first sample at rate zero (it cannot fit
+the start). Its own report's insights are its answer. pysindy looks for v̇ among nine terms in weak form, by sequentially
+thresholded least squares on columns of unit length. Its threshold is 2 % of the spring's torque, set beforehand.
 """
 
+import contextlib
+import io
 import json
 import sys
 from collections.abc import Callable, Sequence
@@ -16,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 from foreign_logs import kinds
-from hidden_effects_peers import PEERS, ask_mujoco_sysid, ask_pysindy
+from mujoco_sysid import fit_hinge, hinge
 from pages import table, write_result
 from suite import command_line
 
@@ -26,6 +32,55 @@ from sysid.releases import find_releases
 from sysid.roll import Release
 
 ROOT = Path(__file__).parents[1]
+TERMS = {
+    "x": None, "v": None, "1": "offset", "x²": "asymmetric-stiffness", "x³": "cubic-stiffness",
+    "v|v|": "quadratic-damping", "v³": "cubic-damping", "sign v": "coulomb", "x|x|": "x times its size",
+}  # fmt: skip
+"""pysindy's library, and the effect of the catalogue that each term is."""
+THRESHOLD = 0.02
+PEERS = ("husky-sysid `diagnose`", "mujoco.sysid report", "pysindy, weak form: terms kept beside k and d")
+"""Heads of the columns."""
+
+
+def ask_mujoco_sysid(releases: Sequence[Release], board: Board) -> str:
+    """Return the titles of mujoco.sysid's insights, and the residual over the noise that it does not mention."""
+    from mujoco.sysid.report.sections.insights import AutomatedInsights
+
+    step = float(np.median(np.diff(releases[0].time)))
+    spec = hinge(board.inertia.value, board.stiffness, board.damping, step)
+    logs = [(step * np.arange(len(r.time)), r.roll, float(r.roll[0])) for r in releases]
+    found = fit_hinge(spec, {"stiffness": (1e-3, 200.0), "damping": (1e-3, 5.0)}, logs, "scipy")
+    return "; ".join(insight["title"] for insight in AutomatedInsights("Log", found)._insights)
+
+
+def ask_pysindy(releases: Sequence[Release], board: Board) -> set[str]:
+    """Return the effects whose terms pysindy keeps."""
+    import pysindy
+    from scipy.signal import savgol_filter
+
+    step = float(np.median(np.diff(releases[0].time)))
+    frequency = np.sqrt(board.stiffness / board.inertia.value)
+    width = max(7, int(2 * np.pi / frequency / 6 / step) | 1)
+    count = min(len(r.time) for r in releases)
+    states = []
+    for release in releases:
+        roll = release.roll[:count] - release.rest
+        rate = savgol_filter(roll, width, 4, deriv=1, delta=step)
+        states.append(np.column_stack([savgol_filter(roll, width, 4), rate / frequency]))
+    functions = [
+        lambda x, v: x, lambda x, v: v, lambda x, v: 0 * x + 0.1, lambda x, v: x * x / 0.2, lambda x, v: x**3 / 0.04,
+        lambda x, v: v * np.abs(v) / 0.2, lambda x, v: v**3 / 0.04, lambda x, v: 0.1 * np.sign(v), lambda x, v: x * np.abs(x) / 0.2,
+    ]  # fmt: skip
+    library = pysindy.WeakPDELibrary(
+        function_library=pysindy.CustomLibrary(library_functions=functions),
+        spatiotemporal_grid=step * frequency * np.arange(count),
+        K=400,
+    )
+    model = pysindy.SINDy(optimizer=pysindy.STLSQ(threshold=THRESHOLD), feature_library=library)
+    with contextlib.redirect_stdout(io.StringIO()):
+        model.fit(states, t=step * frequency)
+    kept = np.abs(model.coefficients()[1]) > 0
+    return {name for name, used in zip(TERMS.values(), kept, strict=True) if used and name}
 
 
 def even(release: Release) -> Release:

@@ -1,4 +1,4 @@
-"""Truths of the hidden-effect suite: what is hidden in each log, and the logs.
+"""Joints with a hidden effect: what is hidden in each log, and the logs.
 
 Truths of the catalogue are made by `sysid.synth` (event-driven DOP853, hand and sensor included), those outside
 the catalogue by a DOP853 integration here. Neither shares code with the fit.
@@ -129,48 +129,6 @@ def make(truth: Truth, seed: int, folder: Path, *, quiet: bool = False) -> list[
     path = folder / f"{abs(hash(truth.name))}-{seed}-{quiet}.csv"
     synthesise(board_of(truth), truth.effects, options).save(path)
     return find_releases(read_roll(path))
-
-
-AGAINST_RECORD = {"offset", "preload", "sensor-bias", "inertia", "clock", "gravity", "discretisation"}
-"""Effects that leave a linear joint linear, and show against the board's record only."""
-VISIBLE = 50.0
-"""χ² below which a difference shows by chance: whoever looks pays about 13 for naming one effect (extended
-BIC), and what he finds scatters by twice the root of it."""
-
-
-def visibility(truth: Truth, seed: int, std: float, effects: Sequence[str]) -> float:
-    """Return how far a model is from a truth: χ² of its best fit to the log without noise.
-
-    Args:
-        truth: What is hidden.
-        seed: Of the log.
-        std: Noise of the sensor [rad].
-        effects: Of the model; none means the linear joint, with the record's own stiffness and damping where
-            what is hidden shows against the record only.
-    """
-    from tempfile import TemporaryDirectory
-
-    from sysid.diagnosis.search import Search
-
-    from sysid.fitting.initial_state import fit_initial_states
-    from sysid.fitting.records import make_records
-    from sysid.fitting.search import scales_of
-
-    with TemporaryDirectory() as folder:
-        quiet = make(truth, seed, Path(folder), quiet=True)
-    board = board_of(truth)
-    records = make_records(quiet, std, rate=False)
-    if not effects and set(truth.effects) & AGAINST_RECORD:
-        from sysid.joint import JointLaw
-
-        return float(
-            sum(np.sum((r / std) ** 2) for r in fit_initial_states(JointLaw.from_board(board), records)[0])
-        )
-    searcher = Search(records=records, scales=scales_of(records, board), bias="shared")
-    model = searcher.single(tuple(effects[:1]))
-    for name in effects[1:]:
-        model = searcher.union(model, searcher.single((name,)))
-    return 2 * searcher.fine(model, average=1).minimum.normal.cost
 
 
 def _integrated(

@@ -3,7 +3,7 @@
     python benchmarks/learned_torque.py --seeds 10 --out rows.jsonl --processes 16 --minutes 20
     python benchmarks/learned_torque.py --out rows.jsonl --write docs/learned_torque.md
 
-The truths and logs are those of the hidden-effect suite (`hidden_truths.py`): three releases each. The learned law then predicts
+The truths and logs are those of `hidden_truths.py`: three releases each. The learned law then predicts
 three releases of its own, from angles within what it has seen, with only their roll and rate at release fitted. Rows are
 appended as they come; cases whose row is there are not run again.
 """

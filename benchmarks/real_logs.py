@@ -4,7 +4,7 @@
 
 The folder is no part of the project; where it is absent nothing is run. What each log holds is known from its source or from an
 independent fit. Every command that `diagnose` prints as the next step is run, and must end well. A torque is learned beside what is
-named wherever that leaves more than the noise, whether `diagnose` would offer it or not. Seconds are of one processor.
+named wherever that leaves more than the noise. Seconds are of one processor.
 """
 
 import re
@@ -12,20 +12,22 @@ import shlex
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 from foreign_logs import options_of, verdicts
 from pages import table, write_between
-from sysid.diagnosis.remedy import described, tables
 
-from sysid.board import load_board
-from sysid.diagnosis.diagnose import Diagnosis, diagnose
-from sysid.diagnosis.report import fittable
+from sysid.board import Board, load_board
+from sysid.diagnosis.diagnose import Diagnosis, diagnose, fittable
 from sysid.errors import SysidError
+from sysid.fitting.formula import formula_of
+from sysid.fitting.joint import fit_joint
 from sysid.logs import read_roll
 from sysid.releases import find_releases
+from sysid.roll import Release
 
 ROOT = Path(__file__).parents[1]
 NEAR = 1.15
@@ -63,6 +65,19 @@ def ends_well(result: Diagnosis) -> bool:
     return well
 
 
+def learned(
+    releases: Sequence[Release], board: Board, beside: Sequence[str], noise: float
+) -> tuple[str, str, str]:
+    """Learn a torque beside effects; return error and held-out error over the noise, and the torque in words."""
+    try:
+        fit = fit_joint(releases, board, [*beside, "learned"])
+    except SysidError as error:
+        return "", "", str(error)
+    words = formula_of(fit)
+    text = "nothing" if words is None else words.text.replace("|", "\\|")
+    return f"{fit.rmse / noise:.2f}", f"{fit.heldout_rmse() / noise:.2f}", text
+
+
 def main() -> None:
     options = options_of(
         __doc__, "--write", type=Path, help="page with <!-- real logs --> marks to write the table into"
@@ -94,16 +109,10 @@ def main() -> None:
         right = any(needed <= said <= known for said in map(set, verdicts(result)))
         right &= ends_well(result)
         alike = "; ".join(", ".join(group) for group in v.indistinguishable_from)
-        learned = result.learned
-        if learned is None and result.best.rmse > NEAR * noise:
-            beside = fittable(v.effects)
-            found = tables(releases, board, beside, signal="auto", fixed=dict(result.held))
-            learned = None if found is None else described(found, beside)
         told = ("", "", "nothing")
-        if learned is not None:
-            errors = (f"{error / noise:.2f}" for error in (learned.error_after, learned.heldout_rmse))
-            told = (*errors, learned.text.partition(", it ")[2].replace("|", "\\|"))
-        before = (f"{error / noise:.2f}" for error in (v.error_before, result.best.rmse))
+        if result.best.rmse > NEAR * noise:
+            told = learned(releases, board, fittable(v.effects), noise)
+        before = (f"{error / noise:.2f}" for error in (result.baseline.rmse, result.best.rmse))
         rows.append((name, ", ".join(v.effects) or v.status, *before, *told))
         said = ("ok " if right else "BAD", *rows[-1], alike, f"{v.confidence:.2f}", f"{seconds:.0f} s")
         print(*said, sep=" | ", flush=True)

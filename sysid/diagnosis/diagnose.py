@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 FITTED = 5
 """Sets of families that are fitted by output error."""
 BENDS = 0.25
-"""Rise of the error beyond the noise up to which a law only bends another one: where none is exact, each may be off by a tenth of
+"""Share by which the error beyond the noise may rise while a law only bends another one: where none is exact, each may be off by a tenth of
 its torque, and two of them by more."""
 EVEN = 0.5
 """Probability from which a family is taken to act."""
@@ -52,6 +52,10 @@ SURE = 0.9
 """Probability of a set from which the equations decide."""
 STOP_LIKELY = 0.2
 """Probability of a stop from which the motion is put on a grid twice as fine: a stiff stop is met and left within a few nodes."""
+
+LONGEST = 2000
+"""Characters of a diagnosis as an interpreter shows it."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
@@ -170,8 +174,9 @@ class Diagnosis:
         )
 
     def __repr__(self) -> str:
-        """Return the report."""
-        return self.report()
+        """Return the report, or its first lines where it is long."""
+        text = self.report()
+        return text if len(text) < LONGEST else text[: text.rfind("\n", 0, LONGEST - 2)] + "\n…"
 
     def _repr_html_(self) -> str:
         from html import escape
@@ -231,7 +236,8 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
     if deviation.effects and verdict.status != "unexplained":
         alike = (*verdict.indistinguishable_from, *((*verdict.effects, *other) for other in deviation.alike))
         effects = (*verdict.effects, *deviation.effects)
-        verdict = replace(verdict, status="missing", effects=effects, indistinguishable_from=alike)
+        families = (*verdict.families, *(effect(name).family for name in deviation.effects))
+        verdict = replace(verdict, status="missing", effects=effects, families=families, indistinguishable_from=alike)
     ordered = sorted({c.effects: c for _, c in reversed(fits)}.values(), key=lambda c: c.score)
     rival = next((c for c in ordered if c.effects != best.effects), None)
     step = ""
@@ -334,6 +340,7 @@ def _fits(
     """
     fits: dict[tuple[str, ...], tuple[Found, Candidate]] = {}
     top = found.sets[0].probability
+    recorded = {f"{part.name}.{name}": q.value for part in board.effects for name, q in part.parameters.items()}
 
     def add(one: Found) -> None:
         names = fittable(one.effects)
@@ -343,7 +350,7 @@ def _fits(
         if not names:
             fits[names] = one, replace(base, score=score)
             return
-        near = {"rest_angle": 0.0, **one.parameters} if one.parameters else None
+        near = {"rest_angle": 0.0, **recorded, **one.parameters} if one.parameters else None
         try:
             fit = fit_joint(releases, board, (*own, *names), options, base.fit.problem.scales, near)
         except SysidError:

@@ -75,7 +75,9 @@ class Sets:
 class Problem:
     """One hypothesis of the noise: what is left after the nuisances are marginalised."""
 
-    def __init__(self, gram: Array, wide: Array, items: Sequence[Item], damping: float, bend: float = 0.0) -> None:
+    def __init__(
+        self, gram: Array, wide: Array, items: Sequence[Item], damping: float, bend: float = 0.0
+    ) -> None:
         """Take the regression of the log on the columns of all items.
 
         Args:
@@ -85,7 +87,9 @@ class Problem:
             damping: d that the smoother has: the total may not be negative.
             bend: Prior deviation of each bend, as a share of the strength.
         """
-        self.gram = np.pad(gram, ((0, 1), (0, 1)))  # the last column is empty: the second one of items with one
+        self.gram = np.pad(
+            gram, ((0, 1), (0, 1))
+        )  # the last column is empty: the second one of items with one
         self.wide, self.base = wide, len(wide)
         self.items, self.damping, self.bend = items, damping, bend
         self.pairs = np.array([(*item.columns, -1)[:2] for item in items])
@@ -103,10 +107,14 @@ def items_of(terms: Sequence[Term | None], families: Sequence[str], first: int) 
     """
     laws: dict[str, set[str]] = {}
     for term in terms:
-        laws.setdefault("rest" if term is None else term.family, set()).add("offset" if term is None else term.effect)
+        laws.setdefault("rest" if term is None else term.family, set()).add(
+            "offset" if term is None else term.effect
+        )
     items: list[Item] = []
     for term in terms:
-        family, signs, part = ("rest", (0,), 1.0) if term is None else (term.family, term.signs, term.shape.share)
+        family, signs, part = (
+            ("rest", (0,), 1.0) if term is None else (term.family, term.signs, term.shape.share)
+        )
         columns = tuple(range(first, first + len(signs)))
         share = float(np.log(part / len(laws[family])))
         items.append(Item(family=families.index(family), columns=columns, signs=signs, log_share=share))
@@ -115,10 +123,10 @@ def items_of(terms: Sequence[Term | None], families: Sequence[str], first: int) 
 
 
 def marginalised(gram: Array, keep: int, deviations: Array) -> tuple[Array, float]:
-    """Return a Gram matrix without its last columns, whose strengths have zero mean and these prior deviations.
+    """Return a Gram matrix without its last columns, whose strengths have zero mean and these prior deviations [1].
 
     Returns:
-        The first `keep` rows and columns, and the log of the factor that all evidences get.
+        The first `keep` rows and columns, shape (keep, keep), and the log of the factor that all evidences get.
     """
     if len(gram) == keep:
         return gram, 0.0
@@ -138,22 +146,32 @@ def solve(problem: Problem, items: Sequence[int]) -> Scored:
         bends = [c for item in picked for c in item.bends]
         each = [len(item.bends) // len(item.columns) for item in picked for _ in item.columns]
         loose = np.maximum(problem.bend * np.repeat(np.abs(mean[base:]), each), 1e-9)
-        likelihood, mean, covariance = _closed(problem.gram, np.r_[columns, bends].astype(np.intp), np.r_[wide, loose])
+        likelihood, mean, covariance = _closed(
+            problem.gram, np.r_[columns, bends].astype(np.intp), np.r_[wide, loose]
+        )
         mean, covariance = mean[: len(columns)], covariance[: len(columns), : len(columns)]
     possible = float(_possible(problem, mean, np.diag(covariance), wide, signs))
     prior = sum(problem.log_odds + item.log_share for item in picked)
     return Scored(
-        items=tuple(items), log_evidence=likelihood + possible + prior, likelihood=likelihood, means=mean, covariance=covariance
+        items=tuple(items),
+        log_evidence=likelihood + possible + prior,
+        likelihood=likelihood,
+        means=mean,
+        covariance=covariance,
     )
 
 
 def _closed(gram: Array, columns: npt.NDArray[np.intp], wide: Array) -> tuple[float, Array, Array]:
     """Return the log marginal likelihood, posterior means and covariance of one set of columns."""
     inner = gram[np.ix_(columns, columns)] + np.diag(wide**-2.0)
-    covariance = np.linalg.inv(inner)
+    covariance: Array = np.linalg.inv(inner)
     right = gram[columns, 0]
     mean = covariance @ right
-    return float(0.5 * right @ mean - 0.5 * np.linalg.slogdet(inner)[1] - np.log(wide).sum()), mean, covariance
+    return (
+        float(0.5 * right @ mean - 0.5 * np.linalg.slogdet(inner)[1] - np.log(wide).sum()),
+        mean,
+        covariance,
+    )
 
 
 def _possible(problem: Problem, mean: Array, variance: Array, wide: Array, signs: Array) -> Array:
@@ -186,13 +204,23 @@ def grow(problem: Problem, parent: Scored) -> Sets:
     determinant = np.maximum(a * b - c * c, 1e-300)
     va, vb, vc = b / determinant, a / determinant, -c / determinant
     ma, mb = va * right[first] + vc * right[second], vc * right[first] + vb * right[second]
-    gain = 0.5 * (right[first] * ma + right[second] * mb) - 0.5 * np.log(determinant) - np.log(loose).sum(axis=0)
+    gain = (
+        0.5 * (right[first] * ma + right[second] * mb) - 0.5 * np.log(determinant) - np.log(loose).sum(axis=0)
+    )
     wa, wb = moves[:, first], moves[:, second]
     mean = np.concatenate([parent.means[:, None] - wa * ma - wb * mb, [ma, mb]])
     variance = np.diag(parent.covariance)[:, None] + wa * wa * va + 2 * wa * wb * vc + wb * wb * vb
     strengths = len(inside) - problem.base
-    wide = np.concatenate([np.repeat(problem.wide[:, None], count, axis=1), np.full((strengths, count), STRENGTH), loose])
-    signs = np.concatenate([np.zeros((problem.base, 1)), np.array([[s] for i in own for s in problem.items[i].signs]).reshape(-1, 1)])
+    most = np.where(problem.pairs[picked].T < 0, np.inf, loose)  # an empty column is always possible
+    wide = np.concatenate(
+        [np.repeat(problem.wide[:, None], count, axis=1), np.full((strengths, count), STRENGTH), most]
+    )
+    signs = np.concatenate(
+        [
+            np.zeros((problem.base, 1)),
+            np.array([[s] for i in own for s in problem.items[i].signs]).reshape(-1, 1),
+        ]
+    )
     signs = np.concatenate([np.repeat(signs, count, axis=1), problem.signs[picked].T])
     possible = _possible(problem, mean, np.concatenate([variance, [va, vb]]), wide, signs)
     prior = (len(own) + 1) * problem.log_odds + problem.shares[own].sum() + problem.shares[picked]
@@ -234,5 +262,7 @@ def joined(parts: Sequence[Sets]) -> Sets:
     """Return some sets together, each once."""
     items = np.concatenate([p.items for p in parts])
     _, once = np.unique(items, axis=0, return_index=True)
-    families, log = (np.concatenate([getattr(p, name) for p in parts]) for name in ("families", "log_evidence"))
+    families, log = (
+        np.concatenate([getattr(p, name) for p in parts]) for name in ("families", "log_evidence")
+    )
     return Sets(items=items[once], families=families[once], log_evidence=log[once])

@@ -37,7 +37,11 @@ def weigh(fits: Sequence[tuple[Found, JointFit]], families: int) -> list[float] 
     for found, fit in fits:
         samples, free = fit.problem.samples, len(fit.problem.names)
         named = len([f for f in found.families if f != "rest"])
-        logs.append(-0.5 * samples * (fit.rmse / noise) ** 2 - 0.5 * free * np.log(samples) - named * np.log(max(families - 1, 1)))
+        logs.append(
+            -0.5 * samples * (fit.rmse / noise) ** 2
+            - 0.5 * free * np.log(samples)
+            - named * np.log(max(families - 1, 1))
+        )
     weights = np.exp(np.array(logs) - max(logs))
     return [float(w) for w in weights / weights.sum()]
 
@@ -55,19 +59,32 @@ def sizes_of(fit: JointFit, names: Sequence[str]) -> dict[str, Size]:
     for record, (angle, rate) in zip(fit.records, fit.starts, strict=True):
         time = np.linspace(0.0, float(record.time[-1]), 2000)
         path = simulate(plain, time, angle, rate)
-        spring = max(spring, float(np.abs(law.frequency**2 * law.inertia * (path.roll - law.rest_angle)).max()))
+        spring = max(
+            spring, float(np.abs(law.frequency**2 * law.inertia * (path.roll - law.rest_angle)).max())
+        )
         lost += law.damping * float(np.trapezoid(path.rate**2, time))
         for name in names:
             torque = effect_torque(plain, name, time, path.roll, path.rate)
             peaks[name] = max(peaks[name], float(np.quantile(np.abs(torque), 0.999)))
-            works[name] -= float(np.trapezoid(loss_of(torque[:, None], path.roll - law.rest_angle)[:, 0] * path.rate, time))
+            if effect(name).states:
+                spent = loss_of(torque[:, None], path.roll - law.rest_angle)[:, 0]
+            else:  # what changes sign with the rate; the rest is stored
+                spent = (torque - effect_torque(plain, name, time, path.roll, -path.rate)) / 2
+            works[name] -= float(np.trapezoid(spent * path.rate, time))
     lost += sum(works.values())
     found: dict[str, Size] = {}
     for name in names:
         first = fit.quantities.get(f"{name}.{effect(name).parameters[0].name}")
-        share = first.std / abs(first.value) if first is not None and first.value and np.isfinite(first.std) else 0.0
+        share = (
+            first.std / abs(first.value)
+            if first is not None and first.value and np.isfinite(first.std)
+            else 0.0
+        )
         torque, energy = peaks[name] / spring, works[name] / (lost or 1e-300)
         found[effect(name).family] = Size(
-            torque_share=torque, torque_std=share * torque, energy_share=energy, energy_std=share * abs(energy)
+            torque_share=torque,
+            torque_std=share * torque,
+            energy_share=energy,
+            energy_std=share * abs(energy),
         )
     return found

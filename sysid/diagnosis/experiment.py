@@ -15,7 +15,7 @@ DECIDED = float(np.log(19.0))
 ANGLES = np.radians([0.5, 1, 2, 3, 5, 7, 10, 15, 20, 30, 45, 60, 90, 120, 150])
 """Release angles that a person can set [rad]."""
 WIDER = 1.5
-"""A release may go so much wider than the widest one in the logs, within the joint's range."""
+"""A release may go so many times wider than the widest one in the logs, within the joint's range."""
 MOST = 5
 """Releases that one is ready to make."""
 
@@ -49,7 +49,9 @@ def deciding(one: JointFit, other: JointFit, board: Board) -> Experiment | None:
     for angle in possible:
         for side in (1.0, -1.0):
             try:
-                first, second = (simulate(fit.law, time, fit.law.rest_angle + side * float(angle)) for fit in (one, other))
+                first, second = (
+                    simulate(fit.law, time, fit.law.rest_angle + side * float(angle)) for fit in (one, other)
+                )
             except SysidError:
                 continue
             a, b = (first.rate, second.rate) if record.is_rate else (first.roll, second.roll)
@@ -58,7 +60,14 @@ def deciding(one: JointFit, other: JointFit, board: Board) -> Experiment | None:
             odds = 0.5 * float(apart @ apart) / noise**2
             number = int(np.ceil(DECIDED / max(odds, 1e-9)))
             if number <= MOST:
-                found.append(Experiment(float(side * angle), number, float(time[-1]), float(np.abs(first.roll - second.roll).max())))
+                found.append(
+                    Experiment(
+                        float(side * angle),
+                        number,
+                        float(time[-1]),
+                        float(np.abs(first.roll - second.roll).max()),
+                    )
+                )
     return min(found, key=lambda e: (e.number, abs(e.angle)), default=None)
 
 

@@ -125,7 +125,7 @@ def _adds(part: Effect, force: Sequence[Parameter], shapes: Sequence[Parameter],
 
 
 def shape_values(p: Parameter, scales: Scales, count: int) -> Array:
-    """Return values of a shape parameter between its bounds, in units of its size."""
+    """Return values of a shape parameter between its bounds, in units of its size [1], shape (count,)."""
     if p.low < 0:
         return np.linspace(p.low, p.high, 2 * count)
     low = p.low or p.high / SPAN
@@ -154,7 +154,7 @@ class Laws:
         )  # fmt: skip
 
     def recorded(self, smoothed: Smoothed, known: Sequence[tuple[TorqueEffect, Mapping[str, float]]]) -> list[Array]:
-        """Return the opposing torque over I ω₀² A of effects with given parameters, shape (r, n) each."""
+        """Return the opposing torque over I ω₀² A of effects with given parameters [1], shape (r, n) each."""
         state, spread = self._state(smoothed)
         wide = JointState(state.tilt[..., None], state.rate[..., None], state.roll[..., None], state.stiffness)
         found: list[Array] = []

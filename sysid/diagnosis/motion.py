@@ -63,7 +63,7 @@ class Motion:
 
     @property
     def inside(self) -> Mask:
-        """Nodes that belong to a release, shape (r, n)."""
+        """Nodes that belong to a release [1], shape (r, n)."""
         return np.arange(self.reading.shape[1])[None] < self.length[:, None]
 
     @property
@@ -73,7 +73,13 @@ class Motion:
 
 
 def motion_of(
-    releases: Sequence[Release], rest: float, noise: float, *, rate: bool, nodes: int = NODES, frequency: float | None = None
+    releases: Sequence[Release],
+    rest: float,
+    noise: float,
+    *,
+    rate: bool,
+    nodes: int = NODES,
+    frequency: float | None = None,
 ) -> Motion:
     """Put the free motion of some releases on a grid.
 

@@ -17,7 +17,7 @@ WANDERS = 8
 
 
 def nameless(motion: Motion, smoothed: Smoothed, linear: float, damping: float) -> Array:
-    """Return the functions of g, each of the size of its prior deviation at τ = 1, shape (n, m).
+    """Return the functions of g [1], each of the size of its prior deviation at τ = 1, shape (n, m).
 
     Gaussian functions of angle, of rate, and of both, and a slow drift of stiffness and damping, within and between releases. They are
     orthogonal to spring, damper, constant, x², x³, v|v|, v³ and sgn v, so that g cannot take a torque that has a name.
@@ -55,7 +55,7 @@ def nameless(motion: Motion, smoothed: Smoothed, linear: float, damping: float) 
 
 
 def sensor(motion: Motion, smoothed: Smoothed) -> tuple[Array, Array]:
-    """Return what a sensor may add to a reading, shape (n, s), and the prior deviation of each term, shape (s,).
+    """Return what a sensor may add to a reading [1], shape (n, s), and the prior deviation of each term, shape (s,).
 
     Its distortion is a polynomial of angle and rate. Its zero wanders as a random walk (Karhunen-Loève functions).
     """
@@ -77,7 +77,7 @@ BENDS = 4
 
 
 def bends(motion: Motion, smoothed: Smoothed) -> Array:
-    """Return functions of angle and rate by which a law may be off, shape (n, BENDS): Chebyshev polynomials of degree 1 and 2."""
+    """Return functions of angle and rate by which a law may be off [1], shape (n, BENDS): Chebyshev polynomials of degree 1 and 2."""
     x, v = smoothed.angle[motion.inside], smoothed.rate[motion.inside]
     v = v / np.abs(v).max()
     return np.column_stack([x, 2 * x * x - 1, v, 2 * v * v - 1])

@@ -169,7 +169,7 @@ def posterior(motion: Motion, subject: Subject, grids: Mapping[str, list[Shape]]
 
 
 def lost(torque: Array, angle: Array) -> Array:
-    """Return torques, shape (n, c), without their part that is a function of the angle, which loses no energy."""
+    """Return torques [1], shape (n, c), without their part that is a function of the angle, which loses no energy."""
     span = np.polynomial.chebyshev.chebvander(angle / np.abs(angle).max(), CONSERVATIVE)
     return torque - span @ np.linalg.lstsq(span, torque, rcond=None)[0]
 
@@ -278,7 +278,7 @@ def found_sets(
         cells: Hypotheses of the noise with the evidence of their sets.
         terms: All terms; None stands for another rest angle.
         families: Names of the families.
-        sizes: Strength of each term's columns at which a coefficient is 1.
+        sizes: Strength of each term's columns at which a coefficient is 1, shape (c,) each [1].
         linear: Value of 'stiffness' and 'damping' where their coefficients are 0, and the unit of these.
     """
     logs = np.concatenate([s.log_evidence for _, s in cells])

@@ -32,21 +32,29 @@ def explanation(result: "Diagnosis") -> str:
     verdict, found = result.verdict, result.posterior
     noise = result.noise.std
     parts: list[str] = []
-    if result.status == "missing" and verdict.families:
+    if result.status == "missing" and result.best.effects:
         parts.append(
-            f"With {_listed(verdict.effects)} the error falls from {result.baseline.rmse / noise:.3g} to {result.best.rmse / noise:.3g} "
+            f"With {_listed(result.best.effects)} the error falls from {result.baseline.rmse / noise:.3g} to {result.best.rmse / noise:.3g} "
             f"times the noise ({percent(result.explained)} of the squared error beyond it)."
         )
     elif result.status == "none-missing":
-        parts.append(f"The record's law leaves {result.baseline.rmse / noise:.3g} times the noise; nothing that matters is missing.")
+        parts.append(
+            f"The record's law leaves {result.baseline.rmse / noise:.3g} times the noise; nothing that matters is missing."
+        )
     if result.status == "unexplained":
         parts.append(
             f"A torque without a name carries {percent(found.nameless)} of the spring's (RMS); the best candidate leaves "
             f"{result.best.rmse / noise:.3g} times the noise."
         )
-    parts += [f"{family}: {size_in_words(found.sizes[family])}." for family in verdict.families if family in found.sizes]
+    parts += [
+        f"{family}: {size_in_words(found.sizes[family])}."
+        for family in verdict.families
+        if family in found.sizes
+    ]
     if found.by_cycles:
-        parts.append("Judged by amplitude and phase of each cycle: the decay is light and the waveform is not exact.")
+        parts.append(
+            "Judged by amplitude and phase of each cycle: the decay is light and the waveform is not exact."
+        )
     parts += [result.record_text] if result.record_text else []
     parts += [f"Hint: {_hint(hint)}." for hint in verdict.hints]
     return " ".join(parts)
@@ -91,7 +99,9 @@ def report(result: "Diagnosis", width: int, space: Workspace, logs: Sequence[Pat
     if result.next_experiment:
         lines.append(f"next experiment: {result.next_experiment}")
     if result.status == "unexplained":
-        lines.append(f"to learn the torque: {_fit(result, space, logs, (*fittable_names(result), 'learned'))}")
+        lines.append(
+            f"to learn the torque: {_fit(result, space, logs, (*fittable_names(result), 'learned'))}"
+        )
     if result.effects:
         lines.append(f"to add it: {_fit(result, space, logs, result.effects)}")
     return "\n".join(lines)
@@ -120,7 +130,10 @@ def to_json(result: "Diagnosis") -> dict[str, Any]:
         "logs": list(result.logs),
         "signal": "rate" if result.is_rate else "roll",
         "noise_floor_rad": per * result.noise.std,
-        "baseline": {"rmse_rad": per * result.baseline.rmse, "heldout_rmse_rad": per * result.baseline.heldout_rmse},
+        "baseline": {
+            "rmse_rad": per * result.baseline.rmse,
+            "heldout_rmse_rad": per * result.baseline.heldout_rmse,
+        },
         "candidates": [
             {
                 "effects": list(c.effects),
@@ -143,9 +156,17 @@ def to_json(result: "Diagnosis") -> dict[str, Any]:
             "families": list(verdict.families),
             "explained": result.explained,
             "matters": _matters(result),
-            "remainder": {"rmse_rad": per * result.remainder, "text": f"{result.best.rmse / result.noise.std:.3g} times the noise"},
+            "remainder": {
+                "rmse_rad": per * result.remainder,
+                "text": f"{result.best.rmse / result.noise.std:.3g} times the noise",
+            },
             "hints": [
-                {"effects": list(h.effects), "probability": h.probability, "size": None if h.size is None else _size(h.size), "text": _hint(h)}
+                {
+                    "effects": list(h.effects),
+                    "probability": h.probability,
+                    "size": None if h.size is None else _size(h.size),
+                    "text": _hint(h),
+                }
                 for h in verdict.hints
             ],
             "learned": None,
@@ -180,15 +201,20 @@ def _after_ten(result: "Diagnosis") -> float:
     period = 2 * math.pi / first.frequency
     time = np.linspace(0.0, 10 * period, 1000)
     swings = [
-        float(np.ptp(simulate(one, time, one.rest_angle + widest.roll[0] - widest.rest).roll[-100:])) for one in (first, law)
+        float(np.ptp(simulate(one, time, one.rest_angle + widest.roll[0] - widest.rest).roll[-100:]))
+        for one in (first, law)
     ]
     return swings[1] / max(swings[0], 1e-12)
 
 
 def _size(size: "Size") -> dict[str, Any]:
-    values = {"torque_share": (size.torque_share, size.torque_std), "energy_share": (size.energy_share, size.energy_std)}
+    values = {
+        "torque_share": (size.torque_share, size.torque_std),
+        "energy_share": (size.energy_share, size.energy_std),
+    }
     return {
-        name: {"value": v, "std": s, "ci95": [v - 1.96 * s, v + 1.96 * s], "unit": "1"} for name, (v, s) in values.items()
+        name: {"value": v, "std": s, "ci95": [v - 1.96 * s, v + 1.96 * s], "unit": "1"}
+        for name, (v, s) in values.items()
     }
 
 

@@ -28,7 +28,7 @@ TURNS = 3
 WALKS = (1e-4, 1e-3, 1e-2)
 """Random walk of ln a and of the phase in the square root of a period: what no law explains."""
 LOST = 0.4
-"""Loss of ln a in a cycle above which averaging does not hold."""
+"""Loss of ln a in a cycle [1] above which averaging does not hold."""
 FEWEST_CYCLES = 10
 """Cycles of the shortest decay that has a slow flow."""
 
@@ -66,7 +66,10 @@ def cycles_of(motion: Motion) -> list[Cycles]:
             reading = motion.reading[row, nodes]
             c, *_ = np.linalg.lstsq(table, reading, rcond=None)
             left = reading - table @ c
-            noise = max(float(left @ left) / max(len(at) - table.shape[1], 1), float(np.median(motion.variance[row, nodes])))
+            noise = max(
+                float(left @ left) / max(len(at) - table.shape[1], 1),
+                float(np.median(motion.variance[row, nodes])),
+            )
             inverse = np.linalg.inv(table.T @ table)
             amplitude = float(np.hypot(c[0], c[1]))
             phase = float(np.arctan2(-c[1], c[0])) - (np.pi / 2 if motion.is_rate else 0.0)
@@ -79,12 +82,16 @@ def cycles_of(motion: Motion) -> list[Cycles]:
         begin = int(np.argmax(loss < LOST)) if len(loss) else 0
         if len(middle) - begin >= 3:
             keep = slice(begin, None)
-            found.append(Cycles(time=middle[keep], amplitude=amplitude[keep], phase=np.unwrap(phase)[keep], std=std[keep]))
+            found.append(
+                Cycles(
+                    time=middle[keep], amplitude=amplitude[keep], phase=np.unwrap(phase)[keep], std=std[keep]
+                )
+            )
     return found
 
 
 def averaged(laws: Laws, subject: Subject, lowest: float) -> tuple[Array, Array, list[Term]]:
-    """Return amplitudes, shape (a,), and ȧ/a and ψ̇ - 1 there, shape (a, 2, c), of the record's effects and of all terms."""
+    """Return amplitudes [1], shape (a,), and ȧ/a and ψ̇ - 1 there, shape (a, 2, c), of the record's effects and of all terms."""
     amplitudes = np.geomspace(lowest, 1.0, AMPLITUDES)
     size = laws.motion.nodes_a_period
     psi = np.arange(TURNS * size) * 2 * np.pi / size
@@ -100,11 +107,17 @@ def averaged(laws: Laws, subject: Subject, lowest: float) -> tuple[Array, Array,
     last = slice(-size, None)
     wave = np.stack([np.sin(psi[last]), np.cos(psi[last])])
     recorded = own.recorded(smoothed, subject.known)
-    known = np.stack([_mean(c[..., None], wave, last, amplitudes)[..., 0] for c in recorded], axis=2) if recorded else np.zeros((AMPLITUDES, 2, 0))
+    known = (
+        np.stack([_mean(c[..., None], wave, last, amplitudes)[..., 0] for c in recorded], axis=2)
+        if recorded
+        else np.zeros((AMPLITUDES, 2, 0))
+    )
     found: list[Term] = []
     for term in own.terms(smoothed, subject.parts, {}):
         mean = _mean(term.columns, wave, last, amplitudes)
-        like = np.sqrt(0.5 / np.mean(term.columns[-1, last] ** 2, axis=0))  # as large as the spring's torque in the widest swing
+        like = np.sqrt(
+            0.5 / np.mean(term.columns[-1, last] ** 2, axis=0)
+        )  # as large as the spring's torque in the widest swing
         unit = tuple(float(u * s) for u, s in zip(term.unit, like, strict=True))
         found.append(replace(term, columns=mean * like, unit=unit))
     return amplitudes, known, found
@@ -128,7 +141,7 @@ class Regression:
 
 
 def regression(cycles: Sequence[Cycles], amplitudes: Array, flows: Array) -> Regression:
-    """Return the increments of a decay, and columns of spring, damper and flows, shape (a, 2, m)."""
+    """Return the increments of a decay, and columns of spring, damper and flows [1], shape (a, 2, m)."""
     steps: list[Array] = []
     tables: list[Array] = []
     blocks: list[tuple[slice, Array, Array]] = []
@@ -141,15 +154,26 @@ def regression(cycles: Sequence[Cycles], amplitudes: Array, flows: Array) -> Reg
         plain = np.zeros((2, len(h), 2))
         plain[0, :, 1], plain[1, :, 0] = -h / 2, h / 2
         place = np.log(np.clip(middle, amplitudes[0], 1.0))
-        flow = np.stack([[np.interp(place, np.log(amplitudes), laws[:, w, m]) for m in range(laws.shape[2])] for w in (0, 1)])
-        tables.append(np.concatenate([plain, flow.reshape(2, laws.shape[2], -1).transpose(0, 2, 1) * h[:, None]], axis=2))
+        flow = np.stack(
+            [
+                [np.interp(place, np.log(amplitudes), laws[:, w, m]) for m in range(laws.shape[2])]
+                for w in (0, 1)
+            ]
+        )
+        tables.append(
+            np.concatenate(
+                [plain, flow.reshape(2, laws.shape[2], -1).transpose(0, 2, 1) * h[:, None]], axis=2
+            )
+        )
         blocks.append((slice(at, at + len(h)), c.std, h))
         at += len(h)
-    return Regression(increments=np.concatenate(steps, axis=1), columns=np.concatenate(tables, axis=1), blocks=blocks)
+    return Regression(
+        increments=np.concatenate(steps, axis=1), columns=np.concatenate(tables, axis=1), blocks=blocks
+    )
 
 
 def whitened(problem: Regression, of_amplitude: float, of_phase: float) -> tuple[Array, float]:
-    """Return the Gram matrix of increments and columns, and the log determinant.
+    """Return the Gram matrix of increments and columns [1], shape (1 + m, 1 + m), and the log determinant.
 
     Increments share the errors of the cycles between them, and have a random walk of their own.
 
@@ -196,17 +220,32 @@ def slow_posterior(fast: Posterior, subject: Subject) -> Posterior | None:
         own = list(range(at, at + term.columns.shape[2]))
         at += len(own)
         seen = table[:, own]
-        if np.linalg.norm(seen - frame @ (frame.T @ seen)) > SHOWS * np.linalg.norm(table[:, 1]) * fast.damping:
+        if (
+            np.linalg.norm(seen - frame @ (frame.T @ seen))
+            > SHOWS * np.linalg.norm(table[:, 1]) * fast.damping
+        ):
             kept.append(term)
             columns += own
     rate, middle = fast.damping, np.concatenate([np.sqrt(c.amplitude[1:] * c.amplitude[:-1]) for c in cycles])
     step = np.concatenate([h for _, _, h in flow.blocks])
     place = (np.log(middle) - np.log(middle.min())) / max(float(np.ptp(np.log(middle))), 1e-9)
-    bumps = np.exp(-0.5 * ((place[:, None] - np.linspace(0, 1, BUMPS)) * (BUMPS - 1)) ** 2) * (step * rate / 2)[:, None]
-    plain = np.stack([np.column_stack([table[: len(step), :2], np.zeros(len(step))]), np.column_stack([table[len(step) :, :2], np.zeros(len(step))])])
+    bumps = (
+        np.exp(-0.5 * ((place[:, None] - np.linspace(0, 1, BUMPS)) * (BUMPS - 1)) ** 2)
+        * (step * rate / 2)[:, None]
+    )
+    plain = np.stack(
+        [
+            np.column_stack([table[: len(step), :2], np.zeros(len(step))]),
+            np.column_stack([table[len(step) :, :2], np.zeros(len(step))]),
+        ]
+    )
     g = np.zeros((2, len(step), 2 * BUMPS))
     g[0, :, :BUMPS], g[1, :, BUMPS:] = bumps, bumps
-    g -= np.einsum("wij,jk->wik", plain[..., :2], np.linalg.lstsq(plain[..., :2].reshape(-1, 2), g.reshape(-1, 2 * BUMPS), rcond=None)[0])
+    g -= np.einsum(
+        "wij,jk->wik",
+        plain[..., :2],
+        np.linalg.lstsq(plain[..., :2].reshape(-1, 2), g.reshape(-1, 2 * BUMPS), rcond=None)[0],
+    )
     whole = replace(flow, columns=np.concatenate([flow.columns[:, :, columns], g], axis=2))
     families = sorted({t.family for t in kept})
     items = items_of(kept, families, 1 + base)
@@ -216,7 +255,11 @@ def slow_posterior(fast: Posterior, subject: Subject) -> Posterior | None:
         for of_phase in WALKS:
             gram, spread = whitened(whole, of_amplitude, of_phase)
             for tau in SLOW_NAMELESS:
-                reduced, more = (gram[:named, :named], 0.0) if not tau else marginalised(gram, named, np.full(2 * BUMPS, tau))
+                reduced, more = (
+                    (gram[:named, :named], 0.0)
+                    if not tau
+                    else marginalised(gram, named, np.full(2 * BUMPS, tau))
+                )
                 problem = Problem(reduced, np.ones(base), items, 0.0)
                 sets = search(problem)
                 constant = -0.5 * spread - 0.5 * reduced[0, 0] + more
@@ -231,7 +274,12 @@ def slow_posterior(fast: Posterior, subject: Subject) -> Posterior | None:
     sizes: dict[str, Size] = {}
     weight = middle**2
     lost = flow.columns[0][:, columns]
-    loss = -float(weight @ lost[:, :base] @ scored.means[:base]) - float(sum(weight @ lost[:, c - 1] * m for c, m in zip([c for i in best for c in items[i].columns], scored.means[base:], strict=True)))
+    loss = -float(weight @ lost[:, :base] @ scored.means[:base]) - float(
+        sum(
+            weight @ lost[:, c - 1] * m
+            for c, m in zip([c for i in best for c in items[i].columns], scored.means[base:], strict=True)
+        )
+    )
     at = base
     for i in best:
         n = len(items[i].columns)
@@ -243,7 +291,16 @@ def slow_posterior(fast: Posterior, subject: Subject) -> Posterior | None:
             energy_share=float(-work @ means / (loss or 1e-12)), energy_std=float(np.sqrt(max(work @ spread @ work, 0.0)) / abs(loss or 1e-12)),
         )  # fmt: skip
         at += n
-    return replace(fast, sets=sets, singles=singles, inclusion=inclusion, sizes=sizes, by_cycles=True, nameless=tau * rate, named=max((s.torque_share for s in sizes.values()), default=0.0))
+    return replace(
+        fast,
+        sets=sets,
+        singles=singles,
+        inclusion=inclusion,
+        sizes=sizes,
+        by_cycles=True,
+        nameless=tau * rate,
+        named=max((s.torque_share for s in sizes.values()), default=0.0),
+    )
 
 
 BUMPS = 6

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cholesky_banded, expm
-from scipy.linalg.lapack import dtbtrs
+from scipy.linalg.lapack import dtbtrs  # pyright: ignore[reportAttributeAccessIssue, reportUnknownVariableType]
 
 from sysid.diagnosis.motion import Mask, Motion
 from sysid.roll import Array
@@ -35,11 +35,11 @@ class Contact:
 
 
 def transition(stiffness: float, damping: float, step: float) -> tuple[Array, Array, Array]:
-    """Return the exact step of ẍ = -k x - d v + u, u linear in time: of the states, and of u at both ends."""
+    """Return the exact step of ẍ = -k x - d v + u, u linear in time, in units of `Motion` [1]: of the states, shape (2, 2), and of u at both ends, shape (2,)."""
     block = np.zeros((4, 4))
     block[0, 1] = block[1, 2] = 1.0
     block[1, 0], block[1, 1], block[2, 3] = -stiffness, -damping, 1.0 / step
-    moved = expm(block * step)
+    moved: Array = np.asarray(expm(block * step), dtype=np.float64)
     return moved[:2, :2], moved[:2, 2] - moved[:2, 3], moved[:2, 3]
 
 
@@ -73,7 +73,10 @@ class Smoother:
         if contact is not None:
             stopped = transition(stiffness + contact.stiffness, damping + contact.damping, h)
             acts = contact.acts.ravel()[flat][self.pairs - 1]
-            steps = [np.where(acts[(slice(None), *[None] * m.ndim)], s, m) for s, m in zip(stopped, plain, strict=True)]
+            steps = [
+                np.where(acts[(slice(None), *[None] * m.ndim)], s, m)
+                for s, m in zip(stopped, plain, strict=True)
+            ]
         self.moved, self.early, self.late = steps
         root = np.array([[h**3 / 3, h**2 / 2], [h**2 / 2, h]])
         self.white = np.linalg.inv(np.linalg.cholesky(root))
@@ -90,17 +93,17 @@ class Smoother:
         self.reading = motion.reading.ravel()[flat]
 
     def flat(self, values: Array) -> Array:
-        """Return the values at the nodes inside, shape (n, ...)."""
+        """Return the values [1] at the nodes inside, shape (n, ...)."""
         return values.reshape(-1, *values.shape[2:])[self.inside.ravel()]
 
     def grid(self, values: Array) -> Array:
-        """Return values at the nodes inside on the whole grid, 0 outside."""
+        """Return values [1] at the nodes inside on the whole grid, shape (r, n), 0 outside."""
         out = np.zeros(self.inside.shape)
         out[self.inside] = values
         return out
 
     def impulses(self, torques: Array) -> Array:
-        """Return what torques, shape (n, m), do in each step to the states after it, shape (p, 2, m)."""
+        """Return what torques [1], shape (n, m), do in each step to the states after it, shape (p, 2, m)."""
         before, after = torques[self.pairs - 1], torques[self.pairs]
         return self.early[:, :, None] * before[:, None] + self.late[:, :, None] * after[:, None]
 
@@ -108,7 +111,10 @@ class Smoother:
         """Return the Cholesky factor of the precision, its whitened steps, and the log determinant of the readings' covariance.
 
         Args:
-            share: ε.
+            share: ε [1].
+
+        Returns:
+            Shapes (4, 2 n) as a lower band, and (p, 2, 2).
         """
         size = self.size_of_noise / share
         white = self.unit / share
@@ -128,7 +134,9 @@ class Smoother:
         lower = cholesky_banded(band, lower=True, check_finite=False)
         own = float(np.linalg.slogdet(self.white)[1])
         prior = 2 * float(np.log(size).sum()) + len(size) * own - 2 * int(self.first.sum()) * np.log(DIFFUSE)
-        spread = 2 * float(np.log(lower[0]).sum()) - 2 * prior - float(np.log(self.precision[self.reads]).sum())
+        spread = (
+            2 * float(np.log(lower[0]).sum()) - 2 * prior - float(np.log(self.precision[self.reads]).sum())
+        )
         return lower, white, spread
 
     def _pulled(self, impulses: Array) -> tuple[Array, Array]:
@@ -140,7 +148,7 @@ class Smoother:
         return scaled, right
 
     def prepare(self, torques: Array, sensed: Array) -> None:
-        """Take the columns of a regression: opposing torques, shape (n, m), and what the sensor may add, shape (n, s)."""
+        """Take the columns of a regression [1]: opposing torques, shape (n, m), and what the sensor may add, shape (n, s)."""
         force, right = self._pulled(self.impulses(np.column_stack([torques, self._known()])))
         read = np.column_stack([self.reading, sensed])
         seen = (self.precision[:, None] * read)[:, None, :] * self.seen[:, :, None]
@@ -154,7 +162,7 @@ class Smoother:
         """Return the Gram matrix of the whitened log, torques and sensor terms, and the log determinant of the readings' covariance.
 
         Args:
-            share: ε.
+            share: ε [1].
 
         Returns:
             Shape (1 + m + s, 1 + m + s), the reading first.
@@ -185,7 +193,7 @@ class Smoother:
         """Return the smoothed motion under an opposing torque.
 
         Args:
-            share: ε.
+            share: ε [1].
             torque: Shape (r, n).
             sensed: What the sensor added, shape (n,).
             spread: Whether the variance of the rate is wanted; 0 where not.

@@ -17,7 +17,7 @@ BESIDE = 0.25
 MOSTLY = 0.5
 """Share of the squared error beyond the noise from which a fit explains most of it."""
 LITTLE = 0.1
-"""ε from which the equations say little: the law is not understood."""
+"""ε [1] from which the equations say little: the law is not understood."""
 
 Status = Literal["none-missing", "missing", "unexplained"]
 

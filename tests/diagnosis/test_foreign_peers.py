@@ -5,7 +5,9 @@ from pathlib import Path
 import foreign_peers
 import numpy as np
 import pytest
-from random_truths import draw, move, write
+
+from sysid.board import Board
+from sysid.synth import SynthOptions, synthesise
 
 
 def test_our_verdicts_are_read_as_they_were_printed() -> None:
@@ -25,9 +27,8 @@ def test_a_peer_that_is_not_installed_or_fails_says_so() -> None:
 
 
 def test_peers_get_the_same_releases_on_even_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    case = draw(0)
-    assert case.kind == "clean"
-    write(case, move(case), tmp_path / "log.csv")
+    options = SynthOptions(angles=(0.15, -0.12), rate=500.0, jitter=0.1)
+    synthesise(Board.load("pink"), {}, options).save(tmp_path / "log.csv")
     seen = []
     monkeypatch.setattr(
         foreign_peers, "ask_mujoco_sysid", lambda releases, board: seen.extend(releases) or "fine"

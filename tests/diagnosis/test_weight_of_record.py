@@ -75,7 +75,7 @@ def test_a_weight_that_errs_as_scales_do_makes_no_unknown_law_of_friction(releas
 def test_a_weight_that_is_off_by_more_than_the_record_knows_it_is_said(releases):
     found = diagnose(releases, record(-0.08))
     assert set(found.verdict.families) == {"friction", "inertia"}
-    assert "+8.7 % against the record, which knows it to ± 2 %" in found.verdict.explanation
+    assert "+8.7 % against the record, which knows it to ± 2 %" in found.report()
     told = diagnose(releases, record(-0.08, std=0.04)).verdict
     assert told.families == ("friction",)
 

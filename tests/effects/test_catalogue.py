@@ -70,7 +70,7 @@ def test_experiments_are_in_the_unit_of_the_joint(name):
 @pytest.mark.parametrize("name", [n for n in NAMES if effect(n).role in ("torque", "support")])
 def test_steps_are_as_fine_as_the_law_is_sharp(name):
     """With the steps of a final fit the integration changes χ² of 6000 samples at 0.04° by less than chance does."""
-    from sysid.diagnosis.search import FINE
+    from sysid.fitting.joint import FitOptions
     from sysid.joint.hermite import hermite_matrix
     from sysid.joint.integrator import Rollout, build_stepper, steps_for
 
@@ -84,7 +84,8 @@ def test_steps_are_as_fine_as_the_law_is_sharp(name):
         start = np.asarray(stepper.initial(law.vector, [0.15, 0.0], 1.0)).ravel()
         return hermite_matrix(time, h, steps) @ Rollout(stepper, steps)(start, np.append(law.vector, h))[:, 0]
 
-    coarse, fine = (roll(FINE * factor * law.structure.sharpness) for factor in (1, 8))
+    steps = FitOptions().steps_per_period * (3 if law.structure.nonsmooth else 1)
+    coarse, fine = (roll(steps * factor) for factor in (1, 8))
     assert 3 * np.sum((coarse - fine) ** 2) < (10 if law.structure.nonsmooth else 1) * np.radians(0.04) ** 2
 
 

@@ -1,6 +1,6 @@
 """The random suite: does `diagnose` name the families of random logs (`decay_truths.py`)?
 
-    python benchmarks/decay_suite_diagnose.py --seeds 0:200 --processes 8 --out rows.jsonl
+    python benchmarks/diagnosis_suite.py --seeds 0:200 --processes 8 --out rows.jsonl
 
 One row a log. The last lines say how many are right by kind, and how the stated confidence compares with that.
 """
