@@ -1,8 +1,8 @@
 """Fit one joint to releases: the search, then removal of parameters that the data do not need, then outliers."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from sysid.least_squares import Minimum
 from sysid.noise.floor import noise_floor
 from sysid.noise.whiteness import correlation_length
 from sysid.roll import Release
-
 
 BESIDE = 3
 """Starts of the catalogue tried beside one that is near the minimum."""

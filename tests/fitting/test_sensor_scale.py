@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sysid.logs.sources.gravity_smoother import ACCEL_OFFSET_STD, GAIN_STD, STANDARD_GRAVITY
 
 from sysid.board import load_board
 from sysid.fitting.bootstrap import bootstrap
@@ -11,7 +12,6 @@ from sysid.fitting.covariance import scale_shift
 from sysid.fitting.joint import FitOptions, fit_joint
 from sysid.fitting.profile import profiles
 from sysid.joint import JointLaw, simulate
-from sysid.logs.sources.gravity_smoother import ACCEL_OFFSET_STD, GAIN_STD, STANDARD_GRAVITY
 from sysid.quantity import Z95, Quantity
 from sysid.recording import Recording
 from sysid.roll import Release
