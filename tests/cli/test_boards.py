@@ -119,7 +119,7 @@ def test_shipped_deck_is_a_cuboid_of_the_stated_inertia() -> None:
         ("[tilt]", "[fit]\nlogs = [{}]\n[tilt]", "'fit.logs[0].path' is missing"),
         ("[tilt]", "[[history]]\neffects = 3\n[tilt]", "'history[0].effects' is 3; expected an array of names"),
         ("[tilt]", "[[history]]\nrmse = 'x'\n[tilt]", "'history[0].rmse' is 'x'; expected a number"),
-        ("nrmse = 0.", "nrmse = true # 0.", "'check.nrmse' is True; expected a number"),
+        ("[tilt]", "[check]\nnrmse = true\n[tilt]", "'check.nrmse' is True; expected a number"),
         ("[tilt]", "[model]\nfile = 'a.xml'\n[tilt]", "'model.joint' is missing"),
     ],
 )  # fmt: skip
