@@ -6,6 +6,7 @@ slowly, push or touch, sensors that are coarse, drift, filter, clip, or measure 
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -158,6 +159,35 @@ def _bend(law: Law, rng: np.random.Generator) -> Law:
     return bent
 
 
+class _Hand(NamedTuple):
+    """Torques of the hand in one release, in units of the largest swing and of the natural frequency."""
+
+    swing: float
+    opening: float
+    pulse: tuple[float, float]
+    touch: tuple[float, float]
+    catch: float
+
+
+def _slope(truth: Truth, hand: _Hand, y: np.ndarray, t: float) -> np.ndarray:
+    x, v = float(y[0]), float(y[1])
+    force, rates, at = -x - 2 * truth.zeta * v, [], 2
+    for _, law, count in truth.laws:
+        torque, moved = law(x, v, [float(s) for s in y[at : at + count]], t)
+        force -= torque
+        rates += moved
+        at += count
+    if t < hand.opening:  # a hand that lets go gradually
+        force += (1 - t / hand.opening) * (8.0 * (hand.swing - x) - 3.0 * v)
+    if t < hand.pulse[0]:
+        force += hand.pulse[1] * np.pi / 2 / hand.pulse[0] * np.sin(np.pi * t / hand.pulse[0])
+    if hand.touch[0] < t < hand.touch[0] + 1.0:
+        force -= hand.touch[1] * 2 * v
+    if t > hand.catch:
+        force -= 6.0 * v + 4.0 * x
+    return np.array([v, force, *rates])
+
+
 def _record(truth: Truth, rng: np.random.Generator, seed: int) -> Recording:
     u = rng.uniform
     per_period = 10 ** u(1.4, 2.5)
@@ -176,38 +206,23 @@ def _record(truth: Truth, rng: np.random.Generator, seed: int) -> Recording:
             x, v, states = 0.0, 0.0, [0.0 for _ in states]
         angle += [x] * held
         rate += [v] * held
-        opening = u(0.05, 0.25) * 2 * np.pi if truth.hand == "slow" else 0.0
-        pulse = (u(0.3, 1.2), swing * u(0.8, 1.2)) if truth.hand == "push" else (0.0, 0.0)
-        touch = (u(0.55, 0.8) * longest, u(0.1, 0.4)) if truth.hand == "touch" else (np.inf, 0.0)
-        catch = u(0.4, 0.7) * longest if truth.hand == "caught" else np.inf
+        hand = _Hand(
+            swing,
+            opening=u(0.05, 0.25) * 2 * np.pi if truth.hand == "slow" else 0.0,
+            pulse=(u(0.3, 1.2), swing * u(0.8, 1.2)) if truth.hand == "push" else (0.0, 0.0),
+            touch=(u(0.55, 0.8) * longest, u(0.1, 0.4)) if truth.hand == "touch" else (np.inf, 0.0),
+            catch=u(0.4, 0.7) * longest if truth.hand == "caught" else np.inf,
+        )
         h = step / fine
         y = np.array([x, v, *states])
-
-        def slope(y: np.ndarray, t: float) -> np.ndarray:
-            x, v = float(y[0]), float(y[1])
-            force, rates, at = -x - 2 * truth.zeta * v, [], 2
-            for _, law, count in truth.laws:
-                torque, moved = law(x, v, [float(s) for s in y[at : at + count]], t)
-                force -= torque
-                rates += moved
-                at += count
-            if t < opening:  # a hand that lets go gradually
-                force += (1 - t / opening) * (8.0 * (swing - x) - 3.0 * v)
-            if t < pulse[0]:
-                force += pulse[1] * np.pi / 2 / pulse[0] * np.sin(np.pi * t / pulse[0])
-            if touch[0] < t < touch[0] + 1.0:
-                force -= touch[1] * 2 * v
-            if t > catch:
-                force -= 6.0 * v + 4.0 * x
-            return np.array([v, force, *rates])
 
         t = 0.0
         for _ in range(int(longest / step)):
             for _ in range(fine):
-                a = slope(y, t)
-                b = slope(y + h / 2 * a, t + h / 2)
-                c = slope(y + h / 2 * b, t + h / 2)
-                d = slope(y + h * c, t + h)
+                a = _slope(truth, hand, y, t)
+                b = _slope(truth, hand, y + h / 2 * a, t + h / 2)
+                c = _slope(truth, hand, y + h / 2 * b, t + h / 2)
+                d = _slope(truth, hand, y + h * c, t + h)
                 y = y + h / 6 * (a + 2 * b + 2 * c + d)
                 t += h
             angle.append(float(y[0]))

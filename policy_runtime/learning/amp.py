@@ -17,6 +17,7 @@ from typing import Any
 import torch
 import torch.distributed
 from rsl_rl.algorithms import PPO
+from rsl_rl.modules.distribution import GaussianDistribution
 from torch import nn
 
 from policy_runtime.learning.fused_update import LEAST_RATE, FusedUpdate, plain_state, use_rate
@@ -246,9 +247,10 @@ class AmpPPO(PPO):
 
     def begin_anew(self, std: float) -> None:
         """Let the mean of the actor forget an earlier run; let actions deviate by `std` unless it is 0."""
-        if std > 0:
+        distribution = self._raw_actor.distribution
+        if std > 0 and isinstance(distribution, GaussianDistribution):
             with torch.no_grad():
-                self._raw_actor.distribution.std_param.fill_(std)
+                distribution.std_param.fill_(std)
         self.mean_actor.module.load_state_dict(self._raw_actor.state_dict())
         self.mean_actor.n_averaged.zero_()
 

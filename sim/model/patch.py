@@ -376,8 +376,8 @@ def _with_folders(text: str, spec: mujoco.MjSpec, home: Path) -> str:
     folders = {name: str((home / getattr(spec, name)).resolve()) for name in ("meshdir", "texturedir")}
     robot = "</robot>" in text
     if robot and (found := re.search(r"<compiler\b[^>]*>", text)):  # a URDF may have one only
-        return text[: found.start()] + _tagged(found[0], folders) + text[found.end() :]
-    element = _tagged("<compiler/>", folders)
+        return text[: found.start()] + tagged(found[0], folders) + text[found.end() :]
+    element = tagged("<compiler/>", folders)
     root = "</mujoco>" if "</mujoco>" in text else "</robot>"
     element = f"<mujoco>{element}</mujoco>" if root == "</robot>" else element
     at = text.rindex(root)

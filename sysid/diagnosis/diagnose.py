@@ -157,7 +157,9 @@ class Diagnosis:
             space: Where the board is; the current folder, if left out.
             given: Logs as a command shall name them; those of the releases, if left out.
         """
-        return diagnosis_report.report(self, width, space or Workspace(Path()), given or tuple(map(Path, self.logs)))
+        return diagnosis_report.report(
+            self, width, space or Workspace(Path()), given or tuple(map(Path, self.logs))
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of `husky-sysid diagnose --json`."""
@@ -187,7 +189,9 @@ class Diagnosis:
 def fittable(names: Sequence[str]) -> tuple[str, ...]:
     """Return those of some effects that `fit` can add: not another number of the record."""
     parts = [effect(name) for name in names]
-    return tuple(p.name for p in parts if (p.identifiable_from_decay or p.identifiable_with) and p.role != "shift")
+    return tuple(
+        p.name for p in parts if (p.identifiable_from_decay or p.identifiable_with) and p.role != "shift"
+    )
 
 
 def diagnose(
@@ -231,13 +235,17 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
     explained = 1 - (min(c.beyond for _, c in fits) / base.beyond) ** 2 if base.beyond else 1.0
     verdict = decide(found, left=left, explained=explained)
     want = frozenset(verdict.families) - {"rest"}
-    best = min((c for s, c in fits if frozenset(s.families) - {"rest"} == want), key=lambda c: c.rmse, default=base)
+    best = min(
+        (c for s, c in fits if frozenset(s.families) - {"rest"} == want), key=lambda c: c.rmse, default=base
+    )
     deviation = record_deviation(best.fit, board, linear=not want)
     if deviation.effects and verdict.status != "unexplained":
         alike = (*verdict.indistinguishable_from, *((*verdict.effects, *other) for other in deviation.alike))
         effects = (*verdict.effects, *deviation.effects)
         families = (*verdict.families, *(effect(name).family for name in deviation.effects))
-        verdict = replace(verdict, status="missing", effects=effects, families=families, indistinguishable_from=alike)
+        verdict = replace(
+            verdict, status="missing", effects=effects, families=families, indistinguishable_from=alike
+        )
     ordered = sorted({c.effects: c for _, c in reversed(fits)}.values(), key=lambda c: c.score)
     rival = next((c for c in ordered if c.effects != best.effects), None)
     step = ""
@@ -293,14 +301,21 @@ def _variants(best: Found, own: Sequence[str]) -> list[Found]:
     """Return a set with each of its laws replaced by each other one of its family."""
     others = candidates(own)
     return [
-        Found(families=best.families, effects=(*best.effects[:i], name, *best.effects[i + 1 :]), probability=best.probability, parameters={})
+        Found(
+            families=best.families,
+            effects=(*best.effects[:i], name, *best.effects[i + 1 :]),
+            probability=best.probability,
+            parameters={},
+        )
         for i, family in enumerate(best.families)
         for name, part in others.items()
         if part.family == family and name != best.effects[i]
     ]
 
 
-def _weighed(found: Posterior, fits: list[tuple[Found, Candidate]]) -> tuple[Posterior, list[tuple[Found, Candidate]]]:
+def _weighed(
+    found: Posterior, fits: list[tuple[Found, Candidate]]
+) -> tuple[Posterior, list[tuple[Found, Candidate]]]:
     """Return the posterior and the fits by output error, where one of these reaches the noise; else as they are.
 
     Each fit has a rest angle of its own, so that it says nothing of another rest angle: the equations do.
@@ -320,9 +335,15 @@ def _weighed(found: Posterior, fits: list[tuple[Found, Candidate]]) -> tuple[Pos
             replace(one, probability=chance * max(moved, 1 - moved), families=families, effects=effects),
             replace(candidate, score=2 * float(np.log(top / max(chance, 1e-300)))),
         ))  # fmt: skip
-    inclusion = {f: sum(c for c, (one, _) in zip(chances, once.values(), strict=True) if f in one.families) for f in found.inclusion}
+    inclusion = {
+        f: sum(c for c, (one, _) in zip(chances, once.values(), strict=True) if f in one.families)
+        for f in found.inclusion
+    }
     best = again[0][1]
-    sizes = {**{f: size for f, size in found.sizes.items() if f == "rest"}, **sizes_of(best.fit, best.effects)}
+    sizes = {
+        **{f: size for f, size in found.sizes.items() if f == "rest"},
+        **sizes_of(best.fit, best.effects),
+    }
     exact = reaches_noise(best.fit)
     return replace(
         found, sets=tuple(one for one, _ in again), inclusion={**inclusion, **({"rest": moved} if "rest" in inclusion else {})},
@@ -331,7 +352,12 @@ def _weighed(found: Posterior, fits: list[tuple[Found, Candidate]]) -> tuple[Pos
 
 
 def _fits(
-    found: Posterior, releases: Sequence[Release], board: Board, options: FitOptions, own: tuple[str, ...], base: Candidate
+    found: Posterior,
+    releases: Sequence[Release],
+    board: Board,
+    options: FitOptions,
+    own: tuple[str, ...],
+    base: Candidate,
 ) -> list[tuple[Found, Candidate]]:
     """Return the likeliest sets with their fits; a set that cannot be fitted is left out.
 
@@ -340,7 +366,9 @@ def _fits(
     """
     fits: dict[tuple[str, ...], tuple[Found, Candidate]] = {}
     top = found.sets[0].probability
-    recorded = {f"{part.name}.{name}": q.value for part in board.effects for name, q in part.parameters.items()}
+    recorded = {
+        f"{part.name}.{name}": q.value for part in board.effects for name, q in part.parameters.items()
+    }
 
     def add(one: Found) -> None:
         names = fittable(one.effects)
@@ -359,7 +387,12 @@ def _fits(
 
     for one in found.sets[:FITTED]:
         add(one)
-    add(next((s for s in found.sets if not s.families), Found(families=(), effects=(), probability=0.0, parameters={})))
+    add(
+        next(
+            (s for s in found.sets if not s.families),
+            Found(families=(), effects=(), probability=0.0, parameters={}),
+        )
+    )
     if not any(reaches_noise(c.fit) for _, c in fits.values()):
         simple = [
             Found(families=(part.family,), effects=(name,), probability=0.0, parameters={})
@@ -374,7 +407,10 @@ def _fits(
                 continue
             add(
                 Found(
-                    families=(*first.families, *one.families), effects=(*first.effects, *one.effects), probability=0.0, parameters={}
+                    families=(*first.families, *one.families),
+                    effects=(*first.effects, *one.effects),
+                    probability=0.0,
+                    parameters={},
                 )
             )
     return list(fits.values())

@@ -49,9 +49,13 @@ class Shape:
             steps = [middle + f * (end - middle) for end in ends for f in (0.25, 0.5, 0.75) if end != middle]
             for value in steps:
                 values = (*self.values[:axis], value, *self.values[axis + 1 :])
-                quarter = [(b - (b - a) / 4, b + (c - b) / 4) for b, (a, c) in zip(values, self.spacing, strict=True)]
+                quarter = [
+                    (b - (b - a) / 4, b + (c - b) / 4) for b, (a, c) in zip(values, self.spacing, strict=True)
+                ]
                 found.append(Shape(values, self.share / 4, tuple(quarter)))
-        quarter = [(b - (b - a) / 4, b + (c - b) / 4) for b, (a, c) in zip(self.values, self.spacing, strict=True)]
+        quarter = [
+            (b - (b - a) / 4, b + (c - b) / 4) for b, (a, c) in zip(self.values, self.spacing, strict=True)
+        ]
         return [Shape(self.values, self.share / 4, tuple(quarter)), *found]
 
 
@@ -132,7 +136,9 @@ def shape_values(p: Parameter, scales: Scales, count: int) -> Array:
     return np.linspace(low, p.high, count) if p.high / low <= LINEAR else np.geomspace(low, p.high, count)
 
 
-def _torque(part: TorqueEffect, state: JointState, p: Mapping[str, Any], z: Sequence[Any], spread: Any) -> Any:
+def _torque(
+    part: TorqueEffect, state: JointState, p: Mapping[str, Any], z: Sequence[Any], spread: Any
+) -> Any:
     """Return the torque of a law, dry friction smeared by how well the rate is known [N*m]."""
     torque = part.torque(NUMPY, state, p, z)
     if part.friction is None:
@@ -153,14 +159,24 @@ class Laws:
             duration=float(motion.length.max()) * motion.step / w,
         )  # fmt: skip
 
-    def recorded(self, smoothed: Smoothed, known: Sequence[tuple[TorqueEffect, Mapping[str, float]]]) -> list[Array]:
+    def recorded(
+        self, smoothed: Smoothed, known: Sequence[tuple[TorqueEffect, Mapping[str, float]]]
+    ) -> list[Array]:
         """Return the opposing torque over I ω₀² A of effects with given parameters [1], shape (r, n) each."""
         state, spread = self._state(smoothed)
-        wide = JointState(state.tilt[..., None], state.rate[..., None], state.roll[..., None], state.stiffness)
+        wide = JointState(
+            state.tilt[..., None], state.rate[..., None], state.roll[..., None], state.stiffness
+        )
         found: list[Array] = []
         for part, values in known:
-            z = self._driven(part, wide, {n: np.array([v]) for n, v in values.items()})[0] if part.states else ()
-            found.append(np.where(self.motion.inside, -_torque(part, state, values, z, spread) / self.unit, 0.0))
+            z = (
+                self._driven(part, wide, {n: np.array([v]) for n, v in values.items()})[0]
+                if part.states
+                else ()
+            )
+            found.append(
+                np.where(self.motion.inside, -_torque(part, state, values, z, spread) / self.unit, 0.0)
+            )
         return found
 
     def _state(self, smoothed: Smoothed) -> tuple[JointState, Array]:
@@ -168,7 +184,10 @@ class Laws:
         a = self.motion.amplitude
         rate_unit = a * self.motion.frequency
         state = JointState(
-            smoothed.angle * a, smoothed.rate * rate_unit, smoothed.angle * a + self.motion.rest, self.scales.stiffness
+            smoothed.angle * a,
+            smoothed.rate * rate_unit,
+            smoothed.angle * a + self.motion.rest,
+            self.scales.stiffness,
         )
         return state, np.sqrt(smoothed.rate_variance) * rate_unit + 1e-12 * rate_unit
 
@@ -214,7 +233,11 @@ class Laws:
         ends = [list(zip(np.r_[a[0], a[:-1]], a, np.r_[a[1:], a[-1]], strict=True)) for a in axes]
         points = list(product(*ends))
         return [
-            Shape(tuple(float(b) for _, b, _ in point), 1 / len(points), tuple((float(a), float(c)) for a, _, c in point))
+            Shape(
+                tuple(float(b) for _, b, _ in point),
+                1 / len(points),
+                tuple((float(a), float(c)) for a, _, c in point),
+            )
             for point in points
         ]
 
@@ -229,16 +252,22 @@ class Laws:
         """Return the columns of a law at each shape, shape (r, n, c)."""
         sets = [self._parameters(kinds, shape.values) for shape in shapes]
         stacked = {p.name: np.array([one[p.name] for one in sets]) for p in part.parameters}
-        wide = JointState(state.tilt[..., None], state.rate[..., None], state.roll[..., None], state.stiffness)
+        wide = JointState(
+            state.tilt[..., None], state.rate[..., None], state.roll[..., None], state.stiffness
+        )
         states = self._driven(part, wide, stacked) if part.states else [()] * len(sets)
         found: list[Array] = []
         for i, values in enumerate(sets):
-            alone = [{**values, **{q.name: 0.0 for q in kinds.strengths if q is not p}} for p in kinds.strengths]
+            alone = [
+                {**values, **{q.name: 0.0 for q in kinds.strengths if q is not p}} for p in kinds.strengths
+            ]
             torques = [_torque(part, state, one, states[i], spread) for one in alone or [values]]
             found.append(-np.stack(torques, axis=-1) / self.unit)
         return found
 
-    def _driven(self, part: TorqueEffect, state: JointState, p: Mapping[str, Array]) -> list[tuple[Array, ...]]:
+    def _driven(
+        self, part: TorqueEffect, state: JointState, p: Mapping[str, Array]
+    ) -> list[tuple[Array, ...]]:
         """Return the states of a law at each of g shapes, driven by the motion: a tuple of shape (r, n) each."""
         motion = self.motion
         rows, nodes = motion.reading.shape
@@ -255,11 +284,21 @@ class Laws:
         for j in range(nodes):
             if part.states[0].return_map:
                 moved = tilt[:, j + 1] - tilt[:, j]
-                z = [s.return_map(NUMPY, zi, moved, p) for s, zi in zip(part.states, z, strict=True) if s.return_map]
+                z = [
+                    s.return_map(NUMPY, zi, moved, p)
+                    for s, zi in zip(part.states, z, strict=True)
+                    if s.return_map
+                ]
             elif j:
                 for i in range(2 * (j - 1) * parts, 2 * j * parts, 2):
-                    middle = [zi + h / 2 * r(NUMPY, between[i], z, p) for zi, r in zip(z, rates, strict=True) if r]
-                    z = [zi + h * r(NUMPY, between[i + 1], middle, p) for zi, r in zip(z, rates, strict=True) if r]
+                    middle = [
+                        zi + h / 2 * r(NUMPY, between[i], z, p) for zi, r in zip(z, rates, strict=True) if r
+                    ]
+                    z = [
+                        zi + h * r(NUMPY, between[i + 1], middle, p)
+                        for zi, r in zip(z, rates, strict=True)
+                        if r
+                    ]
             out[:, j] = z
         bounded = np.where(np.abs(out) < 1e6, out, np.inf)
         return [tuple(bounded[k, :, :, i].T for k in range(len(z))) for i in range(out.shape[3])]
@@ -272,7 +311,10 @@ class Laws:
         sets = [self._parameters(kinds, shape.values) for shape in shapes]
         p = {q.name: np.array([one[q.name] for one in sets]) for q in part.parameters}
         d = self.scales.damping
-        angle, rate = smoothed.angle[..., None] * motion.amplitude, smoothed.rate[..., None] * motion.amplitude * w
+        angle, rate = (
+            smoothed.angle[..., None] * motion.amplitude,
+            smoothed.rate[..., None] * motion.amplitude * w,
+        )
         s = part.states[0].start(NUMPY, motion.hold[:, None] * motion.amplitude, 0.0, k, p)
         v = np.zeros_like(s)
         h = motion.step / w

@@ -161,7 +161,9 @@ def posterior(motion: Motion, subject: Subject, grids: Mapping[str, list[Shape]]
         if not plan and not louder:
             return found
         state = replace(step.next_state(found), louder=louder or state.louder)
-        local = maximum_filter1d(np.abs(found.torque), motion.nodes_a_period // 16 + 1, axis=1) / state.stiffness
+        local = (
+            maximum_filter1d(np.abs(found.torque), motion.nodes_a_period // 16 + 1, axis=1) / state.stiffness
+        )
         envelope = np.maximum(motion.envelope, local)
         if louder:
             motion, plan = _with_noise(motion, state, envelope), [False, True]
@@ -180,7 +182,9 @@ def linear_joint(motion: Motion) -> tuple[float, float]:
     for _ in range(5):
         smoother = Smoother(motion, k, d, motion.envelope)
         smoothed = smoother.smooth(0.3, spread=False)
-        columns = np.column_stack([smoother.flat(c) for c in (smoothed.angle, smoothed.rate, *_levels(motion))])
+        columns = np.column_stack(
+            [smoother.flat(c) for c in (smoothed.angle, smoothed.rate, *_levels(motion))]
+        )
         smoother.prepare(columns, np.zeros((smoother.size, 0)))
         gram, _ = smoother.gram(SHARES[-1])
         change = np.linalg.solve(gram[1:, 1:] + np.eye(len(gram) - 1), gram[1:, 0])
@@ -222,7 +226,9 @@ def _with_noise(motion: Motion, state: State, envelope: Array) -> Motion:
         louder = replace(motion, variance=motion.variance * scale)
         smoother = Smoother(louder, state.stiffness, state.damping, envelope, state.contact)
         costs[scale] = min(smoother.smooth(share, state.torque, spread=False).cost for share in SHARES)
-    return replace(motion, variance=motion.variance * min(costs, key=lambda scale: costs[scale] + 8 * np.log(scale) ** 2))
+    return replace(
+        motion, variance=motion.variance * min(costs, key=lambda scale: costs[scale] + 8 * np.log(scale) ** 2)
+    )
 
 
 def _without_hands(motion: Motion, state: State, envelope: Array) -> Motion:
@@ -239,7 +245,11 @@ def _without_hands(motion: Motion, state: State, envelope: Array) -> Motion:
         samples = int(np.isfinite(motion.variance[row, begin:end]).sum())
         return float(misfit[row, begin:end].sum()) / max(samples, 1), samples
 
-    usual = float(np.median([block(r, j, j + size)[0] for r, n in enumerate(length) for j in range(0, max(n - size, 1), size)]))
+    usual = float(
+        np.median(
+            [block(r, j, j + size)[0] for r, n in enumerate(length) for j in range(0, max(n - size, 1), size)]
+        )
+    )
 
     def stands_out(row: int, begin: int, end: int) -> bool:
         mean, samples = block(row, begin, end)
@@ -269,7 +279,10 @@ class Cell:
 
 
 def found_sets(
-    cells: Sequence[tuple[Problem, Sets]], terms: Sequence[Term | None], families: Sequence[str], sizes: Sequence[Array],
+    cells: Sequence[tuple[Problem, Sets]],
+    terms: Sequence[Term | None],
+    families: Sequence[str],
+    sizes: Sequence[Array],
     linear: Mapping[str, tuple[float, float]],
 ) -> tuple[tuple[Found, ...], tuple[Found, ...], dict[str, float], int, list[int]]:
     """Return sets of families and single families over all hypotheses, inclusion, the best hypothesis, and its best items.
@@ -299,7 +312,9 @@ def found_sets(
         return _found(solve(cells[cell][0], items), terms, sizes, cells[cell][0].base, linear, probability)
 
     sets = tuple(found(probability, mask) for probability, mask in ranked[:SETS])
-    singles = tuple(found(probability, mask) for probability, mask in ranked if mask and mask & (mask - 1) == 0)
+    singles = tuple(
+        found(probability, mask) for probability, mask in ranked if mask and mask & (mask - 1) == 0
+    )
     return sets, singles, inclusion, *best(ranked[0][1])
 
 
@@ -308,13 +323,18 @@ def _found(
     probability: float,
 ) -> Found:  # fmt: skip
     """Return a set of terms with their parameters."""
-    parameters = {name: zero + unit * float(m) for (name, (zero, unit)), m in zip(linear.items(), scored.means, strict=False)}
+    parameters = {
+        name: zero + unit * float(m)
+        for (name, (zero, unit)), m in zip(linear.items(), scored.means, strict=False)
+    }
     for i in scored.items:
         term, size = terms[i], sizes[i]
         means = scored.means[at : at + len(size)] * size
         at += len(size)
         if term is not None:
-            strengths = {n: float(m * u) for n, m, u in zip(term.strengths, means, term.unit, strict=True) if n}
+            strengths = {
+                n: float(m * u) for n, m, u in zip(term.strengths, means, term.unit, strict=True) if n
+            }
             scale = float(means[0]) if term.strengths[0] else 1.0
             ratios = {n: v * (scale if n in term.ratios else 1.0) for n, v in term.parameters.items()}
             parameters |= {f"{term.effect}.{n}": v for n, v in {**ratios, **strengths}.items()}
@@ -372,7 +392,11 @@ class Pass:
         return self._summary(cells)
 
     def _cells(
-        self, columns: Array, items: Sequence[Item], shares: Sequence[float], sets: Sequence[tuple[int, ...]] = ()
+        self,
+        columns: Array,
+        items: Sequence[Item],
+        shares: Sequence[float],
+        sets: Sequence[tuple[int, ...]] = (),
     ) -> list["Cell"]:
         """Return the evidence of all hypotheses of the noise: of some sets with bends, or of a search."""
         torques = np.column_stack([self.base, columns, self.g])
@@ -390,7 +414,9 @@ class Pass:
                 prior = -np.log(2.0) if tau == 0 else -np.log(2.0 * (len(NAMELESS) - 1))
                 constant = float(-0.5 * spread - 0.5 * reduced[0, 0] + extra + more + prior)
                 problem = Problem(reduced, self.wide, items, self.state.damping, bend)
-                found = joined([single(problem, solve(problem, s)) for s in sets]) if sets else search(problem)
+                found = (
+                    joined([single(problem, solve(problem, s)) for s in sets]) if sets else search(problem)
+                )
                 found = replace(found, log_evidence=found.log_evidence + constant)
                 cells.append(Cell(share, tau, whole, problem, found))
         return cells
@@ -440,7 +466,9 @@ class Pass:
         loose = [c for i in self.chosen for c in self.items[i].bends]
         first = 1 + base + self.columns.shape[1]
         of_g = np.arange(first, first + self.g.shape[1]) if tau else np.arange(0)
-        free = np.r_[np.arange(1, 1 + base), at, loose, of_g, np.arange(first + self.g.shape[1], len(gram))].astype(np.intp)
+        free = np.r_[
+            np.arange(1, 1 + base), at, loose, of_g, np.arange(first + self.g.shape[1], len(gram))
+        ].astype(np.intp)
         strengths = solve(self.cell.problem, self.chosen).means[base:]
         bend = BEND * np.repeat(np.abs(strengths), BENDS) if loose else []
         prior = np.r_[self.wide, [STRENGTH] * len(at), np.maximum(bend, 1e-9), [tau] * len(of_g), self.loose]
@@ -449,7 +477,9 @@ class Pass:
         low = np.full(len(free), -np.inf)
         low[base : base + len(at)] = [0.0 if s else -np.inf for i in self.chosen for s in self.items[i].signs]
         low[1] = 1e-3 - self.state.damping
-        c = lsq_linear(root.T, np.linalg.solve(root, right), (low, np.full(len(free), np.inf)), method="bvls").x
+        c = lsq_linear(
+            root.T, np.linalg.solve(root, right), (low, np.full(len(free), np.inf)), method="bvls"
+        ).x
         covariance = np.linalg.inv(inner)
         table = np.column_stack([self.base, self.columns, self.g])
         use = free[free < 1 + table.shape[1]]
@@ -459,11 +489,21 @@ class Pass:
         k, d = self.state.stiffness + c[0], self.state.damping + c[1]
         laws, g = table[:, named] @ c[named], table[:, nameless] @ c[nameless]
         rest = table[:, 2:base] @ c[2:base]
-        self.strengths = {i: c[base + at.index(self.items[i].columns[0]) :][: len(self.items[i].columns)] * self.sizes[i] for i in self.chosen}
+        self.strengths = {
+            i: c[base + at.index(self.items[i].columns[0]) :][: len(self.items[i].columns)] * self.sizes[i]
+            for i in self.chosen
+        }
         known = np.linalg.qr(np.column_stack([self.base, table[:, base : base + len(at)]]))[0]
         g_beside = g - known @ (known.T @ g)
         laws_beside = laws - self.frame @ (self.frame.T @ laws)
-        g_std = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", table[:, nameless], covariance[nameless, nameless], table[:, nameless]), 0))
+        g_std = np.sqrt(
+            np.maximum(
+                np.einsum(
+                    "ij,jk,ik->i", table[:, nameless], covariance[nameless, nameless], table[:, nameless]
+                ),
+                0,
+            )
+        )
         x, v = self.base[:, 0], self.base[:, 1]
         loss = float(np.sum((d * v + lost(laws[:, None], x)[:, 0]) * v))
         peak = float(k * np.abs(x).max())
@@ -500,8 +540,13 @@ class Pass:
         near = SHARES[max(at - 2, 0) : at + 2]
         state = self.state
         return State(
-            state.stiffness, state.damping, max(self.cell.share, SHARES[0] * 2), found.torque, contact, self._finer(), near,
-
+            state.stiffness,
+            state.damping,
+            max(self.cell.share, SHARES[0] * 2),
+            found.torque,
+            contact,
+            self._finer(),
+            near,
         )
 
     def _contact(self, term: Term, strengths: Array) -> Contact:

@@ -54,7 +54,11 @@ def _weight(fit: JointFit) -> Deviation:
         return Deviation()
     part = ratio.split(".")[0]
     causes = [name for name, other in catalogue().items() if part in other.identifiable_with]
-    causes += [n for n, other in catalogue().items() if other.record_direction is not None and other.record_direction[0]]
+    causes += [
+        n
+        for n, other in catalogue().items()
+        if other.record_direction is not None and other.record_direction[0]
+    ]
     text = (
         f"Weight over inertia is {100 * (change - 1):+.1f} % against the record, which knows it to ± {196 * std / known:.2g} %. "
         "A free decay cannot tell another inertia from another weight or a wrong clock."
@@ -65,7 +69,9 @@ def _weight(fit: JointFit) -> Deviation:
 def _linear(fit: JointFit, board: Board) -> Deviation:
     """Compare k/I and d/I with the record, and name one cause that changes both in this proportion."""
     record = {name: board.tilt[name] for name in ("stiffness", "damping")}
-    if any(q.std <= 0 or q.value <= 0 for q in record.values()) or any(name not in fit.problem.names for name in record):
+    if any(q.std <= 0 or q.value <= 0 for q in record.values()) or any(
+        name not in fit.problem.names for name in record
+    ):
         return Deviation()
     values = np.array([fit.quantities[name].value for name in record])
     if values.min() <= 0:
@@ -89,9 +95,13 @@ def _linear(fit: JointFit, board: Board) -> Deviation:
     matches = [name for miss, name in sorted(misses) if miss < NEAR]
     text = f"Against the record, k/I is {100 * np.expm1(logs[0]):+.1f} % and d/I {100 * np.expm1(logs[1]):+.1f} %."
     if not matches:
-        return Deviation(text=f"{text} Stiffness and damping changed, or the inertia is another: a fit brings the record up to date.")
+        return Deviation(
+            text=f"{text} Stiffness and damping changed, or the inertia is another: a fit brings the record up to date."
+        )
     titles = " or ".join(f"{name} ({effect(name).title})" for name in matches)
-    return Deviation((matches[0],), tuple((n,) for n in matches[1:]), f"{text} One cause explains both: {titles}.")
+    return Deviation(
+        (matches[0],), tuple((n,) for n in matches[1:]), f"{text} One cause explains both: {titles}."
+    )
 
 
 def stepped_logs(board: Board, h: float) -> tuple[float, float]:

@@ -76,7 +76,11 @@ def decide(found: Posterior, *, left: float, explained: float) -> Verdict:
     same = [s for s in found.sets if _named(s, found.sizes) == set(named)]
     confidence = min(sum(s.probability for s in same), 1.0)
     alike = tuple(
-        dict.fromkeys(s.effects for s in found.sets if s not in same and s.effects and s.probability * ODDS > best.probability)
+        dict.fromkeys(
+            s.effects
+            for s in found.sets
+            if s not in same and s.effects and s.probability * ODDS > best.probability
+        )
     )
     return Verdict(
         status=status, effects=effects, families=named, confidence=confidence,
@@ -97,7 +101,9 @@ def _hints(
     for family, probability in sorted(inclusion.items(), key=lambda kv: -kv[1]):
         if family in named or probability < 1 / ODDS:
             continue
-        effects = next(((e,) for s in sets for e, f in zip(s.effects, s.families, strict=True) if f == family), None)
+        effects = next(
+            ((e,) for s in sets for e, f in zip(s.effects, s.families, strict=True) if f == family), None
+        )
         if effects:
             hints.append(Hint(effects=effects, probability=probability, size=sizes.get(family)))
     return tuple(hints[:3])

@@ -1,8 +1,8 @@
 """Fit one joint to releases: the search, then removal of parameters that the data do not need, then outliers."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from sysid.least_squares import Minimum
 from sysid.noise.floor import noise_floor
 from sysid.noise.whiteness import correlation_length
 from sysid.roll import Release
-
 
 BESIDE = 3
 """Starts of the catalogue tried beside one that is near the minimum."""
@@ -211,7 +210,7 @@ def fit_joint(
         effects: All effects of the joint.
         options: Options of the fit.
         scales: Sizes of the problem, where another fit of these releases knows them.
-        start: All parameters near the minimum, tried beside the first ones of the catalogue.
+        start: Parameters near the minimum, the others as the catalogue starts them; tried beside its first starts.
 
     Raises:
         SysidError: Nothing to fit, an effect that free decays cannot identify, or no convergence.
@@ -233,7 +232,7 @@ def fit_joint(
             f"a learned torque and a prior of {', '.join(options.priors)}: fit the one without the other."
         )
     first = starting_points(structure, scales, fixed)
-    starts = first if start is None else [start, *first[:BESIDE]]
+    starts = first if start is None else [{**first[0], **start}, *first[:BESIDE]]
     problem, minimum, evaluations = (learn if learns else partial(search, starts=starts))(
         structure, records, scales, bias=bias, fixed=fixed, bounded=options.bounds, steps_per_period=fine,
         priors={**record_priors(structure, board, options, fixed), **priors_of(board, options)},

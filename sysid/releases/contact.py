@@ -224,7 +224,7 @@ def _log_likelihood_ratio(time: Array, angle: Array, noise: float, size: float, 
         hand = moves * float(density[-1]) + (1 - moves) * still
         found[i] = np.log(density[:-1] + 1e-300) - math.log(hand + 1e-300)
         moves = moves * float(density[-1]) / (hand + 1e-300)
-        moves += (0.5 - moves) * h * omega / math.pi
+        moves -= (0.5 - moves) * math.expm1(-h * omega / math.pi)
         gain = p / spread
         v, x = v + r / spread * off, x + gain * off
         p, q, r = p - p * gain, q - r * r / spread, r - r * gain

@@ -154,9 +154,14 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
     for segment, span, hold, parts in zip(segments, spans, holds, stretches, strict=True):
         kept = [
             _Free(
-                segment, begin, hold if begin == span.begin else 0.0, end, segment.settles and end == span.end,
-                span.begin if span.let_go and i == 0 else begin, hold,
-            )  # fmt: skip
+                segment,
+                begin,
+                hold if begin == span.begin else 0.0,
+                end,
+                segment.settles and end == span.end,
+                span.begin if span.let_go and i == 0 else begin,
+                hold,
+            )
             for i, (begin, end) in enumerate(parts)
             if begin == span.begin or (segment.start is None and _swings_in(signal, segment, begin, end))
         ]
@@ -259,7 +264,9 @@ def _release(roll: Roll, signal: SmoothedSignal, free: _Free, number: int) -> Re
     whole = None
     if free.held_until < begin:  # a strong law and a hand look alike there
         until, held_for = free.held_until, free.held_for
-        whole = _release(roll, signal, _Free(segment, until, held_for, finish, free.settles, until, held_for), number)
+        whole = _release(
+            roll, signal, _Free(segment, until, held_for, finish, free.settles, until, held_for), number
+        )
     return replace(release, driven_until=segment.driven_until, whole=whole)
 
 

@@ -46,6 +46,7 @@ def test_undo_goes_back_one_change_after_the_other(tmp_path, capsys):
 def test_undo_shows_what_it_takes_back_and_only_that(tmp_path, capsys):
     space = Workspace(tmp_path)
     board = space.load_board("pink")
+    space.save_board(replace(board, last_check={}))
     space.save_board(board.checked({"passed": True, "nrmse": 0.01}))
     run("undo", "-b", "pink", "--workspace", str(tmp_path))
     out = capsys.readouterr().out

@@ -254,7 +254,7 @@ def test_the_second_peak_of_a_skateboard_is_a_thin_thread():
 LAWS = {
     "dry friction": (lambda x, v: -(41**2) * (x + 0.01 * math.tanh(v / 0.01)) - 2 * 0.04 * 41 * v, 0.25),
     "drag": (lambda x, v: -(41**2) * x - 2 * 0.01 * 41 * v - 1.2 * v * abs(v), 0.3),
-    "hardening": (lambda x, v: -(41**2) * (x + 0.8 * x**3) - 2 * 0.02 * 41 * v, 0.3),
+    "hardening": (lambda x, v: -(41**2) * (x + 2.0 * x**3) - 2 * 0.02 * 41 * v, 0.3),
 }
 
 
@@ -263,7 +263,7 @@ def test_a_second_law_is_named(name):
     law, amplitude = LAWS[name]
     decay = decay_of(Recipe(law=law, amplitudes=(amplitude,), sampling=1000, free=2.5, noise=0.05 * DEGREE))
     assert decay.status == "not linear"
-    assert name == "hardening" or name in {one.name for one in decay.judgement.second_laws}
+    assert name in {one.name for one in decay.judgement.second_laws}
     assert "husky-sysid diagnose" in decay.report()
 
 

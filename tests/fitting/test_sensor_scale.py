@@ -11,7 +11,8 @@ from sysid.fitting.covariance import scale_shift
 from sysid.fitting.joint import FitOptions, fit_joint
 from sysid.fitting.profile import profiles
 from sysid.joint import JointLaw, simulate
-from sysid.logs.sources.gravity_smoother import ACCEL_OFFSET_STD, GAIN_STD, STANDARD_GRAVITY
+from sysid.logs.sources.swing_smoother import GAIN_STD
+from sysid.logs.table.names import ACCEL_UNITS
 from sysid.quantity import Z95, Quantity
 from sysid.recording import Recording
 from sysid.roll import Release
@@ -28,6 +29,8 @@ BOARD = replace(
 VALUES = {"cubic-stiffness": (150.0,), "coulomb": (0.1,)}
 TRUTH = {"cubic-stiffness.coefficient": 150.0, "coulomb.torque": 0.1}
 LOGS = 20
+ACCEL_OFFSET_STD = 0.01 * ACCEL_UNITS["g"]
+"""Typical offset of a MEMS accelerometer [m/s²]."""
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +50,7 @@ def deviations(tmp_path_factory):
     for _ in range(LOGS):
         read = measure(log.time, log.true_motion, options.sensor, "imu", rng)
         read[:, :3] *= 1 + 0.01 * rng.standard_normal()
-        read[:, :3] += ACCEL_OFFSET_STD * STANDARD_GRAVITY * rng.standard_normal(3)
+        read[:, :3] += ACCEL_OFFSET_STD * rng.standard_normal(3)
         read[:, 3:] = read[:, 3:] @ (np.eye(3) + GAIN_STD * rng.standard_normal((3, 3)))
         write_log(path, log.time, read, "imu")
         releases = Recording.read(path).releases

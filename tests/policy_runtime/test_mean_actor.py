@@ -64,7 +64,7 @@ def test_a_run_that_goes_on_takes_its_last_weights_for_what_it_was():
     assert mean_after([1.0], begun=999).weight.item() == pytest.approx(17 / 1016)
 
 
-@pytest.mark.parametrize("board", ["pink", "black"])
+@pytest.mark.parametrize("board", ["pink", "black", "pink-strides", "black-strides"])
 def test_what_ships_is_the_mean_in_its_newest_weights(board):
     onnx = pytest.importorskip("onnx", reason="policies are read with onnx (extra 'train')")
     policies = shipped_data() / "policies"

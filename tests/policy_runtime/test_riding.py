@@ -22,7 +22,7 @@ from policy_runtime.loop.scripted import scripted, scripted_push, standing
 from policy_runtime.loop.world import joint_limits, make_world
 from policy_runtime.robots.simulated import Gantry
 from policy_runtime.runtime import Runtime
-from sim.skate.robot.g1 import JOINTS, default_pose, servos
+from sim.skate.robot.g1 import JOINTS, SOLE_CENTRE, default_pose, servos
 from sim.skate.robot.poses import load_poses
 from sysid.board import save_board
 from sysid.cli import build_app
@@ -154,7 +154,7 @@ def test_two_feet_share_the_weight_under_the_centre_of_mass():
     # Weight and soles' forces leave nothing over that would move the pelvis.
     mujoco.mj_inverse(model, data)
     feet = [model.body(f"{side}_ankle_roll_link").id for side in ("left", "right")]
-    soles = [data.xpos[foot] + data.xmat[foot].reshape(3, 3) @ [0.04, 0.0, -0.035] for foot in feet]
+    soles = [data.xpos[foot] + data.xmat[foot].reshape(3, 3) @ SOLE_CENTRE for foot in feet]
     total = data.qfrc_bias.copy()
     jacobian = np.zeros((3, model.nv))
     for foot, point, share in shares(feet, soles, data.subtree_com[1]):
@@ -428,7 +428,7 @@ def test_the_joint_margin_is_an_option(margin, stops):
 
 def test_the_real_robot_takes_only_boards_that_passed(capsys, tmp_path):
     world_or_skip()
-    save_board(replace(pink(), check={}), tmp_path / "data" / "boards" / "pink.toml")
+    save_board(replace(pink(), last_check={}), tmp_path / "data" / "boards" / "pink.toml")
     with pytest.raises(SysidError, match="has not passed `check`") as caught:
         call(
             capsys, "run", "zero", "-b", "pink", "--robot", "unitree", "--workspace", tmp_path, "-o", tmp_path

@@ -224,6 +224,7 @@ class SkateCommand(CommandTerm):
         extras = super().reset(env_ids)
         self.air_time[env_ids] = 0.0
         self.ground_time[env_ids] = 0.0
+        self.mean_speed[env_ids] = self.reading.board_velocity()[env_ids, 0]  # all begin along x
         # Who begins within a transition comes from the pose before it.
         pose = self.clock.dismounting(self.step).long()[env_ids]
         self._start_positions[env_ids] = self._end_positions[pose]

@@ -11,6 +11,7 @@ from sysid.logs.sources.axis import Plane, find_roll_axis, plane_about
 from sysid.logs.sources.gyro import half_cycle, rate_scale, roll_from_rate
 from sysid.logs.sources.registry import Reading, Source
 from sysid.logs.sources.swing_smoother import (
+    EDGES,
     PER_SWING,
     Blocks,
     Swing,
@@ -231,6 +232,7 @@ def roll_from_accelerometer(reading: Reading) -> Roll:
             "swing is unknown. Give it with --lever-arm"
         )
     else:
+        tilt = _size(blocks, swing)
         arm = swing.arm.real * plane.top + swing.arm.imag * plane.left
         how = (
             "given"
@@ -251,6 +253,22 @@ def roll_from_accelerometer(reading: Reading) -> Roll:
     return reading.as_roll(
         roll, np.full(roll.size, std), "accelerometer", remarks, zero="constant", scale_std=scale_std
     )
+
+
+def _size(blocks: Blocks, swing: Swing) -> float:
+    """Return the acceleration along the motion over the angle [m/s²].
+
+    Both are taken over a quarter of a swing: a joint that is held, or at rest, adds nothing. The line through the origin with the
+    least absolute residuals hardly notices the release itself, where the acceleration jumps.
+    """
+    angle = np.convolve(swing.angle, EDGES, "valid")
+    along = blocks.accel.imag[1:-1] + swing.gravity * (angle - np.sin(angle))
+    quarter = PER_SWING // 4
+    turned, moved = (values[quarter:] - values[:-quarter] for values in (angle, along))
+    ratio = moved / np.where(turned == 0, 1e-300, turned)
+    order = np.argsort(ratio)
+    weight = np.cumsum(np.abs(turned)[order])
+    return float(ratio[order][np.searchsorted(weight, 0.5 * weight[-1])])
 
 
 def _swung(blocks: Blocks, omega: float, first: complex, arm: complex | None) -> Swing:

@@ -32,8 +32,8 @@ MOST_FILLED = 1000
 """Nodes of the line across a gap: bounds the memory."""
 LONGEST_ARM = 5.0
 """Standard deviation of a lever arm before it is known [m]."""
-_EDGES = np.array([[-1.0, 13.0, 13.0, -1.0]]) / 24
-"""Mean of a cubic between its middle nodes, by its four nodes."""
+EDGES = np.array([-1.0, 13.0, 13.0, -1.0]) / 24
+"""Mean of a cubic between its middle nodes, by its four nodes, as shares."""
 _SLOPE = np.array([[-1.0, 1.0]])
 """Mean of the first derivative, by the ends, in steps of the nodes."""
 _BEND = np.array([[-1.0, 9.0, -8.0, -8.0, 9.0, -1.0]]) / 12
@@ -108,7 +108,8 @@ def smooth_swing(
 
     n, step = len(blocks.accel), float(np.median(np.diff(blocks.edges)))
     mean, slope, bend = (
-        _stencil(weights, n, n + 1) / step**order for order, weights in enumerate((_EDGES, _SLOPE, _BEND))
+        _stencil(weights, n, n + 1) / step**order
+        for order, weights in enumerate((EDGES[None], _SLOPE, _BEND))
     )
     weight = 1 / blocks.accel_std
     weight[:2] = weight[-2:] = 0.0  # stencils reach beyond the ends there

@@ -182,9 +182,7 @@ def fit_circles(
         return np.concatenate([rest.reshape(*x.shape[:-1], -1), beforehand(x, body)], axis=-1)
 
     noise, doubt = PointNoise(0.05**2, 0.0), np.ones(len(points))
-    low, high, width = np.full(len(x), -np.inf), np.full(len(x), np.inf), np.full(len(x), np.inf)
-    if (at := before.place_of(READOUT)) is not None:  # as likely anywhere within its limits
-        low[at], high[at], width[at] = 0.0, before.readout_limit, before.std[READOUT]
+    low, high, width = _limits(before, len(x))
     information = np.zeros((0, 0))
     for _ in range(NOISE_ROUNDS):
         if slope:
@@ -204,14 +202,21 @@ def fit_circles(
     covariance = np.asarray(np.linalg.inv(information + np.diag(width**-2.0)), np.float64)
     body = unknowns.body(x)
     unknown = np.zeros((4, 4))
-    p = len(before.free)
-    unknown[np.ix_(before.free, before.free)] = covariance[:p, :p]
+    unknown[np.ix_(before.free, before.free)] = covariance[: len(before.free), : len(before.free)]
     # One noise for all solutions, so that they can be compared.
     usual = PointNoise(prior.floor**2, BLUR_SHARE**2).variance(some.speed)
     cost = float(np.sum(residuals(x, some.share / usual) ** 2))
     count = float(some.share.sum() * (2 * points.shape[1] - 3))
     state = replace(before, value=body.camera, covariance=unknown)
     return Found(unknowns, x, covariance, state, body, noise, -count / 2 * np.log1p(cost / count))
+
+
+def _limits(before: CameraState, count: int) -> tuple[Array, Array, Array]:
+    """Return the least, the greatest and the deviation of each number: the readout time is as likely anywhere within its limits."""
+    low, high, width = np.full(count, -np.inf), np.full(count, np.inf), np.full(count, np.inf)
+    if (at := before.place_of(READOUT)) is not None:
+        low[at], high[at], width[at] = 0.0, before.readout_limit, before.std[READOUT]
+    return low, high, width
 
 
 def _priors(unknowns: Unknowns, prior: BodyPrior) -> Callable[[Array, Body], Array]:
