@@ -41,7 +41,13 @@ def run(seed: int) -> dict[str, Any]:
     try:
         found = diagnose(recording, board)
     except Exception as error:  # noqa: BLE001 - counted as wrong
-        return {**row, "status": "error", "error": repr(error)[:300], "right": False, "cpu": time.process_time() - made}
+        return {
+            **row,
+            "status": "error",
+            "error": repr(error)[:300],
+            "right": False,
+            "cpu": time.process_time() - made,
+        }
     verdict = found.verdict
     named = sorted({effect(e).family for e in verdict.effects} - {"rest", "inertia", "clock"})
     alike = [sorted({effect(e).family for e in group} - {"rest"}) for group in verdict.indistinguishable_from]
@@ -68,14 +74,20 @@ def table(rows: list[dict[str, Any]]) -> None:
         part = [r for r in rows if pick(r)]
         if part:
             alike = sum(r["right"] or sorted(r["families"]) in r.get("alike", []) for r in part)
-            print(f"{name:20s} {sum(r['right'] for r in part):4d} of {len(part):4d}, with look-alikes {alike}")
+            print(
+                f"{name:20s} {sum(r['right'] for r in part):4d} of {len(part):4d}, with look-alikes {alike}"
+            )
     sure = [r for r in rows if "confidence" in r]
     for low, high in ((0, 0.6), (0.6, 0.8), (0.8, 0.9), (0.9, 0.97), (0.97, 1.01)):
         part = [r for r in sure if low <= r["confidence"] < high and r["kind"] != "outside"]
         if part:
-            print(f"confidence {np.mean([r['confidence'] for r in part]):.2f}: right {np.mean([r['right'] for r in part]):.2f} of {len(part)}")
+            print(
+                f"confidence {np.mean([r['confidence'] for r in part]):.2f}: right {np.mean([r['right'] for r in part]):.2f} of {len(part)}"
+            )
     cpu = [r["cpu"] for r in rows]
-    print(f"CPU s: median {np.median(cpu):.1f}, 90 % {np.quantile(cpu, 0.9):.1f}, most {max(cpu):.1f}; {len(rows)} logs")
+    print(
+        f"CPU s: median {np.median(cpu):.1f}, 90 % {np.quantile(cpu, 0.9):.1f}, most {max(cpu):.1f}; {len(rows)} logs"
+    )
 
 
 def main() -> None:

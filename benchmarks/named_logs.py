@@ -1,6 +1,6 @@
 """What `diagnose` says of logs in files, one line each, several processes.
 
-    python benchmarks/named_logs.py LOG... --processes 8
+python benchmarks/named_logs.py LOG... --processes 8
 """
 
 import argparse
@@ -24,7 +24,9 @@ def run(path: Path) -> str:
     np.seterr(all="ignore")
     board = load_board(ROOT / "data/boards/pink.toml")
     board = replace(
-        board, tilt={name: replace(q, std=0.0) for name, q in board.tilt.items()}, inertia=Quantity(1.0, 0.01, "kg*m^2")
+        board,
+        tilt={name: replace(q, std=0.0) for name, q in board.tilt.items()},
+        inertia=Quantity(1.0, 0.01, "kg*m^2"),
     )
     begin = time.process_time()
     try:

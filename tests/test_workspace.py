@@ -96,9 +96,7 @@ def test_what_a_diagnosis_prints_runs_where_it_was_run(tmp_path):
     (tmp_path / "my log.csv").write_bytes((shipped_data() / "decays/pink_hidden.csv").read_bytes())
     made = husky("new", "mine", "--kind", "board", "--inertia", "0.0087", "--workspace", "w", cwd=tmp_path)
     assert made.returncode == 0, made.stderr
-    asked = husky(
-        "diagnose", "my log.csv", "--board", "mine", "--workspace", "w", cwd=tmp_path
-    )
+    asked = husky("diagnose", "my log.csv", "--board", "mine", "--workspace", "w", cwd=tmp_path)
     assert asked.returncode == 0, asked.stderr
     (line,) = (line for line in asked.stdout.splitlines() if line.startswith("to add it: husky-sysid "))
     fitted = husky(*shlex.split(line.partition("husky-sysid ")[2]), cwd=tmp_path)

@@ -94,7 +94,9 @@ def headings(runs: Sequence[Run], measure: Measure, folder: Path) -> Section:
             if not len(reached):
                 continue
             mean, spread = float(reached.mean()), float(reached.std())
-            rows.append((run.name, f"{low:+.0f} to {high:+.0f}", f"{mean:+.1f}", f"{spread:.1f}", str(len(reached))))
+            rows.append(
+                (run.name, f"{low:+.0f} to {high:+.0f}", f"{mean:+.1f}", f"{spread:.1f}", str(len(reached)))
+            )
             numbers.append({"run": run.name, "asked_deg": [low, high], "mean_deg": mean, "std_deg": spread})
     head = ("policy", "asked [°]", "reached, mean [°]", "standard deviation [°]", "turns")
     return Section("Reachable headings (figure 4b)", _markdown(head, rows), numbers)

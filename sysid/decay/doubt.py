@@ -224,7 +224,9 @@ def unseen(fit: TraceFit, noise: float = 0.0) -> tuple[float, Array]:
     cuts = [_half(one, fit) for one in fit.releases]
     early = refitted(fit, [slice(0, cut) for cut in cuts])
     late = refitted(fit, [slice(cut, None) for cut in cuts])
-    if early is None or late is None or min(early.decay_rate, late.decay_rate) <= 0:  # a half of noise may grow
+    if (
+        early is None or late is None or min(early.decay_rate, late.decay_rate) <= 0
+    ):  # a half of noise may grow
         return 0.0, np.zeros(2)
     if fit.damping_ratio > ONE_RATE and min(early.decay_rate, late.decay_rate) > 0:
         moved = math.log(late.decay_rate / early.decay_rate)
