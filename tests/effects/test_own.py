@@ -65,7 +65,7 @@ def test_a_record_says_which_file_its_effect_needs(mine, tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("EFFECT = 3", "EFFECT is 3; expected TorqueEffect"),
+        ("EFFECT = 3", "EFFECT is of type int; expected TorqueEffect"),
         ("import nothere", "line 1, ModuleNotFoundError"),
         ("x = ", "SyntaxError"),
         (effect_file("My Effect"), "expected small letters"),
@@ -99,7 +99,7 @@ def test_effects_are_listed_shown_and_begun(tmp_path, monkeypatch):
     assert all(name in listed for name in ("coulomb", "learned", "my-effect"))
     assert "catalogue" in listed
     assert "my_effect.py: there is such a file" in husky("effects", "new", "my_effect").stderr
-    shown = husky("effects", "my-effect", "--effect-file", "my_effect.py")
+    shown = husky("effects", "my-effect", "--effect-file", "my_effect.py", "-o", "my-effect.png")
     assert "x⁵" in shown.stdout
-    assert (tmp_path / "reports/effects/my-effect.png").is_file()
+    assert (tmp_path / "my-effect.png").is_file()
     assert effect("my-effect").law == "τ = -c x⁵"

@@ -38,7 +38,6 @@ def test_a_long_film_does_not_drift(tmp_path, method):
     thirds = [np.median(part) for part in np.array_split(error, 3)]
     assert np.degrees(np.ptp(thirds)) < 0.01
     assert np.mean(np.abs(error) < 1.96 * roll.std) >= 0.93
-    assert np.median(roll.std) < np.radians(0.1)
     assert len(find_releases(roll)) == RELEASES
 
 
