@@ -251,7 +251,7 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
     step = ""
     if rival is not None and (verdict.indistinguishable_from or verdict.confidence < 0.95):
         names = [" with ".join(c.effects) or "the record's law" for c in (best, rival)]
-        step = in_words(deciding(best.fit, rival.fit, board), *names, board)
+        step = in_words(deciding(best.fit, rival.fit, board), names[0], names[1], board)
     return Diagnosis(
         verdict=verdict, candidates=tuple(ordered), baseline=base, best=best, posterior=found, noise=noise, board=board.name,
         slides=board.slides, record_text=deviation.text, next_experiment=step,

@@ -164,7 +164,7 @@ def solve(problem: Problem, items: Sequence[int]) -> Scored:
 def _closed(gram: Array, columns: npt.NDArray[np.intp], wide: Array) -> tuple[float, Array, Array]:
     """Return the log marginal likelihood, posterior means and covariance of one set of columns."""
     inner = gram[np.ix_(columns, columns)] + np.diag(wide**-2.0)
-    covariance: Array = np.linalg.inv(inner)
+    covariance = np.asarray(np.linalg.inv(inner), dtype=np.float64)
     right = gram[columns, 0]
     mean = covariance @ right
     return (

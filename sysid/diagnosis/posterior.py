@@ -338,8 +338,9 @@ def _found(
             scale = float(means[0]) if term.strengths[0] else 1.0
             ratios = {n: v * (scale if n in term.ratios else 1.0) for n, v in term.parameters.items()}
             parameters |= {f"{term.effect}.{n}": v for n, v in {**ratios, **strengths}.items()}
-    families = tuple("rest" if terms[i] is None else terms[i].family for i in scored.items)
-    effects = tuple("offset" if terms[i] is None else terms[i].effect for i in scored.items)
+    picked = [terms[i] for i in scored.items]
+    families = tuple("rest" if term is None else term.family for term in picked)
+    effects = tuple("offset" if term is None else term.effect for term in picked)
     return Found(families=families, effects=effects, probability=probability, parameters=parameters)
 
 
