@@ -96,7 +96,7 @@ def _where_free(roll: Roll) -> list[Release]:
     for first, last in edges.reshape(-1, 2).tolist():
         if last - first < FEWEST_SAMPLES:
             continue
-        part = replace(roll[first:last], free=None)
+        part = roll[first:last]
         for given in (
             (),
             (float(part.time[0]),),
@@ -149,7 +149,10 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
         let_go = hold > 0 and _pulled(signal, segment, begin, period)
         spans.append(Span(begin, end, segment.rest, segment.size, let_go))
         holds.append(hold)
-    stretches = free_stretches(roll.time, roll.roll, spans, period)
+    if roll.free is None:
+        stretches = free_stretches(roll.time, roll.roll, spans, period)
+    else:  # a column of the log says that nothing else acts
+        stretches = [[(span.begin, span.end)] for span in spans]
     found: list[_Free] = []
     for segment, span, hold, parts in zip(segments, spans, holds, stretches, strict=True):
         kept = [
