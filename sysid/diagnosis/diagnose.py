@@ -21,7 +21,7 @@ from sysid.diagnosis.motion import NODES, motion_of
 from sysid.diagnosis.posterior import Found, Posterior, Subject, posterior
 from sysid.diagnosis.record import record_deviation
 from sysid.diagnosis.slow_flow import slow_posterior
-from sysid.diagnosis.verdict import LITTLE, Hint, Status, Verdict, decide
+from sysid.diagnosis.verdict import LITTLE, NAMELESS, Hint, Status, Verdict, decide
 from sysid.effects import effect
 from sysid.effects._base import TorqueEffect
 from sysid.errors import SysidError
@@ -233,7 +233,7 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
         fits = _fits(found, releases, board, options, own, base)
     found, fits = _weighed(found, fits)
     explained = 1 - (min(c.beyond for _, c in fits) / base.beyond) ** 2 if base.beyond else 1.0
-    verdict = decide(found, left=left, explained=explained)
+    verdict = decide(found, left=left, explained=explained, exact=any(reaches_noise(c.fit) for _, c in fits))
     want = frozenset(verdict.families) - {"rest"}
     best = min(
         (c for s, c in fits if frozenset(s.families) - {"rest"} == want), key=lambda c: c.rmse, default=base
@@ -361,7 +361,7 @@ def _fits(
 ) -> list[tuple[Found, Candidate]]:
     """Return the likeliest sets with their fits; a set that cannot be fitted is left out.
 
-    Where none of them reaches the noise, single laws are fitted too, and the best one with each of the next two. A short motion
+    Where none of them reaches the noise and no torque is without a name, single laws are fitted too, and pairs of the best ones. A short motion
     says more as a whole than its equations do.
     """
     fits: dict[tuple[str, ...], tuple[Found, Candidate]] = {}
@@ -386,14 +386,15 @@ def _fits(
         fits[names] = one, Candidate(effects=names, score=score, fit=fit)
 
     for one in found.sets[:FITTED]:
-        add(one)
+        if one is found.sets[0] or len(set(one.families) - {"rest"}) <= 2:
+            add(one)
     add(
         next(
             (s for s in found.sets if not s.families),
             Found(families=(), effects=(), probability=0.0, parameters={}),
         )
     )
-    if not any(reaches_noise(c.fit) for _, c in fits.values()):
+    if found.nameless < NAMELESS and not any(reaches_noise(c.fit) for _, c in fits.values()):
         simple = [
             Found(families=(part.family,), effects=(name,), probability=0.0, parameters={})
             for name, part in candidates(own).items() if len(part.parameters) == 1

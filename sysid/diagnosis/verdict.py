@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from sysid.diagnosis.evidence import DEPTH
 from sysid.diagnosis.posterior import Found, Posterior, Size
 
 TORQUE, ENERGY, REST = 0.01, 0.03, 0.03
@@ -53,13 +54,14 @@ def matters(family: str, size: Size | None) -> bool:
     return size.torque_share > TORQUE or abs(size.energy_share) > ENERGY
 
 
-def decide(found: Posterior, *, left: float, explained: float) -> Verdict:
+def decide(found: Posterior, *, left: float, explained: float, exact: bool = False) -> Verdict:
     """Return the verdict.
 
     Args:
         found: The posterior.
         left: Square of the linear joint's error beyond the noise, over the motion; none of it, nothing can be unexplained.
         explained: Share of it that the best fit takes away.
+        exact: Whether the best fit reaches the noise.
     """
     best = found.sets[0]
     nothing = next((s for s in found.sets if not set(s.families) - {"rest"}), None)
@@ -71,8 +73,9 @@ def decide(found: Posterior, *, left: float, explained: float) -> Verdict:
     strange = found.nameless > NAMELESS and found.nameless > BESIDE * found.named
     strange |= not found.by_cycles and found.share > LITTLE and explained < MOSTLY
     status: Status = "missing" if named else "none-missing"
-    if strange and left * (1 - explained) > NAMELESS**2:
-        status = "unexplained"
+    many = len(set(named) - {"rest"}) >= DEPTH and not exact and not found.by_cycles
+    if many or (strange and left * (1 - explained) > NAMELESS**2):
+        status = "unexplained"  # as many laws as were tried together, and still not all of it
     same = [s for s in found.sets if _named(s, found.sizes) == set(named)]
     confidence = min(sum(s.probability for s in same), 1.0)
     alike = tuple(

@@ -93,7 +93,9 @@ def test_an_effect_whose_absence_is_likely_needs_to_explain():
 
 
 def test_what_is_certain_but_small_is_a_hint():
-    verdict = decide(posterior(found(1.0, "friction"), sizes={"friction": SMALL}), left=0.0, explained=0.0)
+    verdict = decide(
+        posterior(found(1.0, "friction"), sizes={"friction": SMALL}), left=0.0, explained=0.0, exact=False
+    )
     assert (verdict.status, verdict.effects) == ("none-missing", ())
     assert [(h.effects, h.size) for h in verdict.hints] == [(("coulomb",), SMALL)]
     assert matters("drag", LARGE)
