@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from sysid.board import Board
-from sysid.effects import catalogue, effect
+from sysid.effects import catalogue, drives, effect
 from sysid.effects._base import Scales, TorqueEffect
 from sysid.errors import SysidError, did_you_mean
 from sysid.fitting.problem import Problem
@@ -52,6 +52,13 @@ def check_effects(names: Sequence[str], known: Sequence[str] = ()) -> None:
         SysidError: Unknown, or not identifiable from free decays; the message says why.
     """
     for name in names:
+        if name not in catalogue() and name in drives():
+            alike = "".join(
+                f" A passive joint has '{n}'." for n, p in catalogue().items() if name in p.also_called
+            )
+            raise SysidError(
+                f"'{name}' acts between a motor and its joint, so a free decay cannot show it.{alike} Give --input for a driven log."
+            )
         part = effect(name)
         beside = {*names, *known} & set(part.identifiable_with)
         if not (part.identifiable_from_decay or beside or name in known):

@@ -142,6 +142,8 @@ def test_every_command_file_is_listed():
         "__main__",
         "bars",
         "console",
+        "drive_options",
+        "driven",
         "first_screen",
         "fit_intervals",
         "log_options",

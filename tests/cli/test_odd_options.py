@@ -13,6 +13,7 @@ from sysid.cli.console import Common, Printer
 from sysid.cli.log_options import LogArguments, VideoArguments, unused_options
 from sysid.effects import effect
 from sysid.errors import SysidError, install_extra
+from sysid.fitting.joint import check_effects
 from sysid.files import require_writable
 from sysid.workspace import shipped_data
 
@@ -167,12 +168,17 @@ def test_a_folder_that_will_be_made_can_be_written(tmp_path):
 
 @pytest.mark.parametrize(
     ("word", "meant"),
-    [("friction", "'coulomb'"), ("drag", "'quadratic-damping'"), ("backlash", "'freeplay'"), ("rubber", "'viscoelastic'"),
+    [("friction", "'coulomb'"), ("drag", "'quadratic-damping'"), ("rubber", "'viscoelastic'"),
      ("Dry_Friction", "'coulomb'"), ("columb", "'coulomb'")],
 )  # fmt: skip
 def test_an_effect_is_found_by_the_words_that_people_use(word, meant):
     with pytest.raises(SysidError, match=f"Did you mean .*{meant}"):
         effect(word)
+
+
+def test_an_effect_of_a_motor_is_refused_for_a_free_decay():
+    with pytest.raises(SysidError, match="A passive joint has 'freeplay'"):
+        check_effects(["backlash"])
 
 
 def test_an_effect_that_is_shown_writes_no_picture_unless_one_is_named(tmp_path):

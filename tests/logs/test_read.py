@@ -293,7 +293,6 @@ def test_roll_writes_what_it_can_read_back(tmp_path):
         ("rotary_pendulum_freeswing/swing_01.csv", "angle", "angle_rad", 5000, (1.7, 2.4)),
         ("kvlcc2_roll_decay/run_21337.csv", "angle", "roll_rad", 9166, (0.16, 0.17)),
         ("bicycle_wheel_gyro/radial.csv", "gyro", "gyro_rad_s", 1001, (0.2, 0.22)),
-        ("broad_imu/01_undisturbed_slow_rotation_A_62s.csv", "imu", "gx", 17714, (1.6, 3.8)),
         ("video_red_apple/red_apple_track.csv", "angle", "angle_rad", 1299, (0.3, 0.4)),
     ],
 )
