@@ -13,8 +13,8 @@ from sysid.cli.console import Common, Printer
 from sysid.cli.log_options import LogArguments, VideoArguments, unused_options
 from sysid.effects import effect
 from sysid.errors import SysidError, install_extra
-from sysid.fitting.joint import check_effects
 from sysid.files import require_writable
+from sysid.fitting.joint import check_effects
 from sysid.workspace import shipped_data
 
 PINK = shipped_data() / "decays" / "pink.csv"
