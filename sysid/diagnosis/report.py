@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sysid.effects import effect, origin
+from sysid.effects import origin
 from sysid.text import count, display, percent, table
 from sysid.workspace import Workspace
 
@@ -24,7 +24,7 @@ def headline(result: "Diagnosis") -> str:
         return "no effect is missing"
     if result.status == "missing":
         return f"{names} {'is' if len(result.verdict.effects) == 1 else 'are'} missing"
-    return "part of the torque has no name in the catalogue" + (f"; nearest: {names}" if names else "")
+    return "part of the torque has no name in the catalogue"
 
 
 def explanation(result: "Diagnosis") -> str:
@@ -99,17 +99,10 @@ def report(result: "Diagnosis", width: int, space: Workspace, logs: Sequence[Pat
     if result.next_experiment:
         lines.append(f"next experiment: {result.next_experiment}")
     if result.status == "unexplained":
-        lines.append(
-            f"to learn the torque: {_fit(result, space, logs, (*fittable_names(result), 'learned'))}"
-        )
+        lines.append(f"to learn the torque: {_fit(result, space, logs, ('learned',))}")
     if result.effects:
         lines.append(f"to add it: {_fit(result, space, logs, result.effects)}")
     return "\n".join(lines)
-
-
-def fittable_names(result: "Diagnosis") -> tuple[str, ...]:
-    """Return the named effects that a fit can add."""
-    return tuple(name for name in result.verdict.effects if effect(name).role in ("torque", "support"))
 
 
 def _fit(result: "Diagnosis", space: Workspace, logs: Sequence[Path], names: Sequence[str]) -> str:

@@ -21,8 +21,8 @@ def test_a_magnet_is_found_learned_checked_and_written(tmp_path):
     common = ("--board", "pink", "--workspace", tmp_path)
     told = husky("diagnose", LOG, *common)
     assert told.returncode == 0, told.stderr
-    assert "no effect of the catalogue explains" in " ".join(told.stdout.split())
-    command = re.search("to learn it: husky-sysid (.*)", told.stdout)[1]
+    assert "has no name in the catalogue" in " ".join(told.stdout.split())
+    command = re.search("to learn the torque: husky-sysid (.*)", told.stdout)[1]
     assert "--effect learned" in command
     fitted = husky(*shlex.split(command))
     assert fitted.returncode == 0, fitted.stderr
