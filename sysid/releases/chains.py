@@ -113,14 +113,14 @@ def _undriven(signal: SmoothedSignal, segment: Segment) -> Segment:
 
 
 def _segment_score(group: list[Segment], signal: SmoothedSignal) -> tuple[float, float, float]:
-    """Rank a group of segments: by its swings beyond the first ones, then by the visits of its rest, then by its pace.
+    """Rank a group of segments: by the way that it swings beyond the first ones, then by the visits of its rest, then by its pace.
 
     A hand makes one swing and stays; a joint comes back to one rest.
     """
     room = max(5.0 * signal.noise, 0.1 * group[0].sizes[0])
     there = [any(abs(level - one.rest) < room for one in group) for level in signal.levels]
     visits = sum(now and not before for before, now in pairwise([False, *there]))
-    return sum(len(one.wide) - 1 for one in group), visits, -float(np.median([one.pace for one in group]))
+    return sum(swing.size for one in group for swing in one.swings[1:]), visits, -float(np.median([one.pace for one in group]))
 
 
 def _same_board(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:

@@ -529,7 +529,7 @@ def test_wrong_use_is_refused_in_words(capsys, arguments, message):
 def test_mjlab_without_torch_is_refused_in_words(capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     monkeypatch.delitem(sys.modules, "sim.skate.mdp.measuring", raising=False)
-    with pytest.raises(SysidError, match=r"needs an extra.*husky-sysid\[train\].*torch"):
+    with pytest.raises(SysidError, match=r"needs an extra.*\[train\].*torch"):
         call(capsys, "evaluate", "zero", "-b", "pink", "--simulator", "mjlab", "--force")
 
 
