@@ -34,7 +34,7 @@ def paper(
     output: Output | None = None,
     common: Common = Common(),
 ) -> int:
-    """Make the paper's tables and figures, the paper's own figures beside ours; what has not been trained is said.
+    """Make the paper's tables and figures, the paper's own figures beside ours; missing runs are listed.
 
     Args:
         part: What to make: main, trajectories, headings, curves, map, terrain, sensitivity; all if none is named. The map
@@ -82,9 +82,9 @@ def paper(
         f"{episodes} episodes × {seeds} seed{'s' * (seeds > 1)} for every policy and condition, in plain MuJoCo, 20 s each; "
         "in brackets 95 % intervals. The paper's figures are mean ± standard deviation over its seeds, in its own simulator.",
         "",
-        "A figure agrees if its interval lies within two standard deviations of the paper's mean, and disagrees if the two "
-        "intervals do not meet. E_smth here is the mean of abs(Δq) over joints and policy steps; the paper gives no formula, so "
-        "it is not compared. A run that begins at weights which had learned with the guidance does not test the paper's ablation.",
+        "A figure agrees if its interval lies within two standard deviations of the paper's mean. It disagrees if the two "
+        "intervals do not meet. E_smth is not compared: the paper gives no formula. A run that starts from the weights of "
+        "`pink` does not test the paper's ablation, because `pink` learned with the guidance.",
     ]
     for section in sections:
         text += ["", f"## {section.title}", "", *section.lines]
@@ -92,7 +92,8 @@ def paper(
             text += ["", f"![{section.title}]({section.picture})"]
         if section.missing:
             text += ["", "Missing, and how to train it:", "", *(f"- {row}" for row in section.missing)]
-    text += ["", "## Runs", "", *(f"- {run.name}: `{run.command}`" for run in manifest), ""]
+    runs_made = (f"| {run.name} | `{run.command}` | {run.note} |" for run in manifest)
+    text += ["", "## Runs", "", "| run | command | remark |", "|---|---|---|", *runs_made, ""]
     write_atomically(folder / "paper.md", "\n".join(text))
     content = {section.title: {"rows": section.numbers, "missing": section.missing} for section in sections}
     content = {"episodes": episodes, "seeds": seeds, "sections": content}

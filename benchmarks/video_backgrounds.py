@@ -1,9 +1,9 @@
 """Angle from ten drawn films that differ in the background: none, soft, changing light, moving people.
 
-    python benchmarks/video_backgrounds.py [--only soft] [--keep DIR] [--rows FILE] [--before FILE]
+    python benchmarks/video_backgrounds.py [--only soft] [--keep DIR] [--rows FILE]
 
 Each film is a plate that turns about a point by a known angle (`tests/support/drawn_films.py`). The tool gets the file alone.
-Writes benchmarks/results/video_backgrounds.md and the table of docs/video.md.
+Writes benchmarks/results/video_backgrounds.md.
 """
 
 import argparse
@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from pages import table, write_between, write_result
+from pages import table, write_result
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 from backgrounds import curtain, held, light, people, soft
@@ -22,7 +22,6 @@ from drawn_films import SIZE, decay, dotted, draw_film, marked, plate, wall
 from sysid.errors import SysidError
 from sysid.video_roll import roll_from_video
 
-PAGE = Path(__file__).parents[1] / "docs" / "video.md"
 TIME = np.arange(120) / 60
 ROLL = decay(TIME, amplitude=0.25, rate=2.0, frequency=20.0)
 PLAIN = np.full((SIZE[1], SIZE[0], 3), 150, np.uint8)
@@ -75,7 +74,6 @@ def main() -> None:
     parser.add_argument("--only", default="")
     parser.add_argument("--keep", type=Path, default=Path(tempfile.gettempdir()) / "husky-backgrounds")
     parser.add_argument("--rows", type=Path, help="write the rows to this file alone, to compare with later")
-    parser.add_argument("--before", type=Path, help="rows of an earlier version")
     arguments = parser.parse_args()
     arguments.keep.mkdir(parents=True, exist_ok=True)
     rows = [row(name, arguments.keep) for name in FILMS if arguments.only in name]
@@ -85,12 +83,8 @@ def main() -> None:
     if arguments.only or arguments.rows is not None:
         print(table(titles, rows))
         return
-    before = json.loads(arguments.before.read_text()) if arguments.before is not None else []
-    earlier = {cells[0]: cells[2] or "refused" for cells in before}
     head = "`benchmarks/video_backgrounds.py`: drawn films, 640x360 at 60 frames/s, of a plate that is let go at 14°."
     write_result("video_backgrounds.md", f"# Films with other backgrounds\n\n{head}\n\n{table(titles, rows)}")
-    cells = [[name, earlier.get(name, ""), error] for name, _, error, *_ in rows]
-    write_between(PAGE, "backgrounds", table(["film", "one version before [°]", "RMSE [°]"], cells))
 
 
 if __name__ == "__main__":

@@ -282,9 +282,19 @@ the level; k and d of `decay` against those of the model, and whether their 95 %
 
 {table(titles, rows)}""",
     )
-    found = {(cells[0], cells[1]): f"{cells[3]}°, {cells[7]} %" if cells[7] else "refused" for cells in rows}
-    short = [[film, *(found.get((board, film), "") for board in BOARDS)] for film in FILMS]
-    write_between(PAGE, "phones", table(["RMSE of roll, d off", *BOARDS], short))
+    titles = ["on the deck", "RMSE, median [°]", "largest [°]", "damping off, median [%]", "largest [%]"]
+    write_between(PAGE, "phones", table(titles, [summary(board, rows) for board in BOARDS]))
+
+
+def summary(board: str, rows: list[list[str]]) -> list[str]:
+    """Return the median and the largest errors of a board over its films, for the page."""
+    read = [cells for cells in rows if cells[0] == board and cells[7]]
+    rmse, damping = ([abs(float(cells[k])) for cells in read] for k in (3, 7))
+    return [
+        board,
+        *(f"{error:.3f}" for error in (np.median(rmse), max(rmse))),
+        *(f"{error:.2f}" for error in (np.median(damping), max(damping))),
+    ]
 
 
 if __name__ == "__main__":

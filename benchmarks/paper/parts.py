@@ -76,7 +76,7 @@ def trajectories(runs: Sequence[Run], measure: Measure, folder: Path) -> Section
     rows = [
         (run, name, text(one.success), text(one.errors["E_yaw"]), _turned(one)) for run, name, one in results
     ]
-    lines = _markdown(("policy", "board", "E_succ", "E_yaw [rad]", "turned, of what was asked"), rows)
+    lines = _markdown(("policy", "board", "E_succ", "E_yaw [rad]", "share of the asked turn"), rows)
     numbers = [{"run": run, "board": name, **one.to_json()} for run, name, one in results]
     lacks = not _of_rows(runs, ("no-coupling",))
     missing = ["a policy trained on straight trucks (no-coupling)"] if lacks else []
@@ -192,9 +192,8 @@ def _table(title: str, rows: Sequence[Row], runs: Sequence[Run], measure: Measur
             ours = {name: result.success if name == "E_succ" else result.errors[name] for name in METRICS}
             body.append((row.title, f"{run.name} on {run.board}", *(text(value) for value in ours.values())))
             numbers.append({"row": row.key, "run": run.name, **result.to_json()})
-            words += [
-                f"{run.name}: {sentence}" for sentence in (compared(ours, row.figures), run.note) if sentence
-            ]
+            if sentence := compared(ours, row.figures):
+                words.append(f"{run.name}: {sentence}")
     units = [(name, quantity.unit) for name, quantity in MAIN[0].figures.items()]
     head = ("", "", *(f"{name}{'' if unit == '1' else f' [{unit}]'}" for name, unit in units))
     lines = [*_markdown(head, body), "", *(f"- {word}" for word in words)]
@@ -202,7 +201,7 @@ def _table(title: str, rows: Sequence[Row], runs: Sequence[Run], measure: Measur
 
 
 def compared(ours: dict[str, Quantity], paper: dict[str, Quantity]) -> str:
-    """Return in words which figures agree with the paper's, which disagree, and which the rides do not decide.
+    """Return the names of the figures that agree with the paper's, that disagree, and that the rides do not decide.
 
     A figure agrees if its 95 % interval lies within two standard deviations of the paper's mean. It disagrees if the
     two intervals do not meet. E_smth is left out: the paper gives no formula for it.
@@ -222,7 +221,7 @@ def compared(ours: dict[str, Quantity], paper: dict[str, Quantity]) -> str:
             verdict = "disagree"
         else:
             verdict = "not decided"
-        verdicts[verdict].append(f"{name} [{low:.3f}, {high:.3f}] of {least:.3f} to {most:.3f}")
+        verdicts[verdict].append(name)
     return "; ".join(f"{verdict}: {', '.join(names)}" for verdict, names in verdicts.items() if names)
 
 

@@ -13,7 +13,7 @@ learns to ride, and one that never is learns to ride on one leg. So the patience
 | pushing without a step that ends an episode | the task's idle patience · p/P |
 | weight of `push/left_foot` | the task's · P/p |
 
-Then comes the strength by which worlds differ (`sim.skate.mdp.worlds`), from 0 to 1, and with it, up to its half, the weights
+Then comes the strength by which worlds differ (`sim.skate.mdp.worlds`), from 0 to 1, and with it, up to a quarter, the weights
 of rewards that a rider needs and a beginner does not (`Reward.beginner`).
 
 The weight of the actions' entropy falls geometrically with the early ends, from the set point of the patience
