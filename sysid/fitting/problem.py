@@ -13,7 +13,7 @@ import numpy as np
 
 from sysid.effects._algebra import Numbers
 from sysid.effects._base import Effect, Scales, SensorEffect
-from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record, measured_rest
+from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record, first_from, measured_rest
 from sysid.fitting.shooting import Shooting
 from sysid.joint.hermite import hermite_matrix
 from sysid.joint.integrator import Buffered, Rollout, block_of, build_initial, build_stepper, steps_for
@@ -513,7 +513,7 @@ class Problem:
 def _first_pull(release: Release) -> float:
     """Return the acceleration with which a release sets off [rad/s²]: a stop that it leans on pulls hardest."""
     time = release.time - release.time[0]
-    first, last = np.searchsorted(time, (1.5 * LETTING_GO, 5 * LETTING_GO))
+    first, last = first_from(time, 1.5 * LETTING_GO), first_from(time, 5 * LETTING_GO)
     gone = np.abs(release.roll[first : last + 1] - release.roll[0]) - 3 * float(np.median(release.std))
     return float(np.max(2 * gone / time[first : last + 1] ** 2, initial=0.0))
 
@@ -554,7 +554,7 @@ def _first_motion(record: Record) -> tuple[float, float]:
     release = record.release
     if record.is_rate:
         return float(release.roll[0]), float(np.median(record.signal[:3]))
-    span = max(5, int(np.searchsorted(record.time, 0.01)))
+    span = max(5, first_from(record.time, 0.01))
     t, y = record.time[:span], record.signal[:span]
     fit = np.polynomial.polynomial.polyfit(t, y, min(2, len(t) - 1))
     return float(fit[0]), float(fit[1]) if span > 12 else 0.0

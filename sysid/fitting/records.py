@@ -92,7 +92,12 @@ def _onset(release: Release) -> int:
     """
     if release.hold <= 0:
         return 0
-    return int(np.searchsorted(release.time - release.time[0], LETTING_GO))
+    return first_from(release.time - release.time[0], LETTING_GO)
+
+
+def first_from(time: Array, instant: float) -> int:
+    """Return the index of the first sample at or after an instant [s], to the microsecond: the last bits of a clock decide nothing."""
+    return int(np.searchsorted(np.round(time, 6), instant))
 
 
 def _end_of_motion(release: Release, signal: Array, std: float) -> int:

@@ -72,12 +72,12 @@ HEAVY = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.402, rest_angle=0.0
 )  # fmt: skip
 def test_truth_is_recovered(pink, effect, values):
     fit = fit_joint(releases_of(LIGHT.with_effect(effect, *values), 1), pink, [effect])
-    found = dict(fit.law.effects)[effect]
-    assert found == pytest.approx(values, rel=0.05)
     assert fit.law.stiffness == pytest.approx(LIGHT.stiffness, rel=0.02)
     assert fit.rmse == pytest.approx(fit.noise.std, rel=0.04)
     for name, truth in zip((q for q in fit.quantities if "." in q), values, strict=True):
-        assert abs(fit.quantities[name].value - truth) < 4.5 * fit.quantities[name].std
+        found = fit.quantities[name]
+        assert abs(found.value - truth) < 4.5 * found.std
+        assert found.std < 0.04 * truth
 
 
 def test_starts_that_meet_are_followed_once(pink):
@@ -97,6 +97,18 @@ def test_start_far_away_gives_the_same_answer(pink):
     releases = releases_of(LIGHT.with_effect("coulomb", 0.08), 2)
     one, two = (fit_joint(releases, board, ["coulomb"]) for board in (pink, far))
     assert one.law.vector == pytest.approx(two.law.vector, rel=1e-4, abs=1e-6)
+
+
+def test_the_last_bits_of_the_clock_change_no_fit(pink):
+    law = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.402).with_effect("coulomb", 0.15)
+    releases = releases_of(law, 3)
+    fits = [
+        fit_joint([replace(one, time=one.time * scale) for one in releases], pink, ["coulomb"])
+        for scale in (1 - 1e-12, 1.0, 1 + 1e-12)
+    ]
+    assert len({fit.problem.samples for fit in fits}) == 1
+    for fit in fits[1:]:
+        assert fit.law.vector == pytest.approx(fits[0].law.vector, rel=1e-6, abs=1e-9)
 
 
 def test_inertia_of_the_record_scales_every_torque(pink):
@@ -137,7 +149,9 @@ def test_a_rest_farther_from_the_record_than_the_joint_swings_is_fitted(pink, ef
     releases = releases_of(law, 1, angles=(0.35, 0.12, 0.3))
     fit = fit_joint(releases, pink, [effect], FitOptions(fixed={"rest_angle": 0.0}))
     (found,) = (q for name, q in fit.quantities.items() if name.startswith(effect))
-    assert found.value == pytest.approx(0.25 * (14.684 if effect == "preload" else 1.0), rel=0.03)
+    truth = 0.25 * (14.684 if effect == "preload" else 1.0)
+    assert abs(found.value - truth) < 3 * found.std
+    assert found.std < 0.03 * truth
 
 
 @settings(max_examples=12, deadline=None)
@@ -334,7 +348,8 @@ def test_static_friction_is_found_beside_the_sliding_one(pink, truth):
     assert fit.rmse < plain.rmse
     # Where it stops, a deck tells that static friction is enough, not how much more there is.
     shape = next(shape for shape in profiles(fit, pink) if shape.name == "stribeck.static_torque")
-    assert shape.interval[0] <= truth[1] <= shape.interval[1]
+    low, high = shape.interval
+    assert low - (high - low) / 2 <= truth[1] <= high + (high - low) / 2  # four standard deviations
 
 
 def test_sliding_friction_is_found_where_a_damper_and_a_wide_stribeck_speed_mimic_it(tmp_path, pink):
