@@ -92,8 +92,8 @@ def paper(
             text += ["", f"![{section.title}]({section.picture})"]
         if section.missing:
             text += ["", "Missing, and how to train it:", "", *(f"- {row}" for row in section.missing)]
-    runs_made = (f"| {run.name} | `{run.command}` | {run.note} |" for run in manifest)
-    text += ["", "## Runs", "", "| run | command | remark |", "|---|---|---|", *runs_made, ""]
+    text += ["", "## Runs", "", "The manifest of runs (`data/policies/runs.toml`) has their commands.", ""]
+    text += ["| run | remark |", "|---|---|", *(f"| {run.name} | {run.note} |" for run in manifest), ""]
     write_atomically(folder / "paper.md", "\n".join(text))
     content = {section.title: {"rows": section.numbers, "missing": section.missing} for section in sections}
     content = {"episodes": episodes, "seeds": seeds, "sections": content}

@@ -25,19 +25,18 @@ def page() -> str:
     lines = [
         "# The effect catalogue",
         "",
-        "What a joint can do beyond a linear spring and damper. `diagnose` says which of these effects a log shows, `fit --effect NAME` fits one.",
+        "Effects of a joint beyond a linear spring and damper. `diagnose` finds them in a log, `fit --effect NAME` fits one.",
         "",
-        "Laws are torques τ in I φ̈ = -k x - d v + Σ τ, with x = angle - rest angle and v its rate. Each name links to a picture: orange is the",
+        "Laws are torques τ in I φ̈ = -k x - d v + Σ τ; x is the angle from rest, v its rate. Each name links to a picture: orange is the",
         "joint with the effect, blue the model without it.",
         "",
-        "`husky-sysid effects NAME` prints parameters, source, look-alikes, the experiment that tells them apart, and how MuJoCo holds the law.",
+        "`husky-sysid effects NAME` prints parameters, source, look-alikes, the experiment that separates them, and the form in MuJoCo.",
         "",
-        "A new effect is one file in `sysid/effects/` and one test; command line, fit, diagnosis and this page then know it",
-        "([how](../CONTRIBUTING.md#add-an-effect)). Written by `docs/make_effect_pictures.py`; do not edit.",
+        "[Add an effect](../CONTRIBUTING.md#add-an-effect) of your own as one file. Written by `docs/make_effect_pictures.py`; do not edit.",
         "",
     ]
     for role, heading in ROLES.items():
-        lines += [f"## {heading}", "", "| effect | law | what it does to a decay |", "|---|---|---|"]
+        lines += [f"## {heading}", "", "| effect | law | in a decay |", "|---|---|---|"]
         lines += [_row(effect) for effect in catalogue().values() if effect.role == role] + [""]
     return "\n".join(lines).rstrip() + "\n"
 

@@ -1,8 +1,8 @@
-"""Run the cells of docs/library.md, and write what they print below them.
+"""Run the cells of docs/library.md, and write their output below them.
 
 Run:  python docs/make_library.py
 
-A cell is a ```python block; a ```text block right below it is what it prints.
+A cell is a ```python block; a ```text block right below it is its output.
 """
 
 import contextlib
@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[1]
 TARGET = ROOT / "docs" / "library.md"
 CELL = re.compile(r"```python\n(?P<code>.*?)```\n(?:\n```text\n(?P<output>.*?)```\n)?", re.S)
 LOGS = {"tip.csv": "pink_hidden.csv", "imu.csv": "pink_imu.csv", "clean.csv": "pink.csv"}
-"""What the page finds beside it, and the synthetic log of data/decays that it is."""
+"""Logs beside the page, and their synthetic originals in data/decays."""
 
 
 def page(text: str) -> str:

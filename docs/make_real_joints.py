@@ -1,4 +1,4 @@
-"""Fit servos and a pendulum that others recorded and published, and write the table of docs/any_joint.md.
+"""Fit servos and a pendulum that others recorded and published, and write the table of benchmarks/results/real_joints.md.
 
 python docs/make_real_joints.py FOLDER   (with servo_passive_drop, sts3250_servo_drop and rotary_pendulum_freeswing in it)
 """
@@ -14,7 +14,7 @@ from sysid.board import Board
 from sysid.fit_mjcf import Fit, fit
 from sysid.recording import Recording
 
-PAGE = Path(__file__).parent / "any_joint.md"
+PAGE = Path(__file__).parents[1] / "benchmarks" / "results" / "real_joints.md"
 MARKS = "<!-- real joints: docs/make_real_joints.py -->\n", "<!-- end of real joints -->\n"
 PENDULUM = """<mujoco><worldbody><body name="arm"><joint name="servo" axis="0 1 0"/>
   <inertial pos="0 0 -{arm}" mass="{mass}" diaginertia="{own} {own} 1e-9"/></body></worldbody></mujoco>"""

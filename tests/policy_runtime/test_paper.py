@@ -142,12 +142,14 @@ def test_command_writes_page_and_numbers(tmp_path, capsys):
         "iteration,samples,survival,speed_error,heading_error,both_feet\n1,96,0,1,1,0\n2,192,0.5,0.4,0.3,0.9\n"
     )
     manifest = tmp_path / "runs.toml"
-    manifest.write_text("[[run]]\nname='a'\nboard='pink'\ncommand='husky-sysid train'\ncurves='curves.csv'")
+    manifest.write_text(
+        "[[run]]\nname='a'\nboard='pink'\ncommand='husky-sysid train'\nnote='from rest'\ncurves='curves.csv'"
+    )
     assert paper("main", "curves", runs=manifest, output=tmp_path / "out") == 0
     page = (tmp_path / "out" / "paper.md").read_text()
     assert "## Main table" in page
     assert "![Learning curves, and where they end](curves.png)" in page
-    assert "| a | `husky-sysid train` |" in page
+    assert "| a | from rest |" in page
     content = json.loads((tmp_path / "out" / "paper.json").read_text())
     assert len(content["sections"]["Main table"]["missing"]) == len(MAIN)
     assert np.isclose(
