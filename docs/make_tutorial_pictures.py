@@ -1,4 +1,4 @@
-"""Make the pictures of docs/tutorial.md by doing what it says, in a workspace of their own.
+"""Make the pictures of docs/tutorial.md by its own commands, in a separate workspace.
 
 python docs/make_tutorial_pictures.py
 """
