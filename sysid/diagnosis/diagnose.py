@@ -17,8 +17,8 @@ from sysid.diagnosis import report as diagnosis_report
 from sysid.diagnosis.exact import reaches_noise, sizes_of, weigh
 from sysid.diagnosis.experiment import deciding, in_words
 from sysid.diagnosis.laws import candidates
-from sysid.diagnosis.motion import NODES, motion_of
-from sysid.diagnosis.posterior import Found, Posterior, Subject, posterior
+from sysid.diagnosis.motion import NODES, free_of_hands, motion_of
+from sysid.diagnosis.posterior import LOUD, SHARES, Found, Posterior, Subject, posterior
 from sysid.diagnosis.record import record_deviation
 from sysid.diagnosis.slow_flow import slow_posterior
 from sysid.diagnosis.verdict import LITTLE, NAMELESS, Hint, Status, Verdict, decide
@@ -227,6 +227,7 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
     noise = noise_floor(releases, rate=chosen["use_rate"])
     with stage(0.0, 0.6, "laws"):
         found = judge(releases, board, noise.std, rate=chosen["use_rate"])
+    releases = free_of_hands(releases, found.motion)
     base = Candidate(effects=(), score=0.0, fit=fit_joint(releases, board, own, options))
     left = max(base.rmse**2 - noise.std**2, 0.0) / base.fit.measured_rms**2
     with stage(0.6, 1.0, "fits"):
@@ -318,8 +319,13 @@ def _weighed(
 ) -> tuple[Posterior, list[tuple[Found, Candidate]]]:
     """Return the posterior and the fits by output error, where one of these reaches the noise; else as they are.
 
+    Equations that need no torque noise, explain the log to its noise and are sure decide alone: they see all that the fits see, but for
+    the states at the release, which a fit has to assume.
+
     Each fit has a rest angle of its own, so that it says nothing of another rest angle: the equations do.
     """
+    if found.share == SHARES[0] and found.misfit < LOUD and found.sets[0].probability > SURE:
+        return found, fits
     once = {c.effects: (one, c) for one, c in reversed(fits)}
     chances = weigh([(one, c.fit) for one, c in once.values()], len(found.inclusion))
     if chances is None:

@@ -1,7 +1,7 @@
 """Free motion on a uniform grid, in units of the widest swing and of one radian of the joint's natural swing."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -60,6 +60,10 @@ class Motion:
     """Zero of the reading: the joint's own, unknown but fixed, or another in each release."""
     starts: Array
     """Time of the first node of each release on the log's clock [s], shape (r,)."""
+    releases: npt.NDArray[np.intp]
+    """Place of each row's release among those given, shape (r,)."""
+    free: npt.NDArray[np.intp]
+    """First node of each release at which no hand acts, and the node from which one acts; -1 where none does, shape (r, 2)."""
 
     @property
     def inside(self) -> Mask:
@@ -142,8 +146,22 @@ def motion_of(
     return Motion(
         amplitude=amplitude, frequency=omega, step=2 * np.pi / nodes, reading=reading, variance=variance, lag=lag,
         length=length, envelope=np.maximum(envelope, QUIET / 2), hold=hold, held=held, rest=rest, is_rate=rate, zero=zero,
-        starts=starts,
+        starts=starts, releases=np.array(used, dtype=np.intp), free=np.tile(np.array([0, -1], dtype=np.intp), (len(used), 1)),
     )  # fmt: skip
+
+
+def free_of_hands(releases: Sequence[Release], motion: Motion) -> list[Release]:
+    """Return the releases without their ends at which the motion shows a hand."""
+    found = list(releases)
+    for row, (first, end) in enumerate(motion.free):
+        at = int(motion.releases[row])
+        release, second = found[at], motion.step / motion.frequency
+        if first:
+            part = release[release.time >= motion.starts[row] + first * second]
+            found[at] = release = replace(part, hold=0.0, held=None)
+        if end >= 0:
+            found[at] = replace(release[release.time < motion.starts[row] + end * second], end="caught")
+    return found
 
 
 def natural_frequency(release: Release, *, rate: bool) -> float:

@@ -149,7 +149,7 @@ def posterior(motion: Motion, subject: Subject, grids: Mapping[str, list[Shape]]
         grids: Shapes of the laws to begin with, from an earlier posterior.
     """
     stiffness, damping = linear_joint(motion)
-    motion = _until_still(motion, stiffness, damping)
+    motion = moving = _until_still(motion, stiffness, damping)
     state, envelope = State(stiffness, damping, grids=grids or {}), motion.envelope
     plan = [False, False, True]
     while True:
@@ -166,8 +166,9 @@ def posterior(motion: Motion, subject: Subject, grids: Mapping[str, list[Shape]]
         )
         envelope = np.maximum(motion.envelope, local)
         if louder:
-            motion, plan = _with_noise(motion, state, envelope), [False, True]
-        motion = _without_hands(motion, state, envelope)
+            scale = _noise_scale(motion, state, envelope)
+            moving, plan = replace(moving, variance=moving.variance * scale), [False, True]
+        motion = _without_hands(moving, state, envelope)
 
 
 def lost(torque: Array, angle: Array) -> Array:
@@ -216,8 +217,8 @@ def _until_still(motion: Motion, stiffness: float, damping: float) -> Motion:
     return replace(motion, length=length, variance=variance)
 
 
-def _with_noise(motion: Motion, state: State, envelope: Array) -> Motion:
-    """Return the motion with the sensor noise that is the likeliest beside what the laws explain, at least the stated one.
+def _noise_scale(motion: Motion, state: State, envelope: Array) -> float:
+    """Return the variance of the sensor's noise that is the likeliest beside the laws, over the stated one, at least 1.
 
     Stated noise is that of neighbouring samples; errors that last longer are not in it.
     """
@@ -226,9 +227,7 @@ def _with_noise(motion: Motion, state: State, envelope: Array) -> Motion:
         louder = replace(motion, variance=motion.variance * scale)
         smoother = Smoother(louder, state.stiffness, state.damping, envelope, state.contact)
         costs[scale] = min(smoother.smooth(share, state.torque, spread=False).cost for share in SHARES)
-    return replace(
-        motion, variance=motion.variance * min(costs, key=lambda scale: costs[scale] + 8 * np.log(scale) ** 2)
-    )
+    return min(costs, key=lambda scale: costs[scale] + 8 * np.log(scale) ** 2)
 
 
 def _without_hands(motion: Motion, state: State, envelope: Array) -> Motion:
@@ -239,7 +238,7 @@ def _without_hands(motion: Motion, state: State, envelope: Array) -> Motion:
     smoother = Smoother(motion, state.stiffness, state.damping, envelope, state.contact)
     misfit = smoother.smooth(state.share, state.torque, spread=False).misfit
     size = motion.nodes_a_period // 4
-    variance, length = motion.variance.copy(), motion.length.copy()
+    variance, length, free = motion.variance.copy(), motion.length.copy(), motion.free.copy()
 
     def block(row: int, begin: int, end: int) -> tuple[float, int]:
         samples = int(np.isfinite(motion.variance[row, begin:end]).sum())
@@ -258,11 +257,11 @@ def _without_hands(motion: Motion, state: State, envelope: Array) -> Motion:
     for row, n in enumerate(motion.length):
         for begin in range(max(n - 6 * size, n // 2), n, max(size // 2, 1)):
             if stands_out(row, begin, min(begin + size, n)):
-                variance[row, begin:], length[row] = np.inf, begin
+                variance[row, begin:], length[row], free[row, 1] = np.inf, begin, begin
                 break
         if stands_out(row, 0, size // 2):
-            variance[row, : size // 2] = np.inf
-    return replace(motion, variance=variance, length=length)
+            variance[row, : size // 2], free[row, 0] = np.inf, size // 2
+    return replace(motion, variance=variance, length=length, free=free)
 
 
 @dataclass(frozen=True, slots=True)

@@ -73,6 +73,7 @@ def decide(found: Posterior, *, left: float, explained: float, exact: bool = Fal
     strange = found.nameless > NAMELESS and found.nameless > BESIDE * found.named
     strange |= not found.by_cycles and found.share > LITTLE and explained < MOSTLY
     status: Status = "missing" if named else "none-missing"
+    strange |= not named
     many = len(set(named) - {"rest"}) >= DEPTH and not exact and not found.by_cycles
     if many or (strange and left * (1 - explained) > NAMELESS**2):
         status = "unexplained"  # as many laws as were tried together, and still not all of it
