@@ -17,8 +17,8 @@ from sysid.diagnosis import report as diagnosis_report
 from sysid.diagnosis.exact import reaches_noise, sizes_of, weigh
 from sysid.diagnosis.experiment import deciding, in_words
 from sysid.diagnosis.laws import candidates
-from sysid.diagnosis.motion import NODES, free_of_hands, motion_of
-from sysid.diagnosis.posterior import LOUD, SHARES, Found, Posterior, Subject, posterior
+from sysid.diagnosis.motion import NODES, judged_part, motion_of
+from sysid.diagnosis.posterior import Found, Posterior, Subject, posterior
 from sysid.diagnosis.record import record_deviation
 from sysid.diagnosis.slow_flow import slow_posterior
 from sysid.diagnosis.verdict import LITTLE, NAMELESS, Hint, Status, Verdict, decide
@@ -41,13 +41,10 @@ if TYPE_CHECKING:
 
 FITTED = 5
 """Sets of families that are fitted by output error."""
-BENDS = 0.25
-"""Share by which the error beyond the noise may rise while a law only bends another one: where none is exact, each may be off by a tenth of
-its torque, and two of them by more."""
+BENDS = 0.2
+"""Share of the error beyond the noise that a parameter has to take away: where no law is exact, each may be off by a tenth of its torque."""
 EVEN = 0.5
 """Probability from which a family is taken to act."""
-PAIRED = 5
-"""Single laws from which pairs are made with the best one."""
 SURE = 0.9
 """Probability of a set from which the equations decide."""
 STOP_LIKELY = 0.2
@@ -227,14 +224,14 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
     noise = noise_floor(releases, rate=chosen["use_rate"])
     with stage(0.0, 0.6, "laws"):
         found = judge(releases, board, noise.std, rate=chosen["use_rate"])
-    releases = free_of_hands(releases, found.motion)
+    releases = judged_part(releases, found.motion)
     base = Candidate(effects=(), score=0.0, fit=fit_joint(releases, board, own, options))
     left = max(base.rmse**2 - noise.std**2, 0.0) / base.fit.measured_rms**2
     with stage(0.6, 1.0, "fits"):
         fits = _fits(found, releases, board, options, own, base)
     found, fits = _weighed(found, fits)
     explained = 1 - (min(c.beyond for _, c in fits) / base.beyond) ** 2 if base.beyond else 1.0
-    verdict = decide(found, left=left, explained=explained, exact=any(reaches_noise(c.fit) for _, c in fits))
+    verdict = decide(found, left=left, explained=explained, exact=found.exact or any(reaches_noise(c.fit) for _, c in fits))
     want = frozenset(verdict.families) - {"rest"}
     best = min(
         (c for s, c in fits if frozenset(s.families) - {"rest"} == want), key=lambda c: c.rmse, default=base
@@ -324,12 +321,13 @@ def _weighed(
 
     Each fit has a rest angle of its own, so that it says nothing of another rest angle: the equations do.
     """
-    if found.share == SHARES[0] and found.misfit < LOUD and found.sets[0].probability > SURE:
-        return found, fits
     once = {c.effects: (one, c) for one, c in reversed(fits)}
-    chances = weigh([(one, c.fit) for one, c in once.values()], len(found.inclusion))
+    first = next((c for one, c in fits if one is found.sets[0]), None)
+    if found.exact and found.sets[0].probability > SURE and first is not None and not reaches_noise(first.fit):
+        return found, fits
+    chances = weigh([(one, c.fit) for one, c in once.values()])
     if chances is None:
-        return _carrying(_by_fits(found, fits), fits), fits
+        return _by_fits(found, fits), fits
     both = sorted(zip(chances, once.values(), strict=True), key=lambda item: -item[0])
     top, moved = both[0][0], found.inclusion.get("rest", 0.0)
     again: list[tuple[Found, Candidate]] = []
@@ -367,10 +365,11 @@ def _fits(
 ) -> list[tuple[Found, Candidate]]:
     """Return the likeliest sets with their fits; a set that cannot be fitted is left out.
 
-    Where none of them reaches the noise and no torque is without a name, single laws are fitted too, and pairs of the best ones. A short motion
+    Where none of them reaches the noise and no torque is without a name, single laws are fitted too, and pairs with the best one. A short motion
     says more as a whole than its equations do.
     """
     fits: dict[tuple[str, ...], tuple[Found, Candidate]] = {}
+    low, high = (float(f([f(release.roll) for release in releases])) for f in (np.min, np.max))
     top = found.sets[0].probability
     recorded = {
         f"{part.name}.{name}": q.value for part in board.effects for name, q in part.parameters.items()
@@ -389,6 +388,8 @@ def _fits(
             fit = fit_joint(releases, board, (*own, *names), options, base.fit.problem.scales, near)
         except SysidError:
             return
+        if not low <= fit.law.rest_angle <= high:
+            return  # it comes to rest where it never was
         fits[names] = one, Candidate(effects=names, score=score, fit=fit)
 
     for one in found.sets[:FITTED]:
@@ -408,8 +409,9 @@ def _fits(
         for one in (*_variants(found.sets[0], own), *found.singles, *simple):
             add(one)
         alone = sorted((f for f in fits.values() if len(f[1].effects) == 1), key=lambda f: f[1].rmse)
-        for one, _ in alone[1:PAIRED]:
-            first = alone[0][0]
+        each = {one.families: one for one, _ in reversed(alone)}
+        first = alone[0][0]
+        for one in each.values():
             if first.families == one.families:
                 continue
             add(
@@ -424,44 +426,30 @@ def _fits(
 
 
 def _by_fits(found: Posterior, fits: list[tuple[Found, Candidate]]) -> Posterior:
-    """Return the posterior with the simplest law first whose fit is about the best, where the equations are not sure.
+    """Return the posterior with that set first whose fit explains most for its number of parameters.
 
-    About the best is an error beyond the noise within `BENDS` of the least one.
+    No law of the catalogue is exact here, so that another one may only bend the first. A parameter is worth it that takes away a share
+    `BENDS` of the error beyond the noise. Where the equations are sure of a set, and see the damping, only its parts compete with it.
     """
-    least = min(c.beyond for _, c in fits)
-    if found.share <= LITTLE and found.sets[0].probability > SURE:
+    best = found.sets[0]
+    sure = found.share <= min(LITTLE, found.damping) and best.probability > SURE
+    near = [
+        (one, c)
+        for one, c in fits
+        if not (sure or found.by_cycles and best.probability > SURE) or set(one.families) <= set(best.families)
+    ]
+
+    def cost(item: tuple[Found, Candidate]) -> float:
+        count = sum(len(effect(name).parameters) for name in item[1].effects)
+        return float(np.log(max(item[1].beyond, 1e-300))) - count * float(np.log(1 - BENDS))
+
+    one, candidate = min(near, key=cost)
+    if set(one.families) - {"rest"} == set(best.families) - {"rest"}:
         return found
-    near = [(one, c) for one, c in fits if c.beyond <= (1 + BENDS) * least]
-    one, candidate = min(near, key=lambda item: (len(item[1].fit.problem.names), item[1].beyond))
     rest = tuple(s for s in found.sets if s.families != one.families)
-    chance = max(one.probability, found.sets[0].probability)
+    chance = max(one.probability, best.probability)
     sizes = {**found.sizes, **sizes_of(candidate.fit, candidate.effects)}
     return replace(found, sets=(replace(one, probability=chance), *rest), sizes=sizes)
-
-
-def _carrying(found: Posterior, fits: list[tuple[Found, Candidate]]) -> Posterior:
-    """Return the posterior with the best set reduced to the families that carry the torque.
-
-    No law of the catalogue is exact here, so that a second one may only bend the first. One whose removal raises the error beyond
-    the noise by less than `BENDS` is dropped.
-    """
-    known: dict[frozenset[str], tuple[Found, Candidate]] = {}
-    for one, c in sorted(fits, key=lambda item: -item[1].beyond):
-        known[frozenset(one.families) - {"rest"}] = one, c
-    best = found.sets[0]
-    while True:
-        families = frozenset(best.families) - {"rest"}
-        if not families or families not in known:
-            return found
-        left = known[families][1].beyond
-        less = [known[families - {f}] for f in families if families - {f} in known]
-        smaller = min(less, key=lambda item: item[1].beyond, default=None)
-        if smaller is None or smaller[1].beyond > (1 + BENDS) * left:
-            return found
-        best = replace(smaller[0], probability=max(best.probability, smaller[0].probability))
-        rest = tuple(s for s in found.sets if s.families != smaller[0].families)
-        sizes = {**found.sizes, **sizes_of(smaller[1].fit, smaller[1].effects)}
-        found = replace(found, sets=(best, *rest), sizes=sizes)
 
 
 __all__ = ["Candidate", "Diagnosis", "Hint", "Verdict", "diagnose", "fittable", "judge"]

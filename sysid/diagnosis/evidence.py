@@ -28,6 +28,14 @@ STRENGTH = 0.4
 """Prior deviation of a law's torque over the spring's, both RMS over the motion."""
 MOST_DEVIATIONS = 3.5
 """A strength within so many prior deviations is possible."""
+COMMON, OFTEN, SELDOM = ("friction", "drag", "hardening", "rest"), 0.15, 0.05
+"""Families that most joints may have, their prior probability, and that of any other."""
+
+
+def log_odds(family: str) -> float:
+    """Return the prior log odds that a family acts."""
+    chance = OFTEN if family in COMMON else SELDOM
+    return float(np.log(chance / (1 - chance)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,8 +47,8 @@ class Item:
     columns: tuple[int, ...]
     signs: tuple[int, ...]
     """1 for a strength that cannot be negative, else 0."""
-    log_share: float
-    """Log of its share in the prior of its family."""
+    log_prior: float
+    """Log odds of its family, and of its share in them."""
     bends: tuple[int, ...] = ()
     """Columns of functions that the law may be off by."""
 
@@ -96,8 +104,7 @@ class Problem:
         self.signs = np.array([(*item.signs, 0)[:2] for item in items])
         self.loose = np.where(self.pairs < 0, 1.0, STRENGTH)
         self.family = np.array([item.family for item in items], dtype=np.intp)
-        self.shares = np.array([item.log_share for item in items])
-        self.log_odds = -float(np.log(max(len(set(self.family)) - 1, 1)))
+        self.priors = np.array([item.log_prior for item in items])
 
 
 def items_of(terms: Sequence[Term | None], families: Sequence[str], first: int) -> list[Item]:
@@ -116,8 +123,8 @@ def items_of(terms: Sequence[Term | None], families: Sequence[str], first: int) 
             ("rest", (0,), 1.0) if term is None else (term.family, term.signs, term.shape.share)
         )
         columns = tuple(range(first, first + len(signs)))
-        share = float(np.log(part / len(laws[family])))
-        items.append(Item(family=families.index(family), columns=columns, signs=signs, log_share=share))
+        prior = log_odds(family) + float(np.log(part / len(laws[family])))
+        items.append(Item(family=families.index(family), columns=columns, signs=signs, log_prior=prior))
         first += len(signs)
     return items
 
@@ -151,7 +158,7 @@ def solve(problem: Problem, items: Sequence[int]) -> Scored:
         )
         mean, covariance = mean[: len(columns)], covariance[: len(columns), : len(columns)]
     possible = float(_possible(problem, mean, np.diag(covariance), wide, signs))
-    prior = sum(problem.log_odds + item.log_share for item in picked)
+    prior = sum(item.log_prior for item in picked)
     return Scored(
         items=tuple(items),
         log_evidence=likelihood + possible + prior,
@@ -223,7 +230,7 @@ def grow(problem: Problem, parent: Scored) -> Sets:
     )
     signs = np.concatenate([np.repeat(signs, count, axis=1), problem.signs[picked].T])
     possible = _possible(problem, mean, np.concatenate([variance, [va, vb]]), wide, signs)
-    prior = (len(own) + 1) * problem.log_odds + problem.shares[own].sum() + problem.shares[picked]
+    prior = problem.priors[own].sum() + problem.priors[picked]
     items = np.full((count, DEPTH), -1, dtype=np.intp)
     items[:, : len(own)], items[:, -1] = own, picked
     return Sets(

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sysid.diagnosis.evidence import log_odds
 from sysid.diagnosis.posterior import Found, Size
 from sysid.diagnosis.posterior import lost as loss_of
 from sysid.effects import effect
@@ -20,7 +21,7 @@ def reaches_noise(fit: JointFit) -> bool:
     return fit.rmse <= fit.noise.highest
 
 
-def weigh(fits: Sequence[tuple[Found, JointFit]], families: int) -> list[float] | None:
+def weigh(fits: Sequence[tuple[Found, JointFit]]) -> list[float] | None:
     """Return the probability of each set among some fitted ones; None where none of them reaches the noise.
 
     With ε = 0 the evidence of a fit with p parameters and n samples is, by Laplace's method with a unit-information prior,
@@ -28,7 +29,6 @@ def weigh(fits: Sequence[tuple[Found, JointFit]], families: int) -> list[float] 
 
     Args:
         fits: Sets and their fits.
-        families: Families of the catalogue: each is as likely as one of them.
     """
     if not any(reaches_noise(fit) for _, fit in fits):
         return None
@@ -36,11 +36,10 @@ def weigh(fits: Sequence[tuple[Found, JointFit]], families: int) -> list[float] 
     logs = []
     for found, fit in fits:
         samples, free = fit.problem.samples, len(fit.problem.names)
-        named = len([f for f in found.families if f != "rest"])
         logs.append(
             -0.5 * samples * (fit.rmse / noise) ** 2
             - 0.5 * free * np.log(samples)
-            - named * np.log(max(families - 1, 1))
+            + sum(log_odds(f) for f in found.families if f != "rest")
         )
     weights = np.exp(np.array(logs) - max(logs))
     return [float(w) for w in weights / weights.sum()]

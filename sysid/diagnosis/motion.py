@@ -63,7 +63,7 @@ class Motion:
     releases: npt.NDArray[np.intp]
     """Place of each row's release among those given, shape (r,)."""
     free: npt.NDArray[np.intp]
-    """First node of each release at which no hand acts, and the node from which one acts; -1 where none does, shape (r, 2)."""
+    """First node of each release at which no hand acts, and the node from which one acts or only noise is left; -1 where none, shape (r, 2)."""
 
     @property
     def inside(self) -> Mask:
@@ -107,7 +107,7 @@ def motion_of(
     unit = amplitude * omega if rate else amplitude
     small = noise / omega if rate else noise
     cuts = [_cut(release, period, amplitude, small) for release in releases]
-    used = [i for i, (a, b) in enumerate(cuts) if b - a >= SHORTEST]
+    used = [i for i, (a, b, _) in enumerate(cuts) if b - a >= SHORTEST]
     if not used:
         raise SysidError(
             f"no release has {SHORTEST} samples of free motion above the noise. Record at a higher rate, or start wider."
@@ -121,8 +121,9 @@ def motion_of(
     variance, envelope = np.full(shape, np.inf), np.ones(shape)
     length = np.zeros(len(used), dtype=np.intp)
     hold, held, starts = np.zeros(len(used)), np.zeros(len(used)), np.zeros(len(used))
+    free = np.tile(np.array([0, -1], dtype=np.intp), (len(used), 1))
     for row, i in enumerate(used):
-        release, part = releases[i], slice(*cuts[i])
+        release, part = releases[i], slice(*cuts[i][:2])
         time = release.time[part]
         after = time - time[0]
         bins = np.rint(after / step).astype(np.intp)
@@ -137,6 +138,7 @@ def motion_of(
         lag[row, some] = np.bincount(bins, after - bins * step, count)[some] / number[some] * omega
         variance[row, some] = np.bincount(bins, stds[part] ** 2, count)[some] / number[some] ** 2 / unit**2
         length[row] = bins[-1] + 1
+        free[row, 1] = length[row] if cuts[i][2] else -1
         angle[row] = np.interp(np.arange(count), bins, (release.roll[part] - levels[i]) / amplitude)
         envelope[row] = _envelope(angle[row], nodes)
         before = release.held.roll if release.held is not None else release.roll[:1]
@@ -146,12 +148,12 @@ def motion_of(
     return Motion(
         amplitude=amplitude, frequency=omega, step=2 * np.pi / nodes, reading=reading, variance=variance, lag=lag,
         length=length, envelope=np.maximum(envelope, QUIET / 2), hold=hold, held=held, rest=rest, is_rate=rate, zero=zero,
-        starts=starts, releases=np.array(used, dtype=np.intp), free=np.tile(np.array([0, -1], dtype=np.intp), (len(used), 1)),
+        starts=starts, releases=np.array(used, dtype=np.intp), free=free,
     )  # fmt: skip
 
 
-def free_of_hands(releases: Sequence[Release], motion: Motion) -> list[Release]:
-    """Return the releases without their ends at which the motion shows a hand."""
+def judged_part(releases: Sequence[Release], motion: Motion) -> list[Release]:
+    """Return the releases without the ends that the motion leaves out: those of a hand, and those of noise alone."""
     found = list(releases)
     for row, (first, end) in enumerate(motion.free):
         at = int(motion.releases[row])
@@ -189,20 +191,20 @@ def _integral(time: Array, values: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))])
 
 
-def _cut(release: Release, period: float, amplitude: float, noise: float) -> tuple[int, int]:
-    """Return the first sample and the end of the motion that stands clear of the noise."""
+def _cut(release: Release, period: float, amplitude: float, noise: float) -> tuple[int, int, bool]:
+    """Return the first sample and the end of the motion that stands clear of the noise, and whether more follows."""
     time = release.time
     first = int(np.searchsorted(time, time[0] + LETTING_GO * period))
     ends = np.arange(time[0], time[-1], period / 2)
-    last = time[-1] - (0.1 * period if release.end == "caught" else 0.0)
+    last, quiet = time[-1] - (0.1 * period if release.end == "caught" else 0.0), False
     for begin in ends:
         part = (time >= begin) & (time < begin + period)
         whole = begin + 0.7 * period < time[-1]
         away = 2 * float(np.abs(release.roll[part] - release.rest).max(initial=0.0))
         if whole and part.any() and away < max(QUIET * amplitude, CLEAR * noise):
-            last = min(last, begin + period / 2)
+            last, quiet = min(last, begin + period / 2), True
             break
-    return first, int(np.searchsorted(time, last, side="right"))
+    return first, int(np.searchsorted(time, last, side="right")), quiet
 
 
 def _envelope(angle: Array, nodes: int) -> Array:

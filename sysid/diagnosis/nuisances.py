@@ -57,12 +57,13 @@ def nameless(motion: Motion, smoothed: Smoothed, linear: float, damping: float) 
 def sensor(motion: Motion, smoothed: Smoothed) -> tuple[Array, Array]:
     """Return what a sensor may add to a reading [1], shape (n, s), and the prior deviation of each term, shape (s,).
 
-    Its distortion is a polynomial of angle and rate. Its zero wanders as a random walk (Karhunen-Loève functions).
+    Its distortion is a polynomial of angle and rate. The zero of an angle wanders as a random walk (Karhunen-Loève functions), that of a
+    rate is off by a constant.
     """
     inside = motion.inside
     x, v = smoothed.angle, smoothed.rate
     bent = [a[inside] for a in (x * x, v * v, x * v, x**3, x * x * v, x * v * v)]
-    walks: list[Array] = []
+    walks = [np.ones(len(bent[0]))] if motion.is_rate else []
     for row, n in enumerate([] if motion.is_rate else motion.length):
         phase = np.arange(n) / n
         for i in range(WANDERS):

@@ -110,6 +110,11 @@ class Posterior:
     by_cycles: bool = False
     """Whether the sets are judged by the slow flow instead of the equations."""
 
+    @property
+    def exact(self) -> bool:
+        """Whether the equations explain the log to its noise, without any torque noise."""
+        return self.share <= SHARES[0] and self.misfit < LOUD and not self.by_cycles
+
 
 @dataclass(slots=True)
 class State:
@@ -254,13 +259,15 @@ def _without_hands(motion: Motion, state: State, envelope: Array) -> Motion:
         mean, samples = block(row, begin, end)
         return samples > 1 and mean > usual * (1 + 5 * np.sqrt(2 / samples))
 
+    half = max(size // 2, 1)
     for row, n in enumerate(motion.length):
-        for begin in range(max(n - 6 * size, n // 2), n, max(size // 2, 1)):
+        for begin in range(max(n - 6 * size, n // 2), n, half):
             if stands_out(row, begin, min(begin + size, n)):
                 variance[row, begin:], length[row], free[row, 1] = np.inf, begin, begin
                 break
-        if stands_out(row, 0, size // 2):
-            variance[row, : size // 2], free[row, 0] = np.inf, size // 2
+        opening = [j + half for j in range(0, min(2 * size, n // 2), half) if stands_out(row, j, j + half)]
+        if opening:
+            variance[row, : opening[-1]], free[row, 0] = np.inf, opening[-1]
     return replace(motion, variance=variance, length=length, free=free)
 
 

@@ -66,8 +66,8 @@ def decide(found: Posterior, *, left: float, explained: float, exact: bool = Fal
     best = found.sets[0]
     nothing = next((s for s in found.sets if not set(s.families) - {"rest"}), None)
     doubted = nothing is not None and nothing.probability * ODDS > sum(s.probability for s in found.sets)
-    if nothing is not None and doubted and explained < MOSTLY:
-        best = nothing  # an effect is named where its absence is unlikely, at 95 %, or where it explains most
+    if nothing is not None and doubted and (explained < MOSTLY or left * explained < NAMELESS**2):
+        best = nothing  # an effect is named where its absence is unlikely, at 95 %, or where it explains most of an error that matters
     named = tuple(f for f in best.families if matters(f, found.sizes.get(f)))
     effects = tuple(e for e, f in zip(best.effects, best.families, strict=True) if f in named)
     strange = found.nameless > NAMELESS and found.nameless > BESIDE * found.named
