@@ -261,8 +261,8 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
 def judge(releases: Sequence[Release], board: Board, noise: float, *, rate: bool) -> Posterior:
     """Return the posterior of sets of laws: by the equations, or by the slow flow where those say less about the damping.
 
-    The equations see a law of the damping only where their own unexplained torque, ε of the local one, is smaller than the damper's,
-    2 ζ of it. Where it is larger, and enough cycles stand clear of the noise, amplitude and phase speak.
+    The equations see a law of the damping only where their own unexplained torque, ε of the local one, is smaller than the torque that
+    takes the energy, 2 ζ of it. Where it is larger, and enough cycles stand clear of the noise, amplitude and phase speak.
 
     Args:
         releases: Free decays.
@@ -276,7 +276,7 @@ def judge(releases: Sequence[Release], board: Board, noise: float, *, rate: bool
     if found.inclusion.get("stop", 0.0) > STOP_LIKELY:
         motion = motion_of(releases, board.rest_angle, noise, rate=rate, nodes=2 * NODES)
         found = posterior(motion, subject, found.grids)
-    if found.share <= found.damping:
+    if found.share <= found.loss:
         return found
     return slow_posterior(found, subject) or found
 
@@ -295,16 +295,29 @@ def subject_of(board: Board) -> Subject:
     )  # fmt: skip
 
 
+def _sure(found: Posterior) -> bool:
+    """Return whether the posterior is sure of its best set, and sees laws of the damping."""
+    sees = found.by_cycles or found.share <= min(LITTLE, found.loss)
+    return sees and found.sets[0].probability > SURE
+
+
+def _set(families: Sequence[str], effects: Sequence[str], probability: float = 0.0) -> Found:
+    """Return a set of laws, its parameters to be found."""
+    return Found(families=tuple(families), effects=tuple(effects), probability=probability, parameters={})
+
+
+def _parts(best: Found) -> list[Found]:
+    """Return a set without each of its laws."""
+    pairs = list(zip(best.families, best.effects, strict=True))
+    less = [pairs[:i] + pairs[i + 1 :] for i in range(len(pairs))]
+    return [_set(*zip(*part, strict=True)) for part in less if part]
+
+
 def _variants(best: Found, own: Sequence[str]) -> list[Found]:
     """Return a set with each of its laws replaced by each other one of its family."""
     others = candidates(own)
     return [
-        Found(
-            families=best.families,
-            effects=(*best.effects[:i], name, *best.effects[i + 1 :]),
-            probability=best.probability,
-            parameters={},
-        )
+        _set(best.families, (*best.effects[:i], name, *best.effects[i + 1 :]), best.probability)
         for i, family in enumerate(best.families)
         for name, part in others.items()
         if part.family == family and name != best.effects[i]
@@ -323,7 +336,7 @@ def _weighed(
     """
     once = {c.effects: (one, c) for one, c in reversed(fits)}
     first = next((c for one, c in fits if one is found.sets[0]), None)
-    if found.exact and found.sets[0].probability > SURE and first is not None and not reaches_noise(first.fit):
+    if found.exact and _sure(found) and first is not None and not reaches_noise(first.fit):
         return found, fits
     chances = weigh([(one, c.fit) for one, c in once.values()])
     if chances is None:
@@ -365,8 +378,8 @@ def _fits(
 ) -> list[tuple[Found, Candidate]]:
     """Return the likeliest sets with their fits; a set that cannot be fitted is left out.
 
-    Where none of them reaches the noise and no torque is without a name, single laws are fitted too, and pairs with the best one. A short motion
-    says more as a whole than its equations do.
+    Where none of them reaches the noise, other laws are fitted too: parts of the best set where the posterior is sure of it, else all single
+    laws and pairs with the best one. A short motion says more as a whole than its equations do.
     """
     fits: dict[tuple[str, ...], tuple[Found, Candidate]] = {}
     low, high = (float(f([f(release.roll) for release in releases])) for f in (np.min, np.max))
@@ -395,33 +408,24 @@ def _fits(
     for one in found.sets[:FITTED]:
         if one is found.sets[0] or len(set(one.families) - {"rest"}) <= 2:
             add(one)
-    add(
-        next(
-            (s for s in found.sets if not s.families),
-            Found(families=(), effects=(), probability=0.0, parameters={}),
-        )
-    )
-    if found.nameless < NAMELESS and not any(reaches_noise(c.fit) for _, c in fits.values()):
-        simple = [
-            Found(families=(part.family,), effects=(name,), probability=0.0, parameters={})
-            for name, part in candidates(own).items() if len(part.parameters) == 1
-        ]  # fmt: skip
-        for one in (*_variants(found.sets[0], own), *found.singles, *simple):
+    add(next((s for s in found.sets if not s.families), _set((), ())))
+    if found.nameless > NAMELESS or any(reaches_noise(c.fit) for _, c in fits.values()):
+        return list(fits.values())
+    if _sure(found):
+        best = found.sets[0]
+        for one in (*_variants(best, own), *([] if found.exact else _parts(best))):
             add(one)
-        alone = sorted((f for f in fits.values() if len(f[1].effects) == 1), key=lambda f: f[1].rmse)
-        each = {one.families: one for one, _ in reversed(alone)}
-        first = alone[0][0]
-        for one in each.values():
-            if first.families == one.families:
-                continue
-            add(
-                Found(
-                    families=(*first.families, *one.families),
-                    effects=(*first.effects, *one.effects),
-                    probability=0.0,
-                    parameters={},
-                )
-            )
+        return list(fits.values())
+    simple = [
+        _set((part.family,), (name,)) for name, part in candidates(own).items() if len(part.parameters) == 1
+    ]
+    for one in (*_variants(found.sets[0], own), *found.singles, *simple):
+        add(one)
+    alone = sorted((f for f in fits.values() if len(f[1].effects) == 1), key=lambda f: f[1].rmse)
+    first = alone[0][0]
+    for one in {one.families: one for one, _ in reversed(alone)}.values():
+        if first.families != one.families:
+            add(_set((*first.families, *one.families), (*first.effects, *one.effects)))
     return list(fits.values())
 
 
@@ -432,12 +436,8 @@ def _by_fits(found: Posterior, fits: list[tuple[Found, Candidate]]) -> Posterior
     `BENDS` of the error beyond the noise. Where the equations are sure of a set, and see the damping, only its parts compete with it.
     """
     best = found.sets[0]
-    sure = found.share <= min(LITTLE, found.damping) and best.probability > SURE
-    near = [
-        (one, c)
-        for one, c in fits
-        if not (sure or found.by_cycles and best.probability > SURE) or set(one.families) <= set(best.families)
-    ]
+    sure = _sure(found)
+    near = [(one, c) for one, c in fits if not sure or set(one.families) <= set(best.families)]
 
     def cost(item: tuple[Found, Candidate]) -> float:
         count = sum(len(effect(name).parameters) for name in item[1].effects)

@@ -83,6 +83,8 @@ class Posterior:
     stiffness: float
     """k of the linear part beside the best set, in the motion's units."""
     damping: float
+    loss: float
+    """d of a linear joint that loses as much."""
     sets: tuple[Found, ...]
     """Sets of families, the likeliest first."""
     singles: tuple[Found, ...]
@@ -164,7 +166,7 @@ def posterior(motion: Motion, subject: Subject, grids: Mapping[str, list[Shape]]
         found = step.run(bend=bend)
         louder = bend and found.misfit > LOUD and not state.louder
         if not plan and not louder:
-            return found
+            return replace(found, loss=damping)
         state = replace(step.next_state(found), louder=louder or state.louder)
         local = (
             maximum_filter1d(np.abs(found.torque), motion.nodes_a_period // 16 + 1, axis=1) / state.stiffness
@@ -265,9 +267,8 @@ def _without_hands(motion: Motion, state: State, envelope: Array) -> Motion:
             if stands_out(row, begin, min(begin + size, n)):
                 variance[row, begin:], length[row], free[row, 1] = np.inf, begin, begin
                 break
-        opening = [j + half for j in range(0, min(2 * size, n // 2), half) if stands_out(row, j, j + half)]
-        if opening:
-            variance[row, : opening[-1]], free[row, 0] = np.inf, opening[-1]
+        if stands_out(row, 0, half):
+            variance[row, :half], free[row, 0] = np.inf, half
     return replace(motion, variance=variance, length=length, free=free)
 
 
@@ -530,7 +531,7 @@ class Pass:
         samples = int(np.isfinite(self.motion.variance[self.inside]).sum())
         grid = self.smoother.grid
         return Posterior(
-            motion=self.motion, smoothed=self.smoothed, stiffness=float(k), damping=float(d), sets=sets, singles=singles, inclusion=inclusion, sizes=sizes,
+            motion=self.motion, smoothed=self.smoothed, stiffness=float(k), damping=float(d), loss=self.state.damping, sets=sets, singles=singles, inclusion=inclusion, sizes=sizes,
             share=self.cell.share, nameless=float(np.sqrt(np.mean(g_beside**2)) / self.linear),
             named=float(np.sqrt(np.mean(laws_beside**2)) / self.linear), torque=grid(laws + g + rest + (k - self.state.stiffness) * x + (d - self.state.damping) * v),
             g=grid(g), g_std=grid(g_std), misfit=float(chi / max(samples, 1)), grids=self.state.grids,
