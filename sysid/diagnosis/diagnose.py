@@ -401,7 +401,7 @@ def _fits(
             fit = fit_joint(releases, board, (*own, *names), options, base.fit.problem.scales, near)
         except SysidError:
             return
-        if not low <= fit.law.rest_angle <= high:
+        if "rest_angle" in fit.quantities and not low <= fit.law.rest_angle <= high:
             return  # it comes to rest where it never was
         fits[names] = one, Candidate(effects=names, score=score, fit=fit)
 

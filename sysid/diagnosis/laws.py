@@ -208,7 +208,7 @@ class Laws:
             shapes = list(grids.get(name) or self.grid(part))
             if isinstance(part, SupportEffect):
                 tables = self._support(part, smoothed, shapes)
-                strengths, unit, signs = ("", ""), (1.0, 1.0), (1, 0)
+                strengths, unit, signs = ("",), (1.0,), (1,)
             else:
                 assert isinstance(part, TorqueEffect)
                 tables = self._columns(part, kinds, state, spread, shapes)
@@ -304,7 +304,7 @@ class Laws:
         return [tuple(bounded[k, :, :, i].T for k in range(len(z))) for i in range(out.shape[3])]
 
     def _support(self, part: SupportEffect, smoothed: Smoothed, shapes: Sequence[Shape]) -> list[Array]:
-        """Return angle and rate of a support that the motion drives, as columns of what it gives way, at each shape."""
+        """Return the torque that the joint loses because its support gives way, driven by the motion, at each shape, shape (r, n, 1)."""
         motion = self.motion
         k, w = self.scales.stiffness, motion.frequency
         kinds = Split((), tuple(part.parameters), ())
@@ -334,7 +334,8 @@ class Laws:
             s, v = s + h * quick, v + h * pushed(middle, quick, x, xv)
             out[:, j, :, 0], out[:, j, :, 1] = s, v
         out = np.where(fast[None, None, :, None], np.inf, out)
-        return [-out[:, :, i] * np.array([k, d]) / self.unit for i in range(len(shapes))]
+        torque = -(k * out[..., 0] + d * out[..., 1]) / self.unit
+        return [torque[:, :, [i]] for i in range(len(shapes))]
 
 
 SUBSTEPS = 3
