@@ -14,7 +14,7 @@ import numpy as np
 from sysid.board import Board
 from sysid.decay.plausibility import amplitude_warnings
 from sysid.diagnosis import report as diagnosis_report
-from sysid.diagnosis.exact import reaches_noise, sizes_of, weigh
+from sysid.diagnosis.exact import is_possible, reaches_noise, sizes_of, weigh
 from sysid.diagnosis.experiment import deciding, in_words
 from sysid.diagnosis.laws import candidates
 from sysid.diagnosis.motion import NODES, judged_part, motion_of
@@ -231,7 +231,9 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
         fits = _fits(found, releases, board, options, own, base)
     found, fits = _weighed(found, fits)
     explained = 1 - (min(c.beyond for _, c in fits) / base.beyond) ** 2 if base.beyond else 1.0
-    verdict = decide(found, left=left, explained=explained, exact=found.exact or any(reaches_noise(c.fit) for _, c in fits))
+    verdict = decide(
+        found, left=left, explained=explained, exact=found.exact or any(reaches_noise(c.fit) for _, c in fits)
+    )
     want = frozenset(verdict.families) - {"rest"}
     best = min(
         (c for s, c in fits if frozenset(s.families) - {"rest"} == want), key=lambda c: c.rmse, default=base
@@ -382,7 +384,6 @@ def _fits(
     laws and pairs with the best one. A short motion says more as a whole than its equations do.
     """
     fits: dict[tuple[str, ...], tuple[Found, Candidate]] = {}
-    low, high = (float(f([f(release.roll) for release in releases])) for f in (np.min, np.max))
     top = found.sets[0].probability
     recorded = {
         f"{part.name}.{name}": q.value for part in board.effects for name, q in part.parameters.items()
@@ -401,8 +402,8 @@ def _fits(
             fit = fit_joint(releases, board, (*own, *names), options, base.fit.problem.scales, near)
         except SysidError:
             return
-        if "rest_angle" in fit.quantities and not low <= fit.law.rest_angle <= high:
-            return  # it comes to rest where it never was
+        if not is_possible(fit, names):
+            return
         fits[names] = one, Candidate(effects=names, score=score, fit=fit)
 
     for one in found.sets[:FITTED]:
@@ -416,17 +417,26 @@ def _fits(
         for one in (*_variants(best, own), *([] if found.exact else _parts(best))):
             add(one)
         return list(fits.values())
-    simple = [
-        _set((part.family,), (name,)) for name, part in candidates(own).items() if len(part.parameters) == 1
-    ]
-    for one in (*_variants(found.sets[0], own), *found.singles, *simple):
+    plain = [name for name, part in candidates(own).items() if len(part.parameters) == 1]
+    for one in (
+        *_variants(found.sets[0], own),
+        *found.singles,
+        *(_set((effect(n).family,), (n,)) for n in plain),
+    ):
         add(one)
-    alone = sorted((f for f in fits.values() if len(f[1].effects) == 1), key=lambda f: f[1].rmse)
-    first = alone[0][0]
-    for one in {one.families: one for one, _ in reversed(alone)}.values():
-        if first.families != one.families:
-            add(_set((*first.families, *one.families), (*first.effects, *one.effects)))
+    alone = sorted((_cost(c), c.effects[0]) for _, c in fits.values() if len(c.effects) == 1)
+    best = {effect(name).family: name for _, name in reversed(alone)}
+    for name in [n for _, n in alone if n in plain or n in best.values()]:
+        first = alone[0][1]
+        if effect(name).family != effect(first).family:
+            add(_set((effect(first).family, effect(name).family), (first, name)))
     return list(fits.values())
+
+
+def _cost(candidate: Candidate) -> float:
+    """Return the log error beyond the noise, and what its parameters have to be worth."""
+    count = sum(len(effect(name).parameters) for name in candidate.effects)
+    return float(np.log(max(candidate.beyond, 1e-300))) - count * float(np.log(1 - BENDS))
 
 
 def _by_fits(found: Posterior, fits: list[tuple[Found, Candidate]]) -> Posterior:
@@ -438,12 +448,7 @@ def _by_fits(found: Posterior, fits: list[tuple[Found, Candidate]]) -> Posterior
     best = found.sets[0]
     sure = _sure(found)
     near = [(one, c) for one, c in fits if not sure or set(one.families) <= set(best.families)]
-
-    def cost(item: tuple[Found, Candidate]) -> float:
-        count = sum(len(effect(name).parameters) for name in item[1].effects)
-        return float(np.log(max(item[1].beyond, 1e-300))) - count * float(np.log(1 - BENDS))
-
-    one, candidate = min(near, key=cost)
+    one, candidate = min(near, key=lambda item: _cost(item[1]))
     if set(one.families) - {"rest"} == set(best.families) - {"rest"}:
         return found
     rest = tuple(s for s in found.sets if s.families != one.families)

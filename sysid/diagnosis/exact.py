@@ -3,22 +3,47 @@
 A fit by output error sees all of a release: its start, where friction stops it, and where it rests. The equations leave these out.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from sysid.diagnosis.evidence import log_odds
+from sysid.diagnosis.evidence import MOST_DEVIATIONS, STRENGTH, log_odds
 from sysid.diagnosis.posterior import Found, Size
 from sysid.diagnosis.posterior import lost as loss_of
 from sysid.effects import effect
 from sysid.fitting.result import JointFit
 from sysid.joint.torques import effect_torque
-from sysid.joint.trajectory import simulate
+from sysid.joint.trajectory import Trajectory, simulate
+from sysid.roll import Array
 
 
 def reaches_noise(fit: JointFit) -> bool:
     """Return whether a fit leaves no more than the noise, within the 95 % interval of the noise."""
     return fit.rmse <= fit.noise.highest
+
+
+def is_possible(fit: JointFit, names: Sequence[str]) -> bool:
+    """Return whether no effect's torque over the spring's, both RMS over the motion, is beyond what the evidence holds for possible."""
+    torques, spring = dict.fromkeys(names, 0.0), 1e-300
+    for time, path in _paths(fit):
+        spring += float(np.mean(_spring(fit, path) ** 2))
+        for name in names:
+            torques[name] += float(
+                np.mean(effect_torque(fit.law.of_joint(), name, time, path.roll, path.rate) ** 2)
+            )
+    return max(torques.values()) <= (MOST_DEVIATIONS * STRENGTH) ** 2 * spring
+
+
+def _paths(fit: JointFit) -> Iterator[tuple[Array, Trajectory]]:
+    """Yield time [s] and the fitted motion of each record."""
+    for record, (angle, rate) in zip(fit.records, fit.starts, strict=True):
+        time = np.linspace(0.0, float(record.time[-1]), 2000)
+        yield time, simulate(fit.law.of_joint(), time, angle, rate)
+
+
+def _spring(fit: JointFit, path: Trajectory) -> Array:
+    """Return the torque of the linear spring [N*m], shape (n,)."""
+    return fit.law.frequency**2 * fit.law.inertia * (path.roll - fit.law.rest_angle)
 
 
 def weigh(fits: Sequence[tuple[Found, JointFit]]) -> list[float] | None:
@@ -55,12 +80,8 @@ def sizes_of(fit: JointFit, names: Sequence[str]) -> dict[str, Size]:
     peaks = dict.fromkeys(names, 0.0)
     works = dict.fromkeys(names, 0.0)
     spring, lost = 1e-300, 0.0
-    for record, (angle, rate) in zip(fit.records, fit.starts, strict=True):
-        time = np.linspace(0.0, float(record.time[-1]), 2000)
-        path = simulate(plain, time, angle, rate)
-        spring = max(
-            spring, float(np.abs(law.frequency**2 * law.inertia * (path.roll - law.rest_angle)).max())
-        )
+    for time, path in _paths(fit):
+        spring = max(spring, float(np.abs(_spring(fit, path)).max()))
         lost += law.damping * float(np.trapezoid(path.rate**2, time))
         for name in names:
             torque = effect_torque(plain, name, time, path.roll, path.rate)
