@@ -4,7 +4,7 @@ The posterior (`posterior`, `slow_flow`) names families with probabilities. The 
 code of `fit`: those fits give errors, held-out errors, and parameters with intervals.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -227,18 +227,20 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
     releases = judged_part(releases, found.motion)
     base = Candidate(effects=(), score=0.0, fit=fit_joint(releases, board, own, options))
     left = max(base.rmse**2 - noise.std**2, 0.0) / base.fit.measured_rms**2
+    fitted = Fits(releases, board, options, own, base)
     with stage(0.6, 1.0, "fits"):
-        fits = _fits(found, releases, board, options, own, base)
-    found, fits = _weighed(found, fits)
-    explained = 1 - (min(c.beyond for _, c in fits) / base.beyond) ** 2 if base.beyond else 1.0
-    verdict = decide(
-        found, left=left, explained=explained, exact=found.exact or any(reaches_noise(c.fit) for _, c in fits)
-    )
-    want = frozenset(verdict.families) - {"rest"}
-    best = min(
-        (c for s, c in fits if frozenset(s.families) - {"rest"} == want), key=lambda c: c.rmse, default=base
-    )
-    deviation = record_deviation(best.fit, board, linear=not want)
+        fitted.explore(found)
+    found, fits = _weighed(found, fitted.all())
+
+    def explained(candidates: Iterable[Candidate]) -> float:
+        return 1 - (min(c.beyond for c in candidates) / base.beyond) ** 2 if base.beyond else 1.0
+
+    exact = found.exact or any(reaches_noise(c.fit) for _, c in fits)
+    verdict = decide(found, left=left, explained=explained(c for _, c in fits), exact=exact)
+    best = fitted.of(verdict.effects, verdict.families)
+    verdict = decide(found, left=left, explained=explained([best]), exact=exact)
+    best = fitted.of(verdict.effects, verdict.families)
+    deviation = record_deviation(best.fit, board, linear=not set(verdict.families) - {"rest"})
     if deviation.effects and verdict.status != "unexplained":
         alike = (*verdict.indistinguishable_from, *((*verdict.effects, *other) for other in deviation.alike))
         effects = (*verdict.effects, *deviation.effects)
@@ -370,67 +372,85 @@ def _weighed(
     ), again  # fmt: skip
 
 
-def _fits(
-    found: Posterior,
-    releases: Sequence[Release],
-    board: Board,
-    options: FitOptions,
-    own: tuple[str, ...],
-    base: Candidate,
-) -> list[tuple[Found, Candidate]]:
-    """Return the likeliest sets with their fits; a set that cannot be fitted is left out.
+@dataclass(slots=True)
+class Fits:
+    """Fits of sets of effects to the releases, each made once."""
 
-    Where none of them reaches the noise, other laws are fitted too: parts of the best set where the posterior is sure of it, else all single
-    laws and pairs with the best one. A short motion says more as a whole than its equations do.
-    """
-    fits: dict[tuple[str, ...], tuple[Found, Candidate]] = {}
-    top = found.sets[0].probability
-    recorded = {
-        f"{part.name}.{name}": q.value for part in board.effects for name, q in part.parameters.items()
-    }
+    releases: Sequence[Release]
+    board: Board
+    options: FitOptions
+    own: tuple[str, ...]
+    """Effects of the record."""
+    base: Candidate
+    """With these alone."""
+    made: dict[tuple[str, ...], tuple[Found, Candidate]] = field(default_factory=dict[Any, Any])
 
-    def add(one: Found) -> None:
+    def all(self) -> list[tuple[Found, Candidate]]:
+        """Return all fits with their sets."""
+        return list(self.made.values())
+
+    def add(self, one: Found, top: float = 0.0) -> None:
+        """Fit a set; one that cannot be fitted, or that ends in impossible torques, is left out.
+
+        Args:
+            one: The set.
+            top: Probability of the likeliest set.
+        """
         names = fittable(one.effects)
-        if names in fits:
+        if names in self.made:
             return
-        score = 2 * float(np.log(top / max(one.probability, 1e-300)))
+        score = 2 * float(np.log(max(top, 1e-300) / max(one.probability, 1e-300)))
         if not names:
-            fits[names] = one, replace(base, score=score)
+            self.made[names] = one, replace(self.base, score=score)
             return
+        recorded = {
+            f"{part.name}.{n}": q.value for part in self.board.effects for n, q in part.parameters.items()
+        }
         near = {"rest_angle": 0.0, **recorded, **one.parameters} if one.parameters else None
+        scales = self.base.fit.problem.scales
         try:
-            fit = fit_joint(releases, board, (*own, *names), options, base.fit.problem.scales, near)
+            fit = fit_joint(self.releases, self.board, (*self.own, *names), self.options, scales, near)
         except SysidError:
             return
-        if not is_possible(fit, names):
-            return
-        fits[names] = one, Candidate(effects=names, score=score, fit=fit)
+        if is_possible(fit, names):
+            self.made[names] = one, Candidate(effects=names, score=score, fit=fit)
 
-    for one in found.sets[:FITTED]:
-        if one is found.sets[0] or len(set(one.families) - {"rest"}) <= 2:
-            add(one)
-    add(next((s for s in found.sets if not s.families), _set((), ())))
-    if found.nameless > NAMELESS or any(reaches_noise(c.fit) for _, c in fits.values()):
-        return list(fits.values())
-    if _sure(found):
-        best = found.sets[0]
-        for one in (*_variants(best, own), *([] if found.exact else _parts(best))):
-            add(one)
-        return list(fits.values())
-    plain = [name for name, part in candidates(own).items() if len(part.parameters) == 1]
-    for one in (
-        *_variants(found.sets[0], own),
-        *found.singles,
-        *(_set((effect(n).family,), (n,)) for n in plain),
-    ):
-        add(one)
-    alone = sorted((_cost(c), c.effects[0]) for _, c in fits.values() if len(c.effects) == 1)
-    best = {effect(name).family: name for _, name in reversed(alone)}
-    for name in [n for _, n in alone if n in plain or n in best.values()]:
-        first = alone[0][1]
-        if effect(name).family != effect(first).family:
-            add(_set((effect(first).family, effect(name).family), (first, name)))
-    return list(fits.values())
+    def of(self, effects: Sequence[str], families: Sequence[str]) -> Candidate:
+        """Return the best fit of some families; that of the record's law where there is none."""
+        want = frozenset(families) - {"rest"}
+        if not any(frozenset(one.families) - {"rest"} == want for one in (one for one, _ in self.all())):
+            self.add(_set(families, effects))
+        same = (c for one, c in self.all() if frozenset(one.families) - {"rest"} == want)
+        return min(same, key=lambda c: c.rmse, default=self.base)
+
+    def explore(self, found: Posterior) -> None:
+        """Fit the likeliest sets.
+
+        Where none of them reaches the noise, other laws are fitted too: parts of the best set where the posterior is sure of it, else all
+        single laws and pairs with the best one. A short motion says more as a whole than its equations do.
+        """
+        best, top = found.sets[0], found.sets[0].probability
+        for one in found.sets[:FITTED]:
+            if one is best or len(set(one.families) - {"rest"}) <= 2:
+                self.add(one, top)
+        self.add(next((s for s in found.sets if not s.families), _set((), ())), top)
+        if found.nameless > NAMELESS or any(reaches_noise(c.fit) for _, c in self.all()):
+            return
+        for one in _variants(best, self.own):
+            self.add(one, top)
+        if _sure(found):
+            for one in [] if found.exact else _parts(best):
+                self.add(one, top)
+            return
+        plain = [name for name, part in candidates(self.own).items() if len(part.parameters) == 1]
+        for one in (*found.singles, *(_set((effect(n).family,), (n,)) for n in plain)):
+            self.add(one, top)
+        alone = sorted((_cost(c), c.effects[0]) for _, c in self.all() if len(c.effects) == 1)
+        likeliest = {effect(name).family: name for _, name in reversed(alone)}
+        for name in [n for _, n in alone if n in plain or n in likeliest.values()]:
+            first = alone[0][1]
+            if effect(name).family != effect(first).family:
+                self.add(_set((effect(first).family, effect(name).family), (first, name)), top)
 
 
 def _cost(candidate: Candidate) -> float:

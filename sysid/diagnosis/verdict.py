@@ -71,9 +71,8 @@ def decide(found: Posterior, *, left: float, explained: float, exact: bool = Fal
     named = tuple(f for f in best.families if matters(f, found.sizes.get(f)))
     effects = tuple(e for e, f in zip(best.effects, best.families, strict=True) if f in named)
     strange = found.nameless > NAMELESS and found.nameless > BESIDE * found.named
-    strange |= not found.by_cycles and found.share > LITTLE and explained < MOSTLY
+    strange |= not named or (explained < MOSTLY and not found.by_cycles)
     status: Status = "missing" if named else "none-missing"
-    strange |= not named
     many = len(set(named) - {"rest"}) >= DEPTH and not exact and not found.by_cycles
     if many or (strange and left * (1 - explained) > NAMELESS**2):
         status = "unexplained"  # as many laws as were tried together, and still not all of it
