@@ -63,7 +63,7 @@ class Motion:
     releases: npt.NDArray[np.intp]
     """Place of each row's release among those given, shape (r,)."""
     free: npt.NDArray[np.intp]
-    """First node of each release at which no hand acts, and the node from which one acts or only noise is left; -1 where none, shape (r, 2)."""
+    """First node of each release at which no hand acts, and the node from which one may act, -1 where none, shape (r, 2)."""
 
     @property
     def inside(self) -> Mask:

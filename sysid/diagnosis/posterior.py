@@ -211,17 +211,20 @@ def _levels(motion: Motion) -> list[Array]:
 
 
 def _until_still(motion: Motion, stiffness: float, damping: float) -> Motion:
-    """End each release where the joint first stands still for a third of a period: friction holds it with any torque."""
+    """End each release where the joint first stands still for a third of a period: friction holds it with any torque, later a hand may."""
     smoothed = Smoother(motion, stiffness, damping, motion.envelope).smooth(0.3)
-    length, variance = motion.length.copy(), motion.variance.copy()
+    length, variance, free = motion.length.copy(), motion.variance.copy(), motion.free.copy()
     for row, n in enumerate(length):
         slow = np.maximum(3 * np.sqrt(smoothed.rate_variance[row, :n]), STILL)
-        moving = np.append(np.flatnonzero(np.abs(smoothed.rate[row, :n]) > slow), n)
-        gaps = np.flatnonzero(np.diff(moving) > motion.nodes_a_period // 3)
+        moving, pause = (
+            np.append(np.flatnonzero(np.abs(smoothed.rate[row, :n]) > slow), n),
+            motion.nodes_a_period // 3,
+        )
+        gaps = np.flatnonzero(np.diff(moving) > pause)
         end = moving[gaps[0]] if len(gaps) else n
         if motion.nodes_a_period // 2 < end < n:
-            length[row], variance[row, end:] = end, np.inf
-    return replace(motion, length=length, variance=variance)
+            length[row], variance[row, end:], free[row, 1] = end, np.inf, end + pause
+    return replace(motion, length=length, variance=variance, free=free)
 
 
 def _noise_scale(motion: Motion, state: State, envelope: Array) -> float:

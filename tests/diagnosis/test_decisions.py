@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sysid.board import load_board
+from sysid.diagnosis.evidence import log_odds
 from sysid.diagnosis.exact import reaches_noise, sizes_of, weigh
 from sysid.diagnosis.experiment import deciding, in_words
 from sysid.diagnosis.posterior import Found, Size
@@ -57,11 +58,11 @@ def test_exact_fits_are_weighed_by_chi_square_and_the_price_of_parameters():
         (found(0, "friction", "drag"), fit(0.998, 6)),
         (found(0), fit(1.05, 4)),
     ]
-    chances = weigh(fits, 9)
+    chances = weigh(fits)
     n, noise = 400, 0.998
     logs = [
-        -0.5 * n * (r / noise) ** 2 - 0.5 * p * np.log(n) - k * np.log(8)
-        for r, p, k in ((1, 5, 1), (0.998, 6, 2), (1.05, 4, 0))
+        -0.5 * n * (r / noise) ** 2 - 0.5 * p * np.log(n) + prior
+        for r, p, prior in ((1, 5, log_odds("friction")), (0.998, 6, 2 * log_odds("drag")), (1.05, 4, 0))
     ]
     expected = np.exp(np.array(logs) - max(logs))
     np.testing.assert_allclose(chances, expected / expected.sum())
@@ -69,7 +70,7 @@ def test_exact_fits_are_weighed_by_chi_square_and_the_price_of_parameters():
 
 
 def test_fits_that_miss_the_noise_are_no_evidence():
-    assert weigh([(found(0), fit(1.2, 4))], 9) is None
+    assert weigh([(found(0), fit(1.2, 4))]) is None
     assert reaches_noise(fit(1.0, 4))
 
 
@@ -86,10 +87,15 @@ def test_a_large_effect_is_named_with_its_probability():
 
 def test_an_effect_whose_absence_is_likely_needs_to_explain():
     sets = found(0.8, "friction"), found(0.2)
-    weak, strong = (
-        decide(posterior(*sets, sizes={"friction": LARGE}), left=0.1, explained=e) for e in (0.2, 0.9)
-    )
-    assert (weak.status, strong.status) == ("none-missing", "missing")
+    cases = {
+        (0.02, 0.2): "none-missing",
+        (0.1, 0.2): "unexplained",
+        (0.02, 0.9): "none-missing",
+        (0.1, 0.9): "missing",
+    }
+    for (left, explained), status in cases.items():
+        verdict = decide(posterior(*sets, sizes={"friction": LARGE}), left=left**2, explained=explained)
+        assert verdict.status == status
 
 
 def test_what_is_certain_but_small_is_a_hint():

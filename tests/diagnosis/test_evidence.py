@@ -29,7 +29,7 @@ def problem_of(columns, truth, items, *, noise=1.0, seed=1, base=2, damping=100.
 
 
 def item(family, *columns, sign=FREE):
-    return Item(family=family, columns=columns, signs=(sign,) * len(columns), log_share=-0.1 * family)
+    return Item(family=family, columns=columns, signs=(sign,) * len(columns), log_prior=-2.0 - 0.1 * family)
 
 
 def integral(problem, columns, signs, wide):
@@ -55,7 +55,7 @@ def test_one_column_is_integrated_with_its_sign(truth):
     problem = problem_of(3, [0, 0, truth], items)
     problem.gram[1:3] = problem.gram[:, 1:3] = 0.0  # the log says nothing of the base
     found = solve(problem, (0,))
-    expected = integral(problem, [3], [1], [STRENGTH]) + problem.log_odds + items[0].log_share
+    expected = integral(problem, [3], [1], [STRENGTH]) + items[0].log_prior
     assert found.log_evidence == pytest.approx(expected, abs=2e-3)
 
 
@@ -64,11 +64,7 @@ def test_two_columns_beside_each_other_are_integrated():
     problem = problem_of(4, [0, 0, 0.3, -0.2], items)
     problem.gram[1:3] = problem.gram[:, 1:3] = 0.0
     found = solve(problem, (0, 1))
-    expected = (
-        integral(problem, [3, 4], [0, 0], [STRENGTH] * 2)
-        + 2 * problem.log_odds
-        + sum(i.log_share for i in items)
-    )
+    expected = integral(problem, [3, 4], [0, 0], [STRENGTH] * 2) + sum(i.log_prior for i in items)
     assert found.log_evidence == pytest.approx(expected, abs=2e-3)
 
 

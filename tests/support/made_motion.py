@@ -13,6 +13,7 @@ def motion_of_angles(angle, nodes, *, noise=1e-3, frequency=5.0, amplitude=0.2, 
         amplitude=amplitude, frequency=frequency, step=2 * np.pi / nodes, reading=angle, variance=np.full(angle.shape, noise**2),
         lag=np.zeros(angle.shape), length=np.full(rows, count), envelope=np.ones(angle.shape), hold=angle[:, 0],
         held=np.full(rows, held), rest=0.0, is_rate=rate, zero="known", starts=np.zeros(rows),
+        releases=np.arange(rows), free=np.tile([0, -1], (rows, 1)),
     )  # fmt: skip
 
 
