@@ -47,7 +47,7 @@ LOUD = 1.25
 CONSERVATIVE = 8
 """Degree of a polynomial of the angle that holds the energy which a law only stores."""
 STILL = 0.012
-"""Rate over the widest one below which a joint stands still, if the noise does not hide more."""
+"""Rate and way over the widest ones below which a joint stands still, if the noise does not hide more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,7 +211,10 @@ def _levels(motion: Motion) -> list[Array]:
 
 
 def _until_still(motion: Motion, stiffness: float, damping: float) -> Motion:
-    """End each release where the joint first stands still for a third of a period: friction holds it with any torque, later a hand may."""
+    """End each release where the joint first stands still for a third of a period: friction holds it with any torque.
+
+    What leaves that place later, a hand moves.
+    """
     smoothed = Smoother(motion, stiffness, damping, motion.envelope).smooth(0.3)
     length, variance, free = motion.length.copy(), motion.variance.copy(), motion.free.copy()
     for row, n in enumerate(length):
@@ -223,7 +226,10 @@ def _until_still(motion: Motion, stiffness: float, damping: float) -> Motion:
         gaps = np.flatnonzero(np.diff(moving) > pause)
         end = moving[gaps[0]] if len(gaps) else n
         if motion.nodes_a_period // 2 < end < n:
-            length[row], variance[row, end:], free[row, 1] = end, np.inf, end + pause
+            length[row], variance[row, end:] = end, np.inf
+            there = smoothed.angle[row, end:n]
+            leaves = np.flatnonzero(np.abs(there - np.median(there[:pause])) > STILL)
+            free[row, 1] = end + max(int(leaves[0]), pause) if len(leaves) else free[row, 1]
     return replace(motion, length=length, variance=variance, free=free)
 
 
