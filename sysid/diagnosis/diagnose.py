@@ -18,7 +18,7 @@ from sysid.diagnosis.exact import is_possible, reaches_noise, sizes_of, weigh
 from sysid.diagnosis.experiment import deciding, in_words
 from sysid.diagnosis.laws import candidates
 from sysid.diagnosis.motion import NODES, judged_part, motion_of
-from sysid.diagnosis.posterior import Found, Posterior, Subject, linear_joint, posterior
+from sysid.diagnosis.posterior import Found, Posterior, Subject, posterior
 from sysid.diagnosis.record import record_deviation
 from sysid.diagnosis.slow_flow import slow_posterior
 from sysid.diagnosis.verdict import LITTLE, NAMELESS, Hint, Status, Verdict, decide
@@ -275,12 +275,10 @@ def judge(releases: Sequence[Release], board: Board, noise: float, *, rate: bool
         rate: Whether the rate is judged.
     """
     subject = subject_of(board)
-    rough = motion_of(releases, board.rest_angle, noise, rate=rate)
-    frequency = rough.frequency * float(np.sqrt(linear_joint(rough)[0]))
-    motion = motion_of(releases, board.rest_angle, noise, rate=rate, frequency=frequency)
+    motion = motion_of(releases, board.rest_angle, noise, rate=rate)
     found = posterior(motion, subject)
     if found.inclusion.get("stop", 0.0) > STOP_LIKELY:
-        motion = motion_of(releases, board.rest_angle, noise, rate=rate, nodes=2 * NODES, frequency=frequency)
+        motion = motion_of(releases, board.rest_angle, noise, rate=rate, nodes=2 * NODES)
         found = posterior(motion, subject, found.grids)
     if found.share <= found.loss:
         return found
