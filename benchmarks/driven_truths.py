@@ -154,7 +154,7 @@ def make(seed: int, hidden: tuple[str, ...]) -> tuple[Truth, DrivenLog]:
     std = float(np.std(angle)) * 10 ** rng.uniform(-3.7, -2.7)
     measured = angle + std * rng.standard_normal(len(angle))
     load = Load(inertia=np.full(len(u), truth.inertia), torque=-truth.weight * np.sin(measured),
-                slope=-truth.weight * np.cos(measured))  # fmt: skip
+                slope=-truth.weight * np.cos(measured), at=measured)  # fmt: skip
     return truth, DrivenLog(name=f"{'+'.join(hidden) or 'clean'}-{seed}", time=np.arange(len(u)) / rate, angle=measured, std=std,
                             input=u, kind=truth.kind, load=load)  # type: ignore[arg-type]  # fmt: skip
 

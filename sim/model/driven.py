@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -19,7 +19,7 @@ from sim.model.patch import (
 )
 from sim.model.setup import Setup
 from sysid.driven.fit import DrivenFit
-from sysid.driven.joint import Structure
+from sysid.driven.joint import Simulator, Structure
 from sysid.driven.log import DrivenLog, InputKind, Load
 from sysid.driven.missing import Motion
 from sysid.effects import catalogue, drives
@@ -41,6 +41,7 @@ class Stated:
     structure: Structure
     values: Mapping[str, float]
     notes: tuple[str, ...]
+    simulator: Simulator
 
 
 def stated(setup: Setup, kind: InputKind, gains: Sequence[float] = ()) -> Stated:
@@ -88,7 +89,31 @@ def stated(setup: Setup, kind: InputKind, gains: Sequence[float] = ()) -> Stated
         if acting
         else "no actuator in the model: the input acts on the joint itself",
     )
-    return Stated(Structure(kind, tuple(sorted(effects))), values, notes)
+    followed = acting is not None and kind == "command" and not gains
+    return Stated(
+        Structure(kind, tuple(sorted(effects))), values, notes, _simulator(model, dof, followed=followed)
+    )
+
+
+def _simulator(model: Any, dof: int, *, followed: bool) -> Simulator:
+    """Return how MuJoCo moves a degree of freedom; `followed` says that an actuator of the model is its servo."""
+    limits, (time, ratio) = model.dof_solimp[dof], model.dof_solref[dof]
+    step, bits = float(model.opt.timestep), mujoco.mjtDisableBit
+    if time > 0 and not model.opt.disableflags & bits.mjDSBL_REFSAFE:
+        time = max(time, 2 * step)
+    kinds = mujoco.mjtIntegrator
+    implicit: Literal["nothing", "joint", "actuator"] = "joint"
+    if model.opt.integrator == kinds.mjINT_RK4:
+        implicit = "nothing"
+    elif followed and model.opt.integrator != kinds.mjINT_EULER:
+        implicit = "actuator"
+    return Simulator(
+        step=step,
+        implicit=implicit,
+        rate=float(2 / (limits[1] * time) if time > 0 else -ratio / limits[1]),
+        softness=float(1 / limits[0] - 1),
+        alone=float(1 / model.dof_invweight0[dof] - model.dof_armature[dof]),
+    )
 
 
 def _gains(actuator: Any, kind: InputKind) -> tuple[float, ...]:
@@ -160,7 +185,7 @@ def load_along(setup: Setup, motion: Mapping[str, Array], time: Array, *, simula
             rows[2, i] += np.sign(turn) * torque / (2 * TURN)
         mujoco.mj_fullM(model, data, mass)
         rows[:2, i] = mass[dof, dof] - own, torque
-    return Load(inertia=rows[0], torque=rows[1], slope=rows[2])
+    return Load(inertia=rows[0], torque=rows[1], slope=rows[2], at=angles)
 
 
 def replay(setup: Setup, logs: Mapping[str, DrivenLog], values: Mapping[str, Stated]) -> dict[str, Array]:
@@ -241,6 +266,7 @@ def patch_driven(setup: Setup, fits: Mapping[str, DrivenFit]) -> Patch:
             [fit.values["damping"], 0.0, 0.0],
             0.0,
         )
+        constraint = joint.solref_friction.copy(), joint.solimp_friction.copy()
         for part in fit.structure.parts:
             moved = any(key.startswith(f"{part.name}.") for key in fit.quantities)
             if moved:
@@ -251,6 +277,9 @@ def patch_driven(setup: Setup, fits: Mapping[str, DrivenFit]) -> Patch:
                     for line in said
                     if not isinstance(part, DriveEffect) or "not written" in line
                 ]
+        if fit.structure.simulator is not None:  # its friction is that of the log
+            joint.solref_friction, joint.solimp_friction = constraint
+            remarks.append(f"{name}: moved by MuJoCo as the model is: friction keeps its solref and solimp")
         for key, unit in (("bias", "N·m"), ("zero", "rad")):
             if fit.values[key] and key in fit.quantities:
                 remarks.append(

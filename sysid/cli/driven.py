@@ -21,11 +21,8 @@ from sysid.roll import Roll
 if TYPE_CHECKING:
     from sim.model.driven import Stated
     from sim.model.setup import Setup
-    from sysid.driven.fit import DrivenFit
     from sysid.driven.log import DrivenLog
 
-PASSES = 5
-"""Fits of each joint beside the simulated motion of the others before the last: each takes most of the error of their accelerations."""
 EVERY = "all"
 """The joint's name that means all joints with an actuator."""
 
@@ -254,27 +251,23 @@ def driven_fit(
 ) -> dict[str, Any]:  # fmt: skip
     """Fit each joint, say how far several logs agree, and write a patched copy of the model."""
     from sim.model.driven import patch_driven
-    from sysid.driven.fit import fit, free_of
+    from sim.model.driven_fit import fit_joints
     from sysid.driven.report import fit_text
     from sysid.driven.runs import agreement
 
-    fixed, bounds = parse_fixed(fix), parse_bounds(bound)
-    fits: dict[str, list[DrivenFit]] = {}
-    for joint in driven.joints:
-        stated = driven.stated[joint]
-        own = () if plain else stated.structure.effects
-        structure = replace(stated.structure, effects=tuple(sorted({*own, *(effects or _usual(plain))})))
-        free = free_of(structure, structure.effects, fixed)
-        known = {**stated.values, **fixed}
-        fits[joint] = [
-            fit(one, structure, known, free, bounds=bounds, quick=len(driven.joints) > 1)
-            for one in driven.logs[joint]
-        ]
-    for last in (*(False,) * PASSES, True) if len(driven.joints) > 1 else ():
-        fits = {
-            joint: [_beside(driven, fits, joint, number, bounds, last=last) for number in range(len(one))]
-            for joint, one in fits.items()
+    stated = driven.stated
+    if plain:
+        stated = {
+            joint: replace(one, structure=replace(one.structure, effects=())) for joint, one in stated.items()
         }
+    fits = fit_joints(
+        driven.setup,
+        driven.logs,
+        stated,
+        effects or _usual(plain),
+        fixed=parse_fixed(fix),
+        bounds=parse_bounds(bound),
+    )
     merged = {joint: agreement(one) for joint, one in fits.items()}
     for joint, one in merged.items():
         printer.say(fit_text(joint, fits[joint], one, driven.stated[joint].values))
@@ -311,29 +304,6 @@ def driven_export(path: Path, output: Path | None, timestep: float, printer: Pri
     write_json(module.with_suffix(".json"), {"joints": joints})
     printer.written(module, module.with_suffix(".json"))
     return {"joints": joints, "module": str(module)}
-
-
-def _beside(
-    driven: Driven, fits: "Mapping[str, list[DrivenFit]]", joint: str, number: int, bounds: Any, *, last: bool
-) -> "DrivenFit":
-    """Fit a joint beside the motions that the fits of the others have."""
-    from sim.model.driven import load_along
-    from sysid.driven.fit import fit
-
-    before = fits[joint][number]
-    motion = {other: one[number].motion for other, one in fits.items()}
-    load = load_along(driven.setup.with_(joint=joint), motion, before.log.time, simulated=True)
-    begins = [] if last else [before.values]
-    log = replace(before.log, load=load)
-    return fit(
-        log,
-        before.structure,
-        before.values,
-        tuple(before.quantities),
-        bounds=bounds,
-        begins=begins,
-        quick=not last,
-    )
 
 
 def _usual(plain: bool) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from sysid.driven.joint import BASE, Structure
+from sysid.driven.joint import BASE, Simulator, Structure
 from sysid.driven.log import DrivenLog
 from sysid.driven.missing import Motion, linear_start
 from sysid.driven.problem import Problem, limits_of, scales_of, size_of
@@ -22,6 +22,8 @@ WINDOWS = (128, 32, 8, 1)
 """Windows of the fits that follow each other: from the equations alone to the whole log."""
 FINER = 3
 """Factor of integration steps in the last fit, from which intervals come: a step's error falls by nine."""
+SHORTEST = 12
+"""Samples in a window at least: six for each of its two first states."""
 WHITE = 1.2
 """Samples over which residuals are correlated, up to which they are noise."""
 
@@ -48,8 +50,10 @@ class DrivenFit:
     """-2 log likelihood of correlated residuals, plus ln n for each parameter."""
     residual: Array
     """Measured less simulated [rad], shape (n,)."""
+    problem: Problem
+    """The least squares of the whole log."""
     point: Array
-    """Unknowns in units of their sizes, shape (p,)."""
+    """Its unknowns at the minimum, in units of their sizes, shape (p,)."""
 
     @property
     def motion(self) -> Array:
@@ -62,6 +66,30 @@ class DrivenFit:
         """Error beyond the noise, over the RMS motion [1]."""
         beyond = math.sqrt(max(self.rmse**2 - self.noise**2, 0.0))
         return beyond / float(np.std(self.log.angle))
+
+    @property
+    def moving(self) -> Array:
+        """1 for each unknown that is known better than not at all, else 0; shape (p,)."""
+        own = np.isfinite(np.diag(self.covariance))
+        return np.r_[own, np.ones(len(self.point) - len(own))]
+
+    def problem(self) -> Problem:
+        """Return the least squares of the whole log, at whose unknowns `point` is."""
+        return Problem(
+            log=self.log, structure=self.structure, values=self.values, free=tuple(self.quantities)
+        )
+
+    def widened(self, more: Array) -> "DrivenFit":
+        """Return it with more covariance of the unknowns, in units of their sizes, shape (p, p)."""
+        free = len(self.quantities)
+        size = self.problem.sizes[:free]
+        covariance = self.covariance + np.nan_to_num(more[:free, :free]) * np.outer(size, size)
+        stds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        quantities = {
+            name: replace(quantity, std=float(std))
+            for (name, quantity), std in zip(self.quantities.items(), stds, strict=True)
+        }
+        return replace(self, covariance=covariance, quantities=quantities)
 
     def to_json(self) -> dict[str, object]:
         """Return what `fit --json` writes of a driven joint."""
@@ -117,7 +145,7 @@ def start_values(structure: Structure, given: Mapping[str, float], log: DrivenLo
 def fit(
     log: DrivenLog, structure: Structure, given: Mapping[str, float], free: tuple[str, ...], *,
     bounds: Mapping[str, tuple[float, float]] | None = None, warm: Mapping[str, float] | None = None,
-    begins: Sequence[Mapping[str, float]] = (), quick: bool = False,
+    begins: Sequence[Mapping[str, float]] = (), quick: bool = False, simulator: Simulator | None = None,
 ) -> DrivenFit:  # fmt: skip
     """Fit the free parameters of a structure to a log by output error.
 
@@ -126,42 +154,46 @@ def fit(
         warm: Values to start from; the missing torque says the rest.
         begins: Starts of all parameters, where they are known; each is tried.
         quick: Skip the interval, and the search for better minima.
+        simulator: Of a model that may have made the log; the likelier of it and nature is fitted.
 
     Raises:
         SysidError: The motion runs away from everywhere that was tried.
     """
-    structure = structure.checked()
-    bounds = dict(bounds or {})
+    structure, bounds = structure.checked(), dict(bounds or {})
     values = start_values(structure, {**given, **(warm or {})}, log)
     found = begins or starts(Motion(log), structure, values, free, bounds, known=warm or {})[0]
-    if (
-        structure.gear is not None and len(found) > 1
-    ):  # each valley of a gear has its own start: the deepest is followed
-        valleys = [
-            one for start in found if (one := _chain(log, structure, start, free, bounds, WINDOWS[:-1], 10))
-        ]
-        if valleys:
-            found = begins = [_values(min(valleys, key=lambda one: one[-1][1].normal.cost)[-1])]
-    best: list[tuple[Problem, Minimum]] = []
-    for one in found:
-        windows = WINDOWS[-1:] if warm or begins else WINDOWS
-        chain = _chain(log, structure, one, free, bounds, windows, 12 if quick else 40)
-        if (
-            chain
-            and chain[-1][0].windows == 1
-            and (not best or chain[-1][1].normal.cost < best[-1][1].normal.cost)
-        ):
-            best = chain
-    if best and not quick:  # intervals may be narrower than the error of a step
-        problem, found = best[-1]
-        fine = replace(problem, values=_values(best[-1]), finer=FINER)
-        again = fine.fitted(np.r_[found.point], iterations=8)
-        best = [*best[:-1], (fine, again) if np.isfinite(again.normal.cost) else best[-1]]
-    if not best:
+    if structure.gear is not None and len(found) > 1:
+        found = begins = _deepest(log, structure, found, free, bounds)
+    windows = WINDOWS[-1:] if warm or begins else WINDOWS
+    chains = [_chain(log, structure, one, free, bounds, windows, 12 if quick else 40) for one in found]
+    chains = [chain for chain in chains if chain and chain[-1][0].windows == 1]
+    if not chains:
         raise SysidError(
             f"{log.name}: the simulated motion runs away wherever the fit starts. Check the input's unit and sign, and the gains."
         )
+    best = min(chains, key=lambda chain: chain[-1][1].normal.cost)
+    if simulator is not None and structure.gear is None and simulator.steps(log.step):
+        moved = replace(structure, simulator=None if structure.simulator else simulator)
+        other = _chain(log, moved, _values(best[-1]), free, bounds, windows, 12 if quick else 40)
+        if other and other[-1][1].normal.cost < best[-1][1].normal.cost:
+            best = other
+    if (
+        not quick and best[-1][0].structure.simulator is None
+    ):  # intervals may be narrower than the error of a step
+        fine = replace(best[-1][0], values=_values(best[-1]), finer=FINER)
+        again = fine.fitted(best[-1][1].point, iterations=8)
+        best = [*best[:-1], (fine, again) if np.isfinite(again.normal.cost) else best[-1]]
     return _result(best, quick=quick)
+
+
+def _deepest(
+    log: DrivenLog, structure: Structure, found: Sequence[Mapping[str, float]], free: tuple[str, ...],
+    bounds: Mapping[str, tuple[float, float]],
+) -> list[Mapping[str, float]]:  # fmt: skip
+    """Return the deepest of the valleys of a gear, one of each start, over short windows."""
+    chains = [_chain(log, structure, one, free, bounds, WINDOWS[:-1], 10) for one in found]
+    valleys = [chain for chain in chains if chain]
+    return [_values(min(valleys, key=lambda one: one[-1][1].normal.cost)[-1])] if valleys else list(found)
 
 
 def _chain(
@@ -257,8 +289,29 @@ def _result(chain: Sequence[tuple[Problem, Minimum]], *, quick: bool) -> DrivenF
     score = n * math.log(max(noise.innovation, 1e-300)) + (len(free) + structure.states) * math.log(n)
     return DrivenFit(
         log=log, structure=structure, values=values, quantities=quantities, covariance=covariance, rmse=rmse,
-        noise=min(log.std, rmse), memory=noise.memory, score=score, residual=whole, point=found.point,
+        noise=min(log.std, rmse), memory=noise.memory, score=score, residual=whole, problem=problem, point=found.point,
     )  # fmt: skip
+
+
+def _shorter(one: tuple[Problem, Minimum]) -> list[tuple[Problem, Minimum, Array]]:
+    """Return fits over more and more windows, with their covariances, the one given last: until intervals stop narrowing."""
+    found = [(*one, one[0].covariance(one[1]))]
+    while len(one[0].log.time) >= SHORTEST * 2 * one[0].windows:
+        problem = replace(one[0], values=_values(one), windows=2 * one[0].windows)
+        one = problem, problem.fitted()
+        if not np.isfinite(one[1].normal.cost):
+            break
+        found.insert(0, (*one, problem.covariance(one[1])))
+        if _sharpness(found[0][2], found[1][2]) > 0:
+            break
+    return found
+
+
+def _sharpness(covariance: Array, other: Array) -> float:
+    """Return the sum of ln of variances over those of another covariance: negative if it is the narrower one."""
+    with np.errstate(all="ignore"):
+        ratios = np.log(np.diag(covariance) / np.diag(other))
+    return float(np.sum(ratios[np.isfinite(ratios)]))
 
 
 def _weighed(chain: Sequence[tuple[Problem, Minimum]], last: Array) -> tuple[Array, Array, int]:
@@ -267,17 +320,14 @@ def _weighed(chain: Sequence[tuple[Problem, Minimum]], last: Array) -> tuple[Arr
     It is the number whose intervals are narrowest. Where other numbers of windows disagree, the equations miss something, and
     deviations grow by the scale factor √(χ²/(N - 1)) of a weighted mean (Particle Data Group).
     """
-    found = [(p.windows, p.vector(m.point), last if p is chain[-1][0] else p.covariance(m)) for p, m in chain]
-    free = [list(chain[0][0].structure.parameters).index(name) for name in chain[0][0].free]
-    variances = np.array([np.diag(covariance) for _, _, covariance in found])
+    found = [*_shorter(chain[0]), *((p, m, p.covariance(m)) for p, m in chain[1:-1]), (*chain[-1], last)]
+    names = list(chain[0][0].structure.parameters)
+    free = [names.index(name) for name in chain[0][0].free]
+    best = min(found, key=lambda one: _sharpness(one[2], last))
+    variances = np.array([np.diag(covariance) for *_, covariance in found])
+    values = np.array([problem.vector(minimum.point)[free] for problem, minimum, _ in found])
     with np.errstate(all="ignore"):
-        sharpness = [
-            np.nansum(np.log(np.where(np.isfinite(v), v, np.nan) / variances[-1])) for v in variances
-        ]
-        best = int(np.argmin(sharpness))
-        values = np.array([vector[free] for _, vector, _ in found])
         mean = np.nansum(values / variances, axis=0) / np.nansum(1 / variances, axis=0)
         factor = np.sqrt(np.nansum((values - mean) ** 2 / variances, axis=0) / (len(found) - 1))
     factor = np.where(np.isfinite(factor), np.maximum(factor, 1.0), 1.0)
-    windows, vector, covariance = found[best]
-    return vector, covariance * np.outer(factor, factor), windows
+    return best[0].vector(best[1].point), best[2] * np.outer(factor, factor), best[0].windows

@@ -31,6 +31,27 @@ GIVEN = ("h", "input", "by_delay", "delay", "inertia", "load", "slope", "at")
 
 
 @dataclass(frozen=True, slots=True)
+class Simulator:
+    """How MuJoCo moves a joint of a model: its step, integrator and friction constraint."""
+
+    step: float
+    """[s]."""
+    implicit: Literal["nothing", "joint", "actuator"]
+    """Whose damping a step of Euler takes at its end; 'nothing' is RK4."""
+    rate: float
+    """Rate at which the friction constraint stops the joint [1/s]."""
+    softness: float
+    """Regularisation of the constraint over its inverse inertia [1]."""
+    alone: float
+    """Inertia of the joint at qpos0 with all others free, without its armature [kg*m^2]."""
+
+    def steps(self, sampling: float) -> int:
+        """Return its steps in a sampling interval [s]; 0 if they do not divide it."""
+        ratio = sampling / self.step
+        return round(ratio) if abs(ratio - round(ratio)) < 0.01 else 0
+
+
+@dataclass(frozen=True, slots=True)
 class Structure:
     """Which effects a driven joint has."""
 
@@ -38,6 +59,8 @@ class Structure:
     effects: tuple[str, ...] = ()
     encoder: Literal["joint", "motor"] = "joint"
     """Which side of the gear the encoder measures and the servo feeds back."""
+    simulator: Simulator | None = None
+    """The simulator that made the log; None is nature."""
 
     @property
     def parts(self) -> tuple[Effect, ...]:
@@ -190,15 +213,49 @@ class Equations:
         end = top + back * (h - until)
         return end, until * (rate + top) / 2 + (h - until) * (top + end) / 2
 
+    def _level(self, y: Any, rate: Any) -> Any:
+        """Return the dry friction at a state, shape (s,), and a rate of the side that rubs [N*m]."""
+        level: Any = 0.0
+        for part, own, _ in self.layout:
+            if isinstance(part, TorqueEffect) and part.friction is not None:
+                level = level + part.friction(self.m, self.motion(y).tilt, self.m.abs(rate), own)
+        return level
+
+    def _simulated(self, y: Any, given: Mapping[str, Any], simulator: Simulator) -> Any:
+        """Return the state after a step of MuJoCo, shape (s,).
+
+        Its friction constraint slows the joint at a rate of its own, by no more than the friction. So friction turns before
+        the joint does, and a joint that sticks creeps (MuJoCo documentation, Computation: constraint model).
+        """
+        import casadi
+
+        h, armature = given["h"], self.values["armature"]
+        inertia = given["inertia"] + armature
+        soft = 1 + simulator.softness * inertia / (simulator.alone + armature)
+
+        def rates(stage: Any) -> Any:
+            level = self._level(stage, stage[1])
+            stops = inertia * (self.derivative(stage, given)[1] + simulator.rate * stage[1]) / soft
+            friction = self.m.maximum(-level, self.m.minimum(level, stops))
+            return self.derivative(stage, given, friction)
+
+        if simulator.implicit == "nothing":
+            return runge_kutta(rates, y, h)
+        damped = self.values["damping"]
+        if simulator.implicit == "actuator":
+            damped = damped - casadi.jacobian(self.actuated(y, given), y)[1]
+        slopes = rates(y)
+        rate = y[1] + h * slopes[1] / (1 + h * damped / inertia)
+        return casadi.vertcat(y[0] + h * rate, rate, y[2:] + h * slopes[2:])
+
     def step(self, y: Any, given: Mapping[str, Any]) -> Any:
         """Return the state one step later, shape (s,), in SI."""
         import casadi
 
+        if self.structure.simulator is not None:
+            return self._simulated(y, given, self.structure.simulator)
         h, m, at = given["h"], self.m, 2 if self.structure.gear is not None else 0
-        level: Any = 0.0
-        for part, own, _ in self.layout:
-            if isinstance(part, TorqueEffect) and part.friction is not None:
-                level = level + part.friction(m, self.motion(y).tilt, m.abs(y[at + 1]), own)
+        level = self._level(y, y[at + 1])
         sign = m.where(y[at + 1] > 0, 1.0, m.where(y[at + 1] < 0, -1.0, 0.0))
         if at:
             slid = self._implicit(y, given, sign * level, h)

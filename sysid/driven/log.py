@@ -25,13 +25,14 @@ class Load:
     """Torque towards larger angles without the joint's own spring, damper and friction [N*m], shape (n,)."""
     slope: Array
     """Its derivative by the joint's angle [N*m/rad], shape (n,)."""
-    zero: float = 0.0
-    """Reading of the encoder at the model's zero that was assumed [rad]."""
+    at: Array
+    """Angle of the joint at which they hold [rad], shape (n,)."""
 
     @classmethod
     def constant(cls, inertia: float, samples: int) -> Self:
         """Return a load of constant inertia [kg*m^2] and no torque, shape (samples,) each."""
-        return cls(inertia=np.full(samples, inertia), torque=np.zeros(samples), slope=np.zeros(samples))
+        none = np.zeros(samples)
+        return cls(inertia=np.full(samples, inertia), torque=none, slope=none, at=none)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +56,9 @@ class DrivenLog:
 
     def part(self, rows: slice) -> "DrivenLog":
         """Return these samples."""
-        load = replace(self.load, **{k: getattr(self.load, k)[rows] for k in ("inertia", "torque", "slope")})
+        load = replace(
+            self.load, **{k: getattr(self.load, k)[rows] for k in ("inertia", "torque", "slope", "at")}
+        )
         return replace(self, time=self.time[rows], angle=self.angle[rows], input=self.input[rows], load=load)
 
     @property

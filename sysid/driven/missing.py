@@ -92,7 +92,7 @@ class Motion:
         return self.log.mean_input(grid, delay)[0]
 
     def load(self, name: str) -> Array:
-        """Return inertia [kg*m^2] or torque [N*m] of the load, shape (n,)."""
+        """Return one of the load's arrays, shape (n,)."""
         return np.interp(self.time, self.log.time, getattr(self.log.load, name))
 
 
@@ -105,7 +105,8 @@ def torque_along(structure: Structure, values: Mapping[str, float], motion: Moti
     late = motion.input(values[structure.delay] if structure.delay else 0.0)
     tilt = q - values["rest_angle"]
     state = JointState(tilt, v, q, values["stiffness"])
-    torque = motion.load("torque") + values["bias"] - values["stiffness"] * tilt - values["damping"] * v
+    torque = motion.load("torque") + motion.load("slope") * (q - values["zero"] - motion.load("at"))
+    torque = torque + values["bias"] - values["stiffness"] * tilt - values["damping"] * v
     torque = torque - (motion.load("inertia") + values["armature"]) * a
     acted: Array = np.zeros_like(q)
     for part in sorted(structure.parts, key=lambda part: getattr(part, "stage", 0)):

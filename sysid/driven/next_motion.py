@@ -113,7 +113,7 @@ def _motions(fit: DrivenFit, low: float, high: float) -> Iterator[tuple[str, Dri
                     wave = 1 - 4 * np.abs(phase - 0.5) if shape == "triangle" else np.sign(0.5 - phase)
                 at = middle + share * size * wave
                 angle = at if command else np.full_like(at, float(np.median(log.angle)))
-                parts = ("inertia", "torque", "slope")
+                parts = ("inertia", "torque", "slope", "at")
                 load = Load(
                     **{
                         one: np.interp(angle, log.angle[order], getattr(log.load, one)[order])

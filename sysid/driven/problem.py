@@ -25,6 +25,8 @@ GEAR_STEPS, MOST_STEPS, TURNS_FINER = 4, 64, 4
 """Integration steps a sample where a gear rings between samples, and at most; and factor of them where friction turns: of the sampling."""
 LIGHT = 0.1
 """Share of torque over acceleration below which an inertia is not the joint's: most of it is then the rotor's, which is not known yet."""
+BLOCKS = 32
+"""Blocks of a log whose scatter gives a covariance: fewer than 30 are too few (Cameron and Miller, J. Human Resources 50, 2015)."""
 RUNAWAY = 1e3
 """Motion beyond so many times the measured one has run away."""
 
@@ -54,7 +56,8 @@ class Problem:
     def grid(self) -> Array:
         """Integration times [s], shape (m + 1,)."""
         chosen = substeps_of(self.log, self.structure, self.values, self.scales, fine=self.windows == 1)
-        return self.log.grid(self.substeps or self.finer * chosen)
+        finer = self.finer if self.structure.simulator is None else 1
+        return self.log.grid(self.substeps or finer * chosen)
 
     @property
     def h(self) -> float:
@@ -87,15 +90,13 @@ class Problem:
 
     @cached_property
     def known(self) -> Array:
-        """Load (its own units) and angle [rad] at the middle of each step, shape (4, m)."""
-        middle = self.grid[:-1] + self.h / 2
+        """Load (its own units) and angle [rad] at the middle of each step, of a simulator at its start; shape (4, m)."""
+        from scipy.interpolate import CubicSpline
+
+        middle = self.grid[:-1] + (self.h / 2 if self.structure.simulator is None else 0.0)
         load = self.log.load
-        return np.stack(
-            [
-                np.interp(middle, self.log.time, x)
-                for x in (load.inertia, load.torque, load.slope, self.log.angle - load.zero)
-            ]
-        )
+        parts = np.stack([load.inertia, load.torque, load.slope, load.at])
+        return CubicSpline(self.log.time, parts, axis=1)(middle)
 
     @cached_property
     def start_states(self) -> Array:
@@ -201,9 +202,10 @@ class Problem:
         )
 
     def covariance(self, minimum: Minimum) -> Array:
-        """Return the covariance of the free parameters in their units, shape (p, p).
+        """Return the covariance of the free parameters in their units, shape (p, p): H⁻¹ Jᵀ Ω J H⁻¹.
 
-        Residuals are correlated where the equations miss something: their autoregression Ω enters as H⁻¹ Jᵀ Ω J H⁻¹.
+        Residuals are correlated where the equations miss something. Ω is their autoregression; of many windows, Jᵀ Ω J is the
+        scatter of what blocks of them add to the gradient (cluster-robust: Liang and Zeger 1986).
         Parameters on a bound are held; their rows are infinite.
         """
         rest, rows = self.residuals(minimum.point)
@@ -219,10 +221,8 @@ class Problem:
         sure = singular > 1e-7 * singular[0]
         ends = np.cumsum([len(r) for r in rest])[:-1]
         directions = np.split(left[:, sure], ends)
-        noise = residual_noise(rest, directions)
-        inner = sum((u.T @ noise.applied(u) for u in directions), np.zeros((int(sure.sum()),) * 2))
         back = (right[sure].T / singular[sure]) / scale[:, None]
-        small = back @ inner @ back.T
+        small = back @ self._scatter(rest, directions) @ back.T
         lost = np.abs(right[~sure]).max(axis=0) > 1e-3 if (~sure).any() else np.zeros(len(scale), dtype=bool)
         small[lost, lost] = np.inf
         whole_covariance = np.zeros((p, p))
@@ -231,6 +231,15 @@ class Problem:
         whole_covariance[held, held] = np.inf
         size = self.sizes[:p]
         return whole_covariance * np.outer(size, size)
+
+    def _scatter(self, rest: list[Array], directions: list[Array]) -> Array:
+        """Return the covariance of the residuals along orthonormal directions, shape (q, q)."""
+        if self.windows < BLOCKS:
+            noise = residual_noise(rest, directions)
+            return sum((u.T @ noise.applied(u) for u in directions), np.zeros((directions[0].shape[1],) * 2))
+        pulls = np.array([u.T @ r for u, r in zip(directions, rest, strict=True)])
+        blocks = np.array([one.sum(axis=0) for one in np.array_split(pulls, BLOCKS)])
+        return blocks.T @ blocks * BLOCKS / (BLOCKS - 1)
 
 
 def scales_of(log: DrivenLog, structure: Structure, values: Mapping[str, float]) -> Scales:
@@ -275,7 +284,9 @@ def limits_of(structure: Structure, name: str, scales: Scales) -> tuple[float, f
 def substeps_of(
     log: DrivenLog, structure: Structure, values: Mapping[str, float], scales: Scales, *, fine: bool = True
 ) -> int:
-    """Return the integration steps a sample: enough for the fastest of motion, servo, spring and damper."""
+    """Return the integration steps a sample: those of a simulator, or enough for the fastest of motion, servo, spring and damper."""
+    if structure.simulator is not None:
+        return structure.simulator.steps(log.step)
     inertia = max(float(np.min(log.load.inertia)) + values["armature"], LIGHT * scales.inertia)
     rates = [
         np.sqrt(max(values["stiffness"], 0.0) / inertia),

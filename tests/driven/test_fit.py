@@ -20,6 +20,7 @@ def driven(truth: Truth, u: np.ndarray, rate: float, noise: float, seed: int = 0
         inertia=np.full(len(u), truth.inertia),
         torque=-truth.weight * np.sin(measured),
         slope=-truth.weight * np.cos(measured),
+        at=measured,
     )
     return DrivenLog(
         name="log",

@@ -23,7 +23,7 @@ def log_of_arm(name: str, friction: float, seed: int) -> DrivenLog:
     t = np.arange(800) / 200
     u = 0.3 * np.sin(2 * np.pi * 0.6 * t) + 0.1 * np.sin(2 * np.pi * 2.1 * t + seed)
     angle = simulate(truth, u, 200) + 5e-4 * np.random.default_rng(seed).standard_normal(800)
-    load = Load(inertia=np.full(800, 0.02), torque=-0.8 * np.sin(angle), slope=-0.8 * np.cos(angle))
+    load = Load(inertia=np.full(800, 0.02), torque=-0.8 * np.sin(angle), slope=-0.8 * np.cos(angle), at=angle)
     return DrivenLog(name=name, time=t, angle=angle, std=5e-4, input=u, kind="command", load=load)
 
 

@@ -1,0 +1,127 @@
+"""All driven joints of a model fitted together, each beside the simulated motion of the others."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from sim.model.driven import Stated, load_along
+from sim.model.setup import Setup
+from sysid.driven.fit import DrivenFit, fit, free_of
+from sysid.driven.log import DrivenLog
+from sysid.driven.missing import Motion
+from sysid.noise.autoregression import residual_noise
+from sysid.roll import Array
+
+PASSES = 5
+"""Fits of each joint beside the simulated motion of the others before the last: each takes most of the error of their accelerations."""
+ZERO = "zero"
+"""The parameter that moves all angles of a joint in the model."""
+
+Fits = dict[str, list[DrivenFit]]
+"""Fits of each joint, one for each log."""
+
+
+def fit_joints(
+    setup: Setup, logs: Mapping[str, Sequence[DrivenLog]], stated: Mapping[str, Stated], effects: Sequence[str], *,
+    fixed: Mapping[str, float] | None = None, bounds: Mapping[str, tuple[float, float]] | None = None,
+) -> Fits:  # fmt: skip
+    """Fit the joints of a model to logs.
+
+    Args:
+        logs: By joint, in the same order for each.
+        stated: By joint: what the model states.
+        effects: What is fitted beside armature, damping and bias.
+        fixed: Parameters that are held, in SI.
+        bounds: Ends of parameters, in SI; those are fitted too.
+
+    Raises:
+        SysidError: An effect or a parameter is unknown, or the motion runs away.
+    """
+    fixed, bounds = fixed or {}, bounds or {}
+    fits: Fits = {}
+    coupled = len(logs) > 1 or ZERO in bounds
+    for joint, own in logs.items():
+        known = stated[joint]
+        structure = replace(known.structure, effects=tuple(sorted({*known.structure.effects, *effects})))
+        free = free_of(structure, structure.effects, fixed, more=tuple(bounds))
+        given = {**known.values, **fixed}
+        fits[joint] = [
+            fit(log, structure, given, free, bounds=bounds, quick=coupled, simulator=known.simulator)
+            for log in own
+        ]
+    for last in (*(False,) * PASSES, True) if coupled else ():
+        before = fits
+        fits = {
+            joint: [
+                _beside(setup, before, stated, joint, number, bounds, last=last) for number in range(len(own))
+            ]
+            for joint, own in before.items()
+        }
+    for number in range(len(next(iter(fits.values())))) if coupled else ():
+        for own, one in zip(fits.values(), _coupled(setup, fits, number), strict=True):
+            own[number] = one
+    return fits
+
+
+def _beside(
+    setup: Setup, fits: Fits, stated: Mapping[str, Stated], joint: str, number: int,
+    bounds: Mapping[str, tuple[float, float]], *, last: bool,
+) -> DrivenFit:  # fmt: skip
+    """Fit a joint beside the motions that the fits of the others have."""
+    before = fits[joint][number]
+    motion = {other: _motion(own[number]) - own[number].values[ZERO] for other, own in fits.items()}
+    load = load_along(setup.with_(joint=joint), motion, before.log.time, simulated=True)
+    return fit(
+        replace(before.log, load=load), before.structure, before.values, tuple(before.quantities), bounds=bounds,
+        begins=[] if last else [before.values], quick=not last, simulator=stated[joint].simulator,
+    )  # fmt: skip
+
+
+def _motion(fit: DrivenFit) -> Array:
+    """Return the simulated angle, and of the residual as much as stands above its noise [rad], shape (n,)."""
+    time = fit.log.time
+    rest = Motion.of(time, fit.log.angle - fit.motion)
+    return fit.motion + np.interp(time, rest.time, rest.angle)
+
+
+def _coupled(setup: Setup, fits: Fits, number: int) -> list[DrivenFit]:
+    """Return the fits of the joints to one log, their intervals with those of the others' motions.
+
+    An error e of all unknowns is what the noise makes, A n, and what the others' errors make of a joint's load: e = A n + B e.
+    """
+    names, own = list(fits), [one[number] for one in fits.values()]
+    if len(own) == 1:
+        return own
+    problems = [one.problem for one in own]
+    rows = [problem.residuals(one.point) for problem, one in zip(problems, own, strict=True)]
+    rest, slopes = [r[0] for r, _ in rows], [j[0] for _, j in rows]
+    back = [np.linalg.pinv(j * one.moving) * one.moving[:, None] for j, one in zip(slopes, own, strict=True)]
+    alone = [b @ residual_noise([r]).applied(b.T) for b, r in zip(back, rest, strict=True)]
+    ends = np.cumsum([0, *(len(one) for one in alone)])
+    taken = np.zeros((ends[-1], ends[-1]))
+    motion = {name: one.motion - one.values[ZERO] for name, one in zip(names, own, strict=True)}
+    for i, (name, problem) in enumerate(zip(names, problems, strict=True)):
+        beside = setup.with_(joint=name)
+        plain = load_along(beside, motion, problem.log.time, simulated=True)
+        for j, other in enumerate(names):
+            for k, size in enumerate(np.sqrt(np.diag(alone[j])) if i != j else ()):
+                moved = (
+                    motion[other]
+                    + size
+                    * np.r_[slopes[j][:, k], np.zeros(len(motion[other]) - len(slopes[j]))]
+                    * problems[j].log.std
+                )
+                load = load_along(beside, {**motion, other: moved}, problem.log.time, simulated=True)
+                more = replace(problem.log.load, torque=problem.log.load.torque + load.torque - plain.torque)
+                changed = replace(problem, log=replace(problem.log, load=more))
+                found = changed.residuals(own[i].point, slopes=False)[0][0]
+                taken[ends[i] : ends[i + 1], ends[j] + k] = back[i] @ (found - rest[i]) / max(size, 1e-300)
+    spread = np.linalg.inv(np.eye(ends[-1]) - taken)
+    spread = spread @ block_diag(*alone) @ spread.T
+    return [
+        one.widened(spread[a:b, a:b] - own_part)
+        for one, own_part, (a, b) in zip(own, alone, pairwise(ends), strict=True)
+    ]
