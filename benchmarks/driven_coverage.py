@@ -1,13 +1,14 @@
-"""How often planted parameters of driven joints lie in their 95 % intervals, in plain MuJoCo.
+"""Coverage of the 95 % intervals of driven joints: parameters planted in plain MuJoCo.
 
     python benchmarks/driven_coverage.py --draws 200 --workers 2 --rows coverage.jsonl
 
 Joints: one under a torque, a double pendulum under torques, a leg of two position servos as in PACE (Bjelonic et al. 2025).
-Half of the draws come from nature (RK4 at 50 µs, friction that turns within 20 µs), half from MuJoCo as users run it: Euler,
-implicitfast or RK4 at 1 or 2 ms, with its own friction. The fit knows the masses and nothing of the draw.
+Half of the draws are nature: RK4 at 50 µs, friction that turns within 20 µs. The others are MuJoCo with its own friction:
+Euler, implicitfast or RK4 at 1 or 2 ms. The fit knows the masses and nothing of the draw.
 """
 
 import tempfile
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -46,8 +47,25 @@ def xml(links: list[tuple[float, float]], attributes: list[str], option: str, *,
     return f"<mujoco>{option}<worldbody>{body}</worldbody><actuator>{acting}</actuator></mujoco>"
 
 
-def run(case: str, seed: int) -> dict[str, Any]:
-    """Return how many deviations each planted parameter is off."""
+@dataclass(frozen=True)
+class Draw:
+    """Planted joints and their log."""
+
+    servo: bool
+    law: str
+    truth: list[dict[str, float]]
+    """Planted values of each joint."""
+    model: str
+    """MJCF of the user: right masses, no friction and next to no armature."""
+    time: np.ndarray
+    inputs: np.ndarray
+    """Torque [N·m] or command [rad], shape (joints, n)."""
+    seen: np.ndarray
+    """Angles that the encoders read [rad], shape (joints, n)."""
+
+
+def draw(case: str, seed: int, *, late: bool = True) -> Draw:
+    """Return a draw; without `late` delay, bias and zero are 0."""
     rng = np.random.default_rng([seed, CASES.index(case)])
     servo, joints = case == "servo", 1 if case == "single" else 2
     integrator, step, constraint = NATURE if seed % 2 == 0 else SIMULATORS[seed // 2 % len(SIMULATORS)]
@@ -57,7 +75,7 @@ def run(case: str, seed: int) -> dict[str, Any]:
         {"armature": rng.uniform(0.02, 0.12) if servo else rng.uniform(0.005, 0.03),
          "damping": rng.uniform(0.5, 3.0) if servo else rng.uniform(0.1, 0.4),
          "friction": rng.uniform(0.2, 1.5) if servo else rng.uniform(0.03, 0.2),
-         ("zero" if servo else "bias"): rng.uniform(-0.06, 0.06), "delay": 2e-3 * rng.integers(1, 8)}
+         ("zero" if servo else "bias"): late * rng.uniform(-0.06, 0.06), "delay": late * 2e-3 * rng.integers(1, 8)}
         for _ in links
     ]  # fmt: skip
     own = [
@@ -71,24 +89,29 @@ def run(case: str, seed: int) -> dict[str, Any]:
     inputs *= 0.5 if servo else 1.5 * np.array([[m * 9.81 * x / 2] for m, x in links])
     angle = moved(model, inputs, [p["delay"] for p in truth], [p.get("bias", 0.0) for p in truth],
                   [p.get("zero", 0.0) for p in truth])  # fmt: skip
-    seen = angle + NOISE * rng.standard_normal(angle.shape)
-    asked = step if seed % 2 else SIMULATORS[0][1]
-    option = f'<option timestep="{asked}" integrator="{integrator if seed % 2 else "Euler"}"/>'
+    asked, name = (step, integrator) if seed % 2 else SIMULATORS[0][1::-1]
+    option = f'<option timestep="{asked}" integrator="{name}"/>'
+    return Draw(
+        servo, integrator if seed % 2 else "nature", truth, xml(links, ['armature="0.001"'] * joints, option, servo=servo),
+        time, inputs, angle + NOISE * rng.standard_normal(angle.shape),
+    )  # fmt: skip
+
+
+def run(case: str, seed: int) -> dict[str, Any]:
+    """Return how many deviations each planted parameter is off."""
+    one = draw(case, seed)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "model.xml"
-        file.write_text(xml(links, ['armature="0.001"'] * joints, option, servo=servo))
-        fits = fitted(Setup(file=file, joint="j0"), time, seen, inputs, servo=servo)
-    row: dict[str, Any] = {"case": case, "seed": seed, "law": integrator if seed % 2 else "nature"}
-    row["error"] = max(one.rmse for one in fits) / NOISE
-    row["simulator"] = [one.structure.simulator is not None for one in fits]
-    for name in truth[0]:
-        found = [one.quantities[NAMES.get(name, name)] for one in fits]
-        row[name] = [
-            float((q.value - planted[name]) / q.std) for q, planted in zip(found, truth, strict=True)
-        ]
-        row[f"{name} off"] = [
-            float(q.value / planted[name] - 1) for q, planted in zip(found, truth, strict=True)
-        ]
+        file.write_text(one.model)
+        fits = list(fitted(Setup(file=file, joint="j0"), one).values())
+    row: dict[str, Any] = {"case": case, "seed": seed, "law": one.law}
+    row["error"] = max(fit.rmse for fit in fits) / NOISE
+    row["simulator"] = [fit.structure.simulator is not None for fit in fits]
+    for name in one.truth[0]:
+        found = [fit.quantities[NAMES.get(name, name)] for fit in fits]
+        planted = [values[name] for values in one.truth]
+        row[name] = [float((q.value - x) / q.std) for q, x in zip(found, planted, strict=True)]
+        row[f"{name} off"] = [float(q.value / x - 1) for q, x in zip(found, planted, strict=True)]
     return row
 
 
@@ -121,18 +144,22 @@ def moved(model: Any, inputs: np.ndarray, delays: Any, bias: Any, zero: Any) -> 
     return seen
 
 
-def fitted(setup: Setup, time: np.ndarray, seen: np.ndarray, inputs: np.ndarray, *, servo: bool) -> list[Any]:
-    """Return the fit of each joint."""
-    kind = "command" if servo else "torque"
+def fitted(
+    setup: Setup, one: Draw, *, more: tuple[str, ...] = tuple(NAMES.values()), rows: int | None = None
+) -> dict[str, Any]:
+    """Return the fit of each joint to the first samples of a draw."""
+    kind = "command" if one.servo else "torque"
+    time, seen, inputs = one.time[:rows], one.seen[:, :rows], one.inputs[:, :rows]
     setups = {f"j{i}": setup.with_(joint=f"j{i}") for i in range(len(seen))}
     angles = dict(zip(setups, seen, strict=True))
     logs = {
-        name: [DrivenLog(name="log", time=time, angle=angles[name], std=NOISE, input=u, kind=kind, load=load_along(one, angles, time))]
-        for (name, one), u in zip(setups.items(), inputs, strict=True)
+        name: [DrivenLog(name="log", time=time, angle=angles[name], std=NOISE, input=u, kind=kind, load=load_along(own, angles, time))]
+        for (name, own), u in zip(setups.items(), inputs, strict=True)
     }  # fmt: skip
-    known = {name: stated(one, kind) for name, one in setups.items()}
-    more: dict[str, Any] = {"fixed": {"bias": 0.0}, "bounds": {"zero": (-0.3, 0.3)}} if servo else {}
-    return [one[0] for one in fit_joints(setup, logs, known, (coulomb.EFFECT.name, delay.EFFECT.name), **more).values()]
+    known = {name: stated(own, kind) for name, own in setups.items()}
+    zero: dict[str, Any] = {"fixed": {"bias": 0.0}, "bounds": {"zero": (-0.3, 0.3)}} if one.servo else {}
+    effects = [name.split(".")[0] for name in more]
+    return {name: fits[0] for name, fits in fit_joints(setup, logs, known, effects, **zero).items()}
 
 
 def main() -> None:

@@ -128,7 +128,9 @@ def _gains(actuator: Any, kind: InputKind) -> tuple[float, ...]:
     return () if kind in ("torque", "force") else (float(actuator.gainprm[0]) * gear,)
 
 
-def load_along(setup: Setup, motion: Mapping[str, Array], time: Array, *, simulated: bool = False) -> Load:
+def load_along(
+    setup: Setup, motion: Mapping[str, Array], time: Array, *, simulated: bool = False, lag: float = 0.0
+) -> Load:
     """Return the load that the rest of a model puts on a joint along a log.
 
     Torque is what `mj_inverse` needs less with the joint itself not accelerated; the other joints move as they were measured,
@@ -138,6 +140,7 @@ def load_along(setup: Setup, motion: Mapping[str, Array], time: Array, *, simula
         motion: Angles of joints that were measured [rad or m], shape (n,) each.
         time: Of the samples [s], shape (n,).
         simulated: Whether they are a simulation's, without noise.
+        lag: Of its rates behind its angles [s]: half a step of MuJoCo's Euler.
     """
     from scipy.interpolate import CubicSpline
 
@@ -161,7 +164,7 @@ def load_along(setup: Setup, motion: Mapping[str, Array], time: Array, *, simula
     for name, angle in motion.items():
         if simulated:
             path = CubicSpline(time, angle)
-            rate, acceleration = path(time, 1), path(time, 2)
+            rate, acceleration = path(time - lag, 1), path(time, 2)
         else:
             smooth = Motion.of(time, angle)
             rate, acceleration = (np.interp(time, smooth.time, x) for x in (smooth.rate, smooth.acceleration))
@@ -266,25 +269,7 @@ def patch_driven(setup: Setup, fits: Mapping[str, DrivenFit]) -> Patch:
             [fit.values["damping"], 0.0, 0.0],
             0.0,
         )
-        constraint = joint.solref_friction.copy(), joint.solimp_friction.copy()
-        for part in fit.structure.parts:
-            moved = any(key.startswith(f"{part.name}.") for key in fit.quantities)
-            if moved:
-                own = {p.name: fit.values[f"{part.name}.{p.name}"] for p in part.parameters}
-                said = part.to_mjcf(spec, joint, own, native=True)
-                remarks += [
-                    f"{name}: {line}"
-                    for line in said
-                    if not isinstance(part, DriveEffect) or "not written" in line
-                ]
-        if fit.structure.simulator is not None:  # its friction is that of the log
-            joint.solref_friction, joint.solimp_friction = constraint
-            remarks.append(f"{name}: moved by MuJoCo as the model is: friction keeps its solref and solimp")
-        for key, unit in (("bias", "N·m"), ("zero", "rad")):
-            if fit.values[key] and key in fit.quantities:
-                remarks.append(
-                    f"{name}: {key} {fit.quantities[key]} is not written: MuJoCo has no attribute for it ({unit})"
-                )
+        remarks += [f"{name}: {line}" for line in _written(spec, joint, fit)]
         _rewrite(
             texts,
             setup,
@@ -309,6 +294,26 @@ def patch_driven(setup: Setup, fits: Mapping[str, DrivenFit]) -> Patch:
     texts.setdefault(setup.file, setup.file.read_bytes().decode())
     texts[setup.file] = with_sections(texts[setup.file], spec, known)
     return Patch(texts, difference(texts), tuple(remarks), spec, setup.file)
+
+
+def _written(spec: Any, joint: Any, fit: DrivenFit) -> list[str]:
+    """Write the fitted effects into a spec; return remarks on them."""
+    remarks: list[str] = []
+    constraint = joint.solref_friction.copy(), joint.solimp_friction.copy()
+    for part in fit.structure.parts:
+        if any(key.startswith(f"{part.name}.") for key in fit.quantities):
+            own = {p.name: fit.values[f"{part.name}.{p.name}"] for p in part.parameters}
+            said = part.to_mjcf(spec, joint, own, native=True)
+            remarks += [line for line in said if not isinstance(part, DriveEffect) or "not written" in line]
+    if fit.structure.simulator is not None:  # its friction is that of the log
+        joint.solref_friction, joint.solimp_friction = constraint
+        remarks.append("moves as MuJoCo moves the model: friction keeps its solref and solimp")
+    remarks += [
+        f"{key} {fit.quantities[key]} is not written: MuJoCo has no attribute for it ({unit})"
+        for key, unit in (("bias", "N·m"), ("zero", "rad"))
+        if fit.values[key] and key in fit.quantities
+    ]
+    return remarks
 
 
 _ACTUATOR = ("gainprm", "biasprm", "forcerange", "delay", "nsample")

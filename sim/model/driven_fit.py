@@ -16,7 +16,7 @@ from sysid.noise.autoregression import residual_noise
 from sysid.roll import Array
 
 PASSES = 5
-"""Fits of each joint beside the simulated motion of the others before the last: each takes most of the error of their accelerations."""
+"""Fits of each joint beside the motion of the others before the last: encoder zeros of two joints keep a fifth of their error each time."""
 ZERO = "zero"
 """The parameter that moves all angles of a joint in the model."""
 
@@ -33,7 +33,7 @@ def fit_joints(
     Args:
         logs: By joint, in the same order for each.
         stated: By joint: what the model states.
-        effects: What is fitted beside armature, damping and bias.
+        effects: Effects to fit beside armature, damping and bias.
         fixed: Parameters that are held, in SI.
         bounds: Ends of parameters, in SI; those are fitted too.
 
@@ -53,13 +53,10 @@ def fit_joints(
             for log in own
         ]
     for last in (*(False,) * PASSES, True) if coupled else ():
-        before = fits
-        fits = {
-            joint: [
-                _beside(setup, before, stated, joint, number, bounds, last=last) for number in range(len(own))
+        for joint, own in fits.items():
+            own[:] = [
+                _beside(setup, fits, stated, joint, number, bounds, last=last) for number in range(len(own))
             ]
-            for joint, own in before.items()
-        }
     for number in range(len(next(iter(fits.values())))) if coupled else ():
         for own, one in zip(fits.values(), _coupled(setup, fits, number), strict=True):
             own[number] = one
@@ -73,11 +70,26 @@ def _beside(
     """Fit a joint beside the motions that the fits of the others have."""
     before = fits[joint][number]
     motion = {other: _motion(own[number]) - own[number].values[ZERO] for other, own in fits.items()}
-    load = load_along(setup.with_(joint=joint), motion, before.log.time, simulated=True)
+    load = load_along(setup.with_(joint=joint), motion, before.log.time, simulated=True, lag=_lag(before))
     return fit(
         replace(before.log, load=load), before.structure, before.values, tuple(before.quantities), bounds=bounds,
-        begins=[] if last else [before.values], quick=not last, simulator=stated[joint].simulator,
+        begins=[before.values], quick=not last, simulator=stated[joint].simulator if last else None,
     )  # fmt: skip
+
+
+def _lag(fit: DrivenFit) -> float:
+    """Return by how much the rate of a simulator lags behind its angle [s]."""
+    simulator = fit.structure.simulator
+    return 0.0 if simulator is None or simulator.implicit == "nothing" else simulator.step / 2
+
+
+def _waves(fit: DrivenFit, slopes: Array) -> Array:
+    """Return the change of a joint's angle in the model with each unknown, from residuals' slopes, shape (n, p) each."""
+    waves = np.zeros((len(fit.log.time), slopes.shape[1]))
+    waves[: len(slopes)] = slopes * fit.log.std
+    for k, name in enumerate(fit.quantities):
+        waves[:, k] -= fit.problem.sizes[k] * (name == ZERO)
+    return waves
 
 
 def _motion(fit: DrivenFit) -> Array:
@@ -90,7 +102,7 @@ def _motion(fit: DrivenFit) -> Array:
 def _coupled(setup: Setup, fits: Fits, number: int) -> list[DrivenFit]:
     """Return the fits of the joints to one log, their intervals with those of the others' motions.
 
-    An error e of all unknowns is what the noise makes, A n, and what the others' errors make of a joint's load: e = A n + B e.
+    Noise n and the errors of the others' motions, through the load, make the error of all unknowns: e = A n + B e.
     """
     names, own = list(fits), [one[number] for one in fits.values()]
     if len(own) == 1:
@@ -102,19 +114,16 @@ def _coupled(setup: Setup, fits: Fits, number: int) -> list[DrivenFit]:
     alone = [b @ residual_noise([r]).applied(b.T) for b, r in zip(back, rest, strict=True)]
     ends = np.cumsum([0, *(len(one) for one in alone)])
     taken = np.zeros((ends[-1], ends[-1]))
+    waves = [_waves(one, j) for one, j in zip(own, slopes, strict=True)]
     motion = {name: one.motion - one.values[ZERO] for name, one in zip(names, own, strict=True)}
     for i, (name, problem) in enumerate(zip(names, problems, strict=True)):
         beside = setup.with_(joint=name)
-        plain = load_along(beside, motion, problem.log.time, simulated=True)
+        lag = _lag(own[i])
+        plain = load_along(beside, motion, problem.log.time, simulated=True, lag=lag)
         for j, other in enumerate(names):
             for k, size in enumerate(np.sqrt(np.diag(alone[j])) if i != j else ()):
-                moved = (
-                    motion[other]
-                    + size
-                    * np.r_[slopes[j][:, k], np.zeros(len(motion[other]) - len(slopes[j]))]
-                    * problems[j].log.std
-                )
-                load = load_along(beside, {**motion, other: moved}, problem.log.time, simulated=True)
+                moved = motion[other] + size * waves[j][:, k]
+                load = load_along(beside, {**motion, other: moved}, problem.log.time, simulated=True, lag=lag)
                 more = replace(problem.log.load, torque=problem.log.load.torque + load.torque - plain.torque)
                 changed = replace(problem, log=replace(problem.log, load=more))
                 found = changed.residuals(own[i].point, slopes=False)[0][0]

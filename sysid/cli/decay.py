@@ -35,6 +35,7 @@ def decay(
         picture: Draw decay.png.
         rerun: Write a Rerun recording (.rrd) here.
     """
+    from sysid.driven.columns import driving_input
     from sysid.free_decay import fit_decay
 
     printer = Printer(common)
@@ -59,6 +60,13 @@ def decay(
         )
         made = " (`new NAME` writes the record that it needs)" if record is None else ""
         printer.say(f"next: learn what is missing: {space.command('diagnose', *options, logs=logs)}{made}")
+        for log in logs:
+            if found := driving_input(log):
+                kind, column = found
+                drive = ("--input", column, "--input-is", kind)
+                printer.say(
+                    f"if '{column}' drove the joint, it is no free decay (docs/driven.md): {space.command('compare', *options, *drive, logs=[log])}"
+                )
     content = result.to_json()
     written: list[Path] = []
     if folder is not None:

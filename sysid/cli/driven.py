@@ -224,25 +224,43 @@ def _where(log: "DrivenLog", error: Any) -> list[dict[str, Any]]:
 
 
 def driven_diagnose(driven: Driven, printer: Printer, fix: Sequence[str]) -> dict[str, Any]:
-    """Find what the model of each joint is missing."""
+    """Find the missing effects of each joint; each log of a joint has a process of its own."""
+    from sysid.batch.runner import run_all
+
+    cases = [
+        (joint, log, driven.stated[joint], parse_fixed(fix))
+        for joint in driven.joints
+        for log in driven.logs[joint]
+    ]
+    results: dict[str, Any] = {}
+    # Effects of the user's own files are known in this process only.
+    here = len(cases) == 1 or printer.common.effect_file
+    for row in (
+        (_diagnosed(*case, told=lambda text: printer.note(f"  tried: {text}")) for case in cases)
+        if here
+        else run_all(_diagnosed, cases, None)
+    ):
+        printer.say(row["text"])
+        results.setdefault(row["joint"], []).append(row["verdict"])
+    only = results[driven.joints[0]]
+    return only[0] if len(cases) == 1 else {"joints": results}
+
+
+def _diagnosed(
+    joint: str,
+    log: "DrivenLog",
+    stated: "Stated",
+    fixed: Mapping[str, float],
+    told: Callable[[str], None] | None = None,
+) -> dict[str, Any]:
+    """Return the verdict of one log, as JSON and in words."""
     from sysid.driven.diagnose import diagnose
     from sysid.driven.report import verdict_text
 
-    results: dict[str, Any] = {}
-    for joint in driven.joints:
-        for log in driven.logs[joint]:
-            stated = driven.stated[joint]
-            verdict = diagnose(
-                log,
-                stated.values,
-                structure=stated.structure,
-                fixed=parse_fixed(fix),
-                told=lambda text: printer.note(f"  tried: {text}"),
-            )
-            printer.say(verdict_text(verdict, joint))
-            results.setdefault(joint, []).append(verdict.to_json())
-    only = results[driven.joints[0]]
-    return only[0] if len(driven.joints) == 1 and len(only) == 1 else {"joints": results}
+    verdict = diagnose(
+        log, stated.values, structure=stated.structure, fixed=fixed, simulator=stated.simulator
+    )
+    return {"joint": joint, "text": verdict_text(verdict, joint), "verdict": verdict.to_json()}
 
 
 def driven_fit(

@@ -5,6 +5,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from sysid.errors import SysidError
 
 MOTIONS = (
@@ -18,7 +20,7 @@ MOTIONS = (
     "actual_q",
     "present_position",
 )
-"""What loggers call measured positions, the likeliest first."""
+"""Loggers' names for measured positions, the likeliest first."""
 INPUTS = {
     "command": (
         "action",
@@ -36,7 +38,7 @@ INPUTS = {
     "current": ("current", "present_current", "iq"),
     "voltage": ("voltage", "pwm", "present_pwm"),
 }
-"""What they call the inputs of each kind."""
+"""Loggers' names for the inputs of each kind."""
 
 
 def plain(name: str) -> str:
@@ -48,12 +50,12 @@ def plain(name: str) -> str:
 def columns_of_joints(
     names: Sequence[str], joints: Sequence[str], prefixes: Sequence[str], listed: Sequence[str] = ()
 ) -> dict[str, str]:
-    """Return the column of each joint; empty where none of the prefixes gives one for every joint.
+    """Return the column of each joint; empty if every prefix misses a joint.
 
     Args:
         names: Columns of the log.
         joints: Names of the joints, in the model's order.
-        prefixes: What the quantity may be called, the likeliest first.
+        prefixes: Names of the quantity, the likeliest first.
         listed: Names of the numbered columns in order, where a file beside the log says them.
     """
     for prefix in prefixes:
@@ -86,8 +88,24 @@ def column_of(names: Sequence[str], joint: str, prefixes: Sequence[str]) -> str:
     return found.get(joint, "")
 
 
+def driving_input(log: Path) -> tuple[str, str] | None:
+    """Return kind and column of an input that changes along a log; None if its name is unknown."""
+    from sysid.logs.formats.registry import open_log
+
+    try:
+        table = open_log(log)
+        for kind, prefixes in INPUTS.items():
+            starts = tuple(plain(one) for one in prefixes)
+            for name in table.names:
+                if plain(name).startswith(starts) and np.ptp(table.read([name])[name]) > 0:
+                    return kind, name
+    except SysidError:  # a film, or no table
+        pass
+    return None
+
+
 def listed_names(log: Path) -> list[str]:
-    """Return the names of numbered columns in an `info.json` beside a log or in `meta`, as LeRobot writes it; none where there is none."""
+    """Return the names of numbered columns from LeRobot's `info.json`, beside a log or in `meta`; empty if it is missing."""
     for path in (
         log.parent / "info.json",
         log.parent / "meta" / "info.json",
@@ -111,10 +129,10 @@ def listed_names(log: Path) -> list[str]:
 def require_columns(
     found: dict[str, str], joints: Sequence[str], what: str, names: Sequence[str], option: str
 ) -> dict[str, str]:
-    """Return what was found.
+    """Return the columns, if there are any.
 
     Raises:
-        SysidError: Nothing was.
+        SysidError: There are no columns.
     """
     if not found:
         raise SysidError(

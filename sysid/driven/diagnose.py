@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from sysid.driven.fit import WHITE, DrivenFit, fit, free_of, start_values, starts
-from sysid.driven.joint import Structure
+from sysid.driven.joint import Simulator, Structure
 from sysid.driven.log import DrivenLog
 from sysid.driven.missing import Motion
 from sysid.effects import catalogue, drives, effect
@@ -16,7 +16,7 @@ from sysid.errors import SysidError
 SCORE_TOLERANCE = 12.0
 """Twice the log likelihood within which two sets tie: odds of 400 to 1, as for free decays."""
 MATTERS = 0.1
-"""Share of the residual's RMS that an effect must take away to be named: less is certain in a long log, and worthless."""
+"""Share of the residual's RMS that an effect must explain to be named: less is significant in a long log, but too small to matter."""
 MAX_EFFECTS = 3
 """Effects in a set at most."""
 FAMILIES = ("friction", "drag", "hardening", "asymmetry")
@@ -76,7 +76,7 @@ class DrivenVerdict:
 
     @property
     def explained(self) -> float:
-        """Share of the squared error beyond the noise that the named effects take away [1]."""
+        """Share of the squared error beyond the noise that the named effects explain [1]."""
         before, after = (one.rmse**2 - one.noise**2 for one in (self.base, self.best))
         return 1.0 if before <= 0 else max(0.0, 1 - max(after, 0.0) / before)
 
@@ -132,7 +132,8 @@ def candidates(structure: Structure) -> list[str]:
 
 def diagnose(
     log: DrivenLog, given: Mapping[str, float], *, structure: Structure | None = None,
-    fixed: Mapping[str, float] | None = None, told: Callable[[str], None] | None = None,
+    fixed: Mapping[str, float] | None = None, simulator: Simulator | None = None,
+    told: Callable[[str], None] | None = None,
 ) -> DrivenVerdict:  # fmt: skip
     """Find the effects that a driven model lacks.
 
@@ -140,73 +141,101 @@ def diagnose(
         given: Known parameters, in SI: those of the model.
         structure: Effects that the model has already.
         fixed: Parameters that are held.
+        simulator: Of a model that may have made the log.
         told: Called with each set as it is fitted.
 
     Raises:
         SysidError: The model itself cannot be fitted.
     """
-    plain = structure or Structure(log.kind)
-    fixed = fixed or {}
-    known = {**given, **fixed}
-    fits: dict[tuple[str, ...], DrivenFit] = {}
-
-    motion, every = Motion(log), candidates(plain)
-
-    def tried(key: tuple[str, ...], begins: Sequence[Mapping[str, float]] = ()) -> DrivenFit | None:
-        if key not in fits:
-            if told is not None:
-                told(", ".join(key) or "the model as it is")
-            chosen = Structure(log.kind, key, plain.encoder)
-            try:
-                fits[key] = fit(log, chosen, known, free_of(chosen, key, fixed), begins=begins, quick=True)
-            except SysidError:
-                if not begins:
-                    raise
-                return None
-        return fits[key]
-
-    def grown_from(before: DrivenFit) -> list[DrivenFit]:
-        """Fit, of each family, the effect that leaves the least torque missing; and each gear where the rest is no noise."""
-        found: list[tuple[float, tuple[str, ...], list[dict[str, float]]]] = []
-        for name in every:
-            if _combines(name, before.structure.effects):
-                key = tuple(sorted((*before.structure.effects, name)))
-                chosen = Structure(log.kind, key, plain.encoder)
-                free = free_of(chosen, key, fixed)
-                values = start_values(chosen, dict(before.values), log)
-                begins, left = starts(motion, chosen, values, free, {}, known=before.values)
-                found.append((-1.0 if getattr(effect(name), "transmit", None) else left, key, begins))
-        likeliest: dict[str, tuple[float, tuple[str, ...], list[dict[str, float]]]] = {}
-        gears = [one for one in found if one[0] < 0]
-        for one in sorted((one for one in found if one[0] >= 0), key=lambda one: one[0]):
-            (new,) = set(one[1]) - set(before.structure.effects)
-            likeliest.setdefault(effect(new).family, one)
-        done = [one for _, key, begins in likeliest.values() if (one := tried(key, begins))]
-        if any(one.memory <= WHITE for one in done):
-            return done
-        return done + [one for _, key, begins in gears if (one := tried(key, begins))]
-
-    base = tried(tuple(sorted(plain.effects)))
+    search = _Search(log, structure or Structure(log.kind), given, fixed or {}, simulator, told)
+    base = search.fitted(tuple(sorted(search.plain.effects)))
     assert base is not None
     leading, best = [base], base
     for _ in range(MAX_EFFECTS):
-        if best.memory <= WHITE:  # what is left is noise
+        if best.memory <= WHITE:  # the residual is noise
             break
-        grown = [one for before in leading for one in grown_from(before)]
-        best = min(fits.values(), key=lambda one: one.score)
+        grown = [one for before in leading for one in search.grown_from(before)]
+        best = min(search.fits.values(), key=lambda one: one.score)
         grown = sorted(
             (one for one in grown if one.score < base.score - SCORE_TOLERANCE), key=lambda one: one.score
         )
         if not grown or grown[0].score > min(one.score for one in leading) - SCORE_TOLERANCE:
             break
         leading = grown[: 2 if len(leading) == 1 and leading[0] is base else 1]
-    best = _simplest(fits, plain)
-    final = fit(log, best.structure, known, tuple(best.quantities), begins=[best.values])
-    return DrivenVerdict(base=base, best=final, fits={**fits, tuple(sorted(final.structure.effects)): final})
+    best = _simplest(search.fits, search.plain)
+    final = fit(
+        log, best.structure, search.known, tuple(best.quantities), begins=[best.values], simulator=simulator
+    )
+    fits = {**search.fits, tuple(sorted(final.structure.effects)): final}
+    return DrivenVerdict(base=base, best=final, fits=fits)
+
+
+@dataclass(eq=False)
+class _Search:
+    """Sets of effects of one log, each fitted once."""
+
+    log: DrivenLog
+    plain: Structure
+    given: Mapping[str, float]
+    fixed: Mapping[str, float]
+    simulator: Simulator | None
+    told: Callable[[str], None] | None
+    fits: dict[tuple[str, ...], DrivenFit] = field(default_factory=dict[tuple[str, ...], DrivenFit])
+
+    @cached_property
+    def motion(self) -> Motion:
+        """Motion of the log."""
+        return Motion(self.log)
+
+    @cached_property
+    def known(self) -> dict[str, float]:
+        """Given and fixed parameters."""
+        return {**self.given, **self.fixed}
+
+    def fitted(self, key: tuple[str, ...], begins: Sequence[Mapping[str, float]] = ()) -> DrivenFit | None:
+        """Return the fit of a set; None if it runs away from its starts."""
+        if key not in self.fits:
+            if self.told is not None:
+                self.told(", ".join(key) or "the model as it is")
+            chosen = replace(self.plain, effects=key)
+            free = free_of(chosen, key, self.fixed)
+            try:
+                self.fits[key] = fit(
+                    self.log, chosen, self.known, free, begins=begins, quick=True, simulator=self.simulator
+                )
+            except SysidError:
+                if not begins:
+                    raise
+                return None
+        return self.fits[key]
+
+    def grown_from(self, before: DrivenFit) -> list[DrivenFit]:
+        """Fit the effect of each family that leaves the least missing torque; gears only if the residual stays correlated."""
+        found: list[tuple[float, str, tuple[str, ...], list[dict[str, float]]]] = []
+        gears: list[tuple[tuple[str, ...], list[dict[str, float]]]] = []
+        for name in candidates(self.plain):
+            if not _combines(name, before.structure.effects):
+                continue
+            key = tuple(sorted((*before.structure.effects, name)))
+            chosen = replace(self.plain, effects=key)
+            values = start_values(chosen, dict(before.values), self.log)
+            free = free_of(chosen, key, self.fixed)
+            begins, left = starts(self.motion, chosen, values, free, {}, known=before.values)
+            if getattr(effect(name), "transmit", None):
+                gears.append((key, begins))
+            else:
+                found.append((left, effect(name).family, key, begins))
+        likeliest: dict[str, tuple[tuple[str, ...], list[dict[str, float]]]] = {}
+        for _, family, key, begins in sorted(found, key=lambda one: one[0]):
+            likeliest.setdefault(family, (key, begins))
+        done = [one for key, begins in likeliest.values() if (one := self.fitted(key, begins))]
+        if any(one.memory <= WHITE for one in done):
+            return done
+        return done + [one for key, begins in gears if (one := self.fitted(key, begins))]
 
 
 def _combines(name: str, others: Sequence[str]) -> bool:
-    """Return whether an effect adds to others: none of its family is there, and none excludes it."""
+    """Return whether an effect adds to others of other families that allow it."""
     part = effect(name)
     return all(_apart(part, effect(other)) for other in others)
 

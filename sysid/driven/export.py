@@ -18,7 +18,7 @@ def handed_over(path: Path) -> dict[str, dict[str, Any]]:
     """Return what training needs of each joint of a fit's JSON, in SI: values, and `ranges` with 95 % intervals.
 
     Raises:
-        SysidError: The file is none of `fit` with --input.
+        SysidError: `fit --input` did not write the file.
     """
     try:
         joints: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))["joints"]
@@ -32,7 +32,7 @@ def handed_over(path: Path) -> dict[str, dict[str, Any]]:
 
 
 def _joint(values: Mapping[str, float], fitted: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the numbers of one joint by what they are: its friction, gains, limit and delay by their effects' families."""
+    """Return friction, gains, limit and delay of one joint, and their ranges."""
     families = {part.family: part for part in drives().values() if not part.sources}
     gains = next(part for part in drives().values() if len(part.sources) == 1)
     names = {"armature": "armature", "damping": "damping"}

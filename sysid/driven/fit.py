@@ -25,7 +25,7 @@ FINER = 3
 SHORTEST = 12
 """Samples in a window at least: six for each of its two first states."""
 WHITE = 1.2
-"""Samples over which residuals are correlated, up to which they are noise."""
+"""Memory of the residuals, in samples, up to which they count as white."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -177,13 +177,26 @@ def fit(
         other = _chain(log, moved, _values(best[-1]), free, bounds, windows, 12 if quick else 40)
         if other and other[-1][1].normal.cost < best[-1][1].normal.cost:
             best = other
-    if (
-        not quick and best[-1][0].structure.simulator is None
-    ):  # intervals may be narrower than the error of a step
-        fine = replace(best[-1][0], values=_values(best[-1]), finer=FINER)
-        again = fine.fitted(best[-1][1].point, iterations=8)
-        best = [*best[:-1], (fine, again) if np.isfinite(again.normal.cost) else best[-1]]
+    if not quick:
+        best = _refined(best)
     return _result(best, quick=quick)
+
+
+def _refined(chain: list[tuple[Problem, Minimum]]) -> list[tuple[Problem, Minimum]]:
+    """Return a chain whose last fit has finer steps, as intervals may be narrower than the error of a step.
+
+    If its residuals are correlated, fits over more windows come before it.
+    """
+    problem, found = chain[-1]
+    fine = replace(problem, values=_values(chain[-1]), finer=FINER)
+    again = fine.fitted(found.point * problem.sizes / fine.sizes, iterations=8)
+    last = (fine, again) if np.isfinite(again.normal.cost) else chain[-1]
+    before = chain[:-1]
+    if not before and residual_noise(last[0].residuals(last[1].point, slopes=False)[0]).memory > WHITE:
+        before = _chain(
+            problem.log, problem.structure, fine.values, problem.free, problem.bounds, WINDOWS[:-1], 40
+        )
+    return [*before, last]
 
 
 def _deepest(
@@ -262,7 +275,7 @@ def starts(
 
 
 def _result(chain: Sequence[tuple[Problem, Minimum]], *, quick: bool) -> DrivenFit:
-    """Return the fit of the whole log; where its residuals are no noise, the windows with the narrowest intervals give the parameters."""
+    """Return the fit of the whole log; if its residuals are correlated, the windows with the narrowest intervals give the parameters."""
     problem, found = chain[-1]
     log, structure, free = problem.log, problem.structure, problem.free
     rest = problem.residuals(found.point, slopes=False)[0]
@@ -317,8 +330,8 @@ def _sharpness(covariance: Array, other: Array) -> float:
 def _weighed(chain: Sequence[tuple[Problem, Minimum]], last: Array) -> tuple[Array, Array, int]:
     """Return all parameters, shape (q,), and the covariance of the free ones, shape (p, p), in SI, of the best number of windows.
 
-    It is the number whose intervals are narrowest. Where other numbers of windows disagree, the equations miss something, and
-    deviations grow by the scale factor √(χ²/(N - 1)) of a weighted mean (Particle Data Group).
+    It is the number whose intervals are narrowest. If other numbers disagree, deviations grow by the scale factor
+    √(χ²/(N - 1)) of a weighted mean (Particle Data Group).
     """
     found = [*_shorter(chain[0]), *((p, m, p.covariance(m)) for p, m in chain[1:-1]), (*chain[-1], last)]
     names = list(chain[0][0].structure.parameters)

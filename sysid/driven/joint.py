@@ -2,9 +2,9 @@
 
     (I + A) q̈ = τ(u, q, q̇) + b + load - d q̇ - k (q - q₀) + Σ effects - friction
 
-A step is RK4 with friction against the rate that it begins with. Where the rate passes through zero, sliding ends within the
-step, and the joint sticks or slides back. A gear with a
-spring or a gap makes rotor and joint two bodies, whose step is linearly implicit; armature, damping and friction are then the rotor's.
+A step is RK4 with friction against its first rate. At a zero of the rate the joint sticks or slides back within the step.
+A gear with a spring or a gap makes rotor and joint two bodies. Their step is linearly implicit. Armature, damping and friction
+are then the rotor's. A log of MuJoCo is moved by MuJoCo's own step instead.
 """
 
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ BASE = {
 }  # fmt: skip
 """Parameters of every driven joint, and their units; `zero` is where the encoder reads the model's zero."""
 GIVEN = ("h", "input", "by_delay", "delay", "inertia", "load", "slope", "at")
-"""What is known for each step: its length, mean input, its derivative by the delay, that delay, and the model's load at an angle."""
+"""Data of each step: length, mean input, its derivative by the delay, that delay, and the model's load at an angle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class Structure:
 
     @property
     def delay(self) -> str:
-        """Name of the parameter that is the delay of the input; '' where there is none."""
+        """Name of the parameter that is the delay of the input; '' if it is missing."""
         late = (f"{p.name}.{p.late}" for p in self.parts if isinstance(p, DriveEffect) and p.late)
         return next(late, "")
 
@@ -108,7 +108,7 @@ class Structure:
                 isinstance(part, TorqueEffect) and part.role == "torque" and part.modifies is None
             ):
                 raise SysidError(
-                    f"effect '{part.name}' acts on no joint that is driven by a {self.kind}. Effects of an actuator: {', '.join(drives())}."
+                    f"effect '{part.name}' needs another input than a {self.kind}. Effects of an actuator: {', '.join(drives())}."
                 )
             if clash := set(part.excludes) & {other.name for other in self.parts}:
                 raise SysidError(
@@ -277,7 +277,7 @@ class Equations:
 
 @cache
 def stepper(structure: Structure, free: tuple[str, ...]) -> Any:
-    """Return the CasADi function (state and sensitivities, parameters and what is given) → the same one step later.
+    """Return the CasADi function (state and sensitivities, parameters and data) → the same one step later.
 
     Sensitivities are by the free parameters, then by the state at the start; kept for the life of the process.
     """

@@ -11,7 +11,7 @@ from sysid.errors import SysidError
 from sysid.roll import Array, Roll
 
 InputKind = Literal["torque", "force", "current", "voltage", "command"]
-"""What the input column holds."""
+"""Kind of the input."""
 KINDS: tuple[str, ...] = get_args(InputKind)
 
 

@@ -124,7 +124,7 @@ def linear_start(
     structure: Structure, values: Mapping[str, float], names: tuple[str, ...], motion: Motion,
     limits: Callable[[str], tuple[float, float]],
 ) -> tuple[dict[str, float], float]:  # fmt: skip
-    """Return parameters that make the missing torque least, one Gauss–Newton step in those named, and what is left [N*m].
+    """Return the parameters after one Gauss–Newton step to the least missing torque, and that torque [N*m].
 
     Args:
         limits: Bounds of a parameter in its unit.

@@ -1,6 +1,6 @@
 """Output error of a driven joint over windows of a log: residuals, normal equations, covariance.
 
-Each window starts from a state of its own. Short windows forgive what the equations miss, long ones use all that they say.
+Each window starts from a state of its own. Short windows tolerate wrong equations; long ones are sharper.
 """
 
 from collections.abc import Mapping
@@ -204,9 +204,8 @@ class Problem:
     def covariance(self, minimum: Minimum) -> Array:
         """Return the covariance of the free parameters in their units, shape (p, p): H⁻¹ Jᵀ Ω J H⁻¹.
 
-        Residuals are correlated where the equations miss something. Ω is their autoregression; of many windows, Jᵀ Ω J is the
-        scatter of what blocks of them add to the gradient (cluster-robust: Liang and Zeger 1986).
-        Parameters on a bound are held; their rows are infinite.
+        Ω is the autoregression of the residuals. With many windows, Jᵀ Ω J is the scatter of the gradient between blocks of
+        them (cluster-robust: Liang and Zeger 1986). Parameters on a bound are held; their rows are infinite.
         """
         rest, rows = self.residuals(minimum.point)
         p = len(self.free)

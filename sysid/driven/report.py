@@ -17,7 +17,7 @@ def verdict_text(verdict: DrivenVerdict, joint: str) -> str:
     heads = {
         "missing": f"Result: {names} {'is' if len(verdict.effects) == 1 else 'are'} missing (confidence {100 * verdict.confidence:.0f} %)",
         "none-missing": "Result: no effect is missing",
-        "unexplained": f"Result: something is missing that no known effect explains{f'; {names} explains a part' if names else ''}",
+        "unexplained": f"Result: unexplained error{f'; {names} explains a part' if names else ''}",
     }
     lines = [f"{joint}, {Path(verdict.base.log.name).name}: {heads[verdict.status]}"]
     before, after = (100 * one.nrmse for one in (verdict.base, verdict.best))
@@ -67,7 +67,7 @@ def fit_text(joint: str, fits: Sequence[DrivenFit], merged: Agreement, before: M
         lines.append(f"{Path(one.log.name).name}: {100 * one.nrmse:.2f} % of the motion beyond the noise")
         if one.memory > 2:
             lines.append(
-                "  the rest is no noise: intervals allow for it. Run diagnose on the log to learn what is missing."
+                "  the residual is correlated: intervals allow for it. Run diagnose on the log to find the cause."
             )
     if several and merged.loose:
         lines.append(

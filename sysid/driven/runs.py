@@ -1,4 +1,4 @@
-"""Several logs of one joint: what they agree on, what differs, and which log would help."""
+"""Several logs of one joint: agreement, differences, and the log that helps most."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -25,9 +25,9 @@ class Agreement:
     differs: Mapping[str, float]
     """Probability that a parameter differs as much by chance, for those that disagree."""
     causes: Mapping[str, str]
-    """What a parameter that disagrees goes with."""
+    """Cause of a disagreement: speed, load, direction or order."""
     loose: tuple[str, ...]
-    """Parameters that no log fixes."""
+    """Parameters that are open in every log."""
     helps: int
     """The log with the most information, counted from 0."""
 

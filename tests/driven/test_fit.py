@@ -1,11 +1,12 @@
 """Driven joints: fits of logs whose truth was moved by other code, in plain MuJoCo or by formulas."""
 
+import mujoco
 import numpy as np
 import pytest
 from driven_truths import Truth, make, simulate
 
 from sysid.driven.fit import fit, free_of, start_values
-from sysid.driven.joint import Structure
+from sysid.driven.joint import Simulator, Structure
 from sysid.driven.log import DrivenLog, Load, log_of
 from sysid.driven.problem import Problem
 from sysid.effects import drives, effect
@@ -155,10 +156,49 @@ def test_an_input_that_drives_nothing_is_refused():
         log_of(roll, "gap", "torque")
 
 
+def moved_by_mujoco(seconds: float, rate: int) -> tuple[np.ndarray, np.ndarray, mujoco.MjModel]:
+    """Inputs and angles of a link under a torque, by MuJoCo's own Euler at 2 ms and its own friction."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep="0.002"/><worldbody><body><joint axis="0 1 0" armature="0.01" damping="0.2" frictionloss="0.15"/>
+        <inertial pos="0 0 -0.15" mass="0.8" diaginertia="0.004 0.004 0.001"/></body></worldbody></mujoco>"""
+    )
+    data, u = mujoco.MjData(model), waves(seconds, rate, 1.2)
+    angle = np.empty_like(u)
+    for i, torque in enumerate(u):
+        angle[i], data.qfrc_applied[0] = data.qpos[0], torque
+        mujoco.mj_step(model, data, round(500 / rate))
+    return u, angle, model
+
+
+def test_a_log_of_mujoco_is_fitted_as_mujoco_moves_it():
+    u, angle, model = moved_by_mujoco(6, 250)
+    seen = angle + 3e-4 * np.random.default_rng(3).standard_normal(len(u))
+    inertia, weight = 0.004 + 0.8 * 0.15**2, 0.8 * 9.81 * 0.15
+    load = Load(
+        inertia=np.full(len(u), inertia), torque=-weight * np.sin(seen), slope=-weight * np.cos(seen), at=seen
+    )
+    log = DrivenLog(
+        name="mujoco", time=np.arange(len(u)) / 250, angle=seen, std=3e-4, input=u, kind="torque", load=load
+    )
+    structure = Structure("torque", ("coulomb",))
+    free = free_of(structure, structure.effects, {})
+    simulator = Simulator(
+        step=0.002, implicit="joint", rate=2 / (0.95 * 0.02), softness=1 / 0.9 - 1, alone=inertia
+    )
+    off = {}
+    for law in (None, simulator):
+        found = fit(log, structure, {}, free, simulator=law)
+        assert found.structure.simulator is law
+        q = found.quantities["armature"]
+        off[law] = abs(q.value - model.dof_armature[0]) / q.std
+        assert found.rmse < 1.05 * 3e-4 or law is None
+    assert off[simulator] < 4 < off[None]  # its friction turns before the joint does
+
+
 def test_effects_that_do_not_go_together_are_refused():
     with pytest.raises(SysidError, match="one gear"):
         Structure("torque", ("backlash", "compliance")).checked()
-    with pytest.raises(SysidError, match="driven by a torque"):
+    with pytest.raises(SysidError, match="another input than a torque"):
         Structure("torque", ("servo-gains",)).checked()
     with pytest.raises(SysidError, match="--gains"):
         start_values(Structure("command"), {}, make(3, ("saturation",))[1])
