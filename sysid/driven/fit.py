@@ -23,9 +23,9 @@ WINDOWS = (128, 32, 8, 1)
 FINER = 3
 """Factor of integration steps in the last fit, from which intervals come: a step's error falls by nine."""
 SHORTEST = 12
-"""Samples in a window at least: six for each of its two first states."""
+"""Shortest window, six for each of its two first states [samples]."""
 WHITE = 1.2
-"""Memory of the residuals, in samples, up to which they count as white."""
+"""Memory of residuals up to which they count as white [samples]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,7 +69,7 @@ class DrivenFit:
 
     @property
     def moving(self) -> Array:
-        """1 for each unknown that is known better than not at all, else 0; shape (p,)."""
+        """1 for each unknown with a finite interval, else 0 [1]; shape (p,)."""
         own = np.isfinite(np.diag(self.covariance))
         return np.r_[own, np.ones(len(self.point) - len(own))]
 

@@ -92,7 +92,7 @@ class Motion:
         return self.log.mean_input(grid, delay)[0]
 
     def load(self, name: str) -> Array:
-        """Return one of the load's arrays, shape (n,)."""
+        """Return one of the load's arrays in its unit of SI, shape (n,)."""
         return np.interp(self.time, self.log.time, getattr(self.log.load, name))
 
 

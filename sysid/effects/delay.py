@@ -1,19 +1,23 @@
 """A command that acts late."""
 
-import math
 from typing import Any
 
 from sysid.effects._algebra import Numbers
 from sysid.effects._base import DriveEffect, MujocoSupport, Parameter
 from sysid.effects._mjcf import on_actuators
 
+STEP = 5e-4
+"""Shortest step of a simulation for which the buffer is made [s]."""
+
 
 def change(actuator: Any, parameters: Numbers) -> str:
-    """Write the delay, with a buffer that holds its commands at steps down to 0.5 ms."""
-    time = max(parameters["time"], 0.0)
-    if time == 0:
+    """Write the delay to the nearest 0.5 ms, with a buffer that holds its commands at such steps."""
+    steps = round(max(parameters["time"], 0.0) / STEP)
+    if steps == 0:
         return "no delay"
-    actuator.delay, actuator.nsample = time, math.ceil(time / 5e-4) + 2
+    # MuJoCo rounds up to whole steps: rounding errors must not add one.
+    time = steps * STEP - STEP / 100
+    actuator.delay, actuator.nsample = time, steps + 2
     return f"delay {time:.6g} s, in whole steps of the simulation"
 
 
