@@ -47,29 +47,6 @@ def test_arrays_state_shape_and_unit(room):
     assert not found, "\n".join(found)
 
 
-EXAMPLE = '''
-def {name}(time: Array, rate: float) -> None:
-    """{text}"""
-class Trace:
-    def at(self) -> "npt.NDArray[np.bool_]":
-        """Return which rows, shape (n,) [1]."""
-'''
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "found"),
-    [
-        ("f", "Take time [s], shape (n,).", []),
-        ("f", "Take time [s].", ["f: no shape"]),
-        ("f", "Take time, shape (n, 3).", ["f: no unit"]),
-        ("f", "Take time (see above).", ["f: no shape and no unit"]),
-        ("_f", "Take time.", []),
-    ],
-)
-def test_what_a_docstring_lacks_is_seen(name, text, found):
-    assert silent(EXAMPLE.format(name=name, text=text)) == found
-
-
 CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]*")
 DIMENSIONLESS = re.compile(
     r"\[1\]|\b(shares?|ratios?|factors?|fractions?|times|over|multiple|relative(ly)?|percent|cosine|correlation|probabilit"
@@ -130,19 +107,3 @@ def test_constants_say_what_they_are_and_in_which_unit():
         for text in unexplained(path.read_text(encoding="utf-8"))
     ]
     assert not found, "\n".join(found)
-
-
-@pytest.mark.parametrize(
-    ("source", "found"),
-    [
-        ("LIMIT = 0.5", ["LIMIT: nothing is said"]),
-        ('LIMIT = 0.5\n"""How far it goes [rad]."""', []),
-        ('LIMIT = np.radians(2)\n"""How far it goes."""', []),
-        ('LIMIT = np.radians(2.0)\n"""How far it goes."""', ["LIMIT: no unit"]),
-        ('LOW, HIGH = -1, 2.5\nWIDE = 3.0\n"""Shares of it."""', []),
-        ('LOW = 1\n\nX: int = 3\n"How many."', ["LOW: nothing is said"]),
-        ('NAMES = ("a", "b")\nTABLE = {"a": 1.0}', []),
-    ],
-)
-def test_a_bare_constant_is_seen(source, found):
-    assert unexplained(source) == found

@@ -1,6 +1,5 @@
 """A failed write leaves the old file whole and no debris."""
 
-import hashlib
 import multiprocessing
 import os
 import tempfile
@@ -10,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from sysid.errors import SysidError
-from sysid.files import atomic_path, locked, sha256, write_atomically, write_json
+from sysid.files import atomic_path, locked, write_atomically, write_json
 
 
 def test_failure_in_the_middle_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -23,36 +22,10 @@ def test_failure_in_the_middle_leaves_the_old_file_and_nothing_else(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_new_file_has_ordinary_permissions(tmp_path):
-    plain = tmp_path / "plain"
-    plain.write_text("")
-    write_atomically(tmp_path / "atomic", "")
-    assert (tmp_path / "atomic").stat().st_mode == plain.stat().st_mode
-
-
-def test_folders_are_made(tmp_path):
-    write_json(tmp_path / "a" / "b" / "c.json", {"x": 1})
-    assert (tmp_path / "a" / "b" / "c.json").read_text() == '{\n  "x": 1\n}\n'
-
-
-def test_a_file_in_the_way_of_a_folder_is_named(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(SysidError, match=r"c\.json: cannot write there"):
-        write_json(tmp_path / "file" / "c.json", {})
-
-
 def test_json_refuses_nan(tmp_path):
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_json(tmp_path / "x.json", {"x": float("nan")})
     assert list(tmp_path.iterdir()) == []
-
-
-def test_sha256_of_a_file_longer_than_a_block(tmp_path):
-    content = b"0123456789" * 200_000
-    (tmp_path / "log").write_bytes(content)
-    blocks: list[int] = []
-    assert sha256(tmp_path / "log", blocks.append) == hashlib.sha256(content).hexdigest()
-    assert sum(blocks) == len(content)
 
 
 def test_a_link_stays_a_link(tmp_path):
@@ -87,25 +60,6 @@ def test_a_board_record_is_written_over_by_records_only(tmp_path):
     with pytest.raises(SysidError, match=r"mine\.toml: holds a board's record"):
         write_json(record, {})
     assert record.read_text() == "old"
-
-
-def test_a_folder_is_not_written_over(tmp_path):
-    with pytest.raises(SysidError, match="it is a folder"):
-        write_atomically(tmp_path, "x")
-
-
-def test_a_lock_makes_the_second_wait_and_leaves_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    path = tmp_path / "board.toml"
-    with (
-        locked(path),
-        pytest.raises(SysidError, match="another command has held it"),
-        locked(path, patience=0.05),
-    ):
-        pass
-    with locked(path, patience=0.05):
-        pass
-    assert list(tmp_path.iterdir()) == []
 
 
 def count_up(path, times):

@@ -133,11 +133,6 @@ def test_the_whole_way(board, tmp_path):
     assert row["passed"]
 
 
-def test_a_scene_that_lacks_the_effect_is_refused(tmp_path):
-    checked = run("check", "data/decays/pink_hidden.csv", "--board", "pink", workspace=tmp_path, code=3)
-    assert not checked["passed"]
-
-
 @pytest.mark.parametrize(
     "options",
     ["--bench", "--scene", "--export physical", "--coupling direct --integrator Euler --timestep 0.002"],
@@ -148,36 +143,6 @@ def test_every_export_compiles_and_says_what_it_costs(options, tmp_path):
     assert mujoco.MjModel.from_xml_path(str(path)).njnt >= 1
     assert ("physical" in options) == (made["decay_nrmse"] > 0.02)
     assert abs(made["static_stiffness_error"]) < 0.02
-
-
-def test_the_ways_to_an_inertia_agree(tmp_path):
-    """Each from its own measurement of one board; formulas are checked by hand in test_inertia.py."""
-    ways = {
-        "cuboid": "cuboid --mass 2.58±0.05 --width 20±0.2cm --height 2±0.1cm",
-        "bifilar": "bifilar --mass 2.58±0.02 --separation 150±1mm --length 1.2±0.005 --period 1.692±0.005",
-        "added": "added-mass --bare 41.1±0.2 --loaded 32.6±0.2 --mass 0.8±0.001 --offset 80±1mm",
-    }
-    for name, line in ways.items():
-        assert husky("inertia", *line.split(), "--json", tmp_path / f"{name}.json").returncode == 0
-    each = " ".join(f"{name}={tmp_path / name}.json" for name in ways)
-    done = husky("inertia", "combine", *each.split(), "--json", tmp_path / "all.json")
-    assert done.returncode == 0, done.stderr
-    within(json.loads((tmp_path / "all.json").read_text())["inertia"], 8.66e-3)
-
-
-def test_only_json_on_stdout(tmp_path):
-    done = husky(
-        "decay",
-        "data/decays/pink.csv",
-        "--board",
-        "pink",
-        "--no-picture",
-        "--json",
-        "-",
-        "--workspace",
-        tmp_path,
-    )
-    assert json.loads(done.stdout)["board"] == "pink"
 
 
 @pytest.mark.slow

@@ -47,16 +47,6 @@ def test_twelve_names_and_no_more():
         sysid.nothing  # noqa: B018
 
 
-def test_star_gives_the_names_and_no_module_takes_their_place():
-    names = {}
-    exec(
-        "from sysid import *; import sysid.comparison.compare, sysid.fit_mjcf, sysid.diagnosis.diagnose",
-        names,
-    )
-    assert set(sysid.__all__) <= set(names)
-    assert all(callable(getattr(sysid, name)) for name in sysid.__all__)
-
-
 def test_the_reference_names_every_public_name():
     page = (ROOT / "docs" / "api.md").read_text()
     assert all(f"`{name}`" in page for name in sysid.__all__)
@@ -112,17 +102,6 @@ def test_twenty_lines_from_arrays_to_a_model(tmp_path):
     out = ran("arrays_to_mjcf.py", tmp_path)
     assert "missing: coulomb" in out
     assert "robot_fitted.xml moves as measured" in out
-
-
-def test_batch(tmp_path):
-    (tmp_path / "logs").mkdir()
-    for name in ("pink.csv", "pink_imu.csv"):
-        shutil.copy(DECAYS / name, tmp_path / "logs")
-    (tmp_path / "logs" / "broken.csv").write_text("nothing\n")
-    ran("batch.py", tmp_path)
-    table = pd.read_csv(tmp_path / "decays.csv", index_col="log")
-    assert table.loc[["pink.csv", "pink_imu.csv"], "stiffness"].between(13.5, 16).all()
-    assert "broken.csv" in table.loc["broken.csv", "problem"]
 
 
 LOOP = """
@@ -319,27 +298,3 @@ def test_every_result_prints_short_and_draws(swing):
     for result in (*results, *log.releases, log.roll, fit.law, fit.quantities["stiffness"]):
         assert len(repr(result)) < 2000
         assert "array(" not in repr(result)
-
-
-def test_a_rate_has_the_amplitudes_of_its_angle():
-    time = np.arange(0, 12, 0.005)
-    since = np.maximum(time - 1, 0)
-    decay, omega = 0.5, 2 * np.pi
-    angle = 0.3 * np.exp(-decay * since) * (np.cos(omega * since) + decay / omega * np.sin(omega * since))
-    angle[time < 1] = 0.3
-    noise = np.random.default_rng(1)
-    rate = np.where(
-        time < 1, 0.0, -0.3 * np.exp(-decay * since) * np.sin(omega * since) * (omega + decay**2 / omega)
-    )
-    rig = sysid.Joint.new("rig", 0.01)
-    found = []
-    for signal in (
-        {"angle": angle + 1e-4 * noise.normal(size=len(time))},
-        {"rate": rate + 1e-3 * noise.normal(size=len(time))},
-    ):
-        log = sysid.Recording.from_arrays(time, **signal)
-        found.append(sysid.compare(log, sysid.fit(log, rig).board))
-    of_angle, of_rate = (one.measured_backbone for one in found)
-    assert of_rate.amplitude.max() == pytest.approx(of_angle.amplitude.max(), rel=0.35)
-    assert of_rate.amplitude.max() < 0.3
-    assert np.interp(0.1, of_rate.amplitude, of_rate.period) == pytest.approx(1.0, rel=0.02)

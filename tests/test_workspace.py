@@ -2,13 +2,11 @@
 
 import math
 import shlex
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from command_line import husky
 
-from sysid.board import BoardEffect
 from sysid.cli.console import Common
 from sysid.cli.log_options import LogArguments, VideoArguments, space_of
 from sysid.workspace import MOST_NAMED, Workspace, shipped_data
@@ -28,12 +26,6 @@ def test_a_command_names_its_logs_and_its_workspace(root, logs, text):
     assert Workspace(Path(root)).command("fit", "--board", "pink", logs=logs) == f"husky-sysid {text}"
 
 
-def test_the_current_folder_is_no_workspace_to_name(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert "--workspace" not in Workspace(tmp_path).command("fit", logs=())
-    assert "--workspace .." in Workspace(Path("..")).command("fit", logs=())
-
-
 def test_a_command_reads_logs_as_they_were_read():
     given = LogArguments(
         column="tilt 2", unit="deg", start=1.5, release=(2.0, 4.5), lever_arm=(0.1, -0.2, 0.0),
@@ -45,24 +37,6 @@ def test_a_command_reads_logs_as_they_were_read():
         "--roi 1 2 3 4 --no-shake --workspace w"
     )
     assert space.command("mjcf", "--board", "pink") == "husky-sysid mjcf --board pink --workspace w"
-
-
-def test_a_joint_is_named_with_its_pose_and_the_files_of_its_effects():
-    pink = Workspace(Path()).load_board("pink")
-    own = (BoardEffect("mine", {}, "mine.py"), BoardEffect("theirs", {}, "theirs:EFFECT (installed)"))
-    assert replace(pink, effects=own).options == ("--board", "pink", "--effect-file", "mine.py")
-    model = {
-        "file": "r.xml",
-        "joint": "knee",
-        "keyframe": "up",
-        "pose": {"hip": 0.5},
-        "free": ["toe"],
-        "payload": ["1@0,0,1"],
-    }
-    words = replace(pink, effects=(), model=model).options
-    assert " ".join(words) == (
-        "--model r.xml --joint knee --keyframe up --pose hip=0.5 --free toe --payload 1@0,0,1"
-    )
 
 
 def test_what_decay_and_compare_print_runs(tmp_path):

@@ -2,17 +2,13 @@
 
 import csv
 import json
-import subprocess
-import sys
-from dataclasses import replace
 
 import pytest
 from command_line import husky
 
-from sysid.batch.jobs import COLUMNS, failure, job_key, with_interval
+from sysid.batch.jobs import COLUMNS
 from sysid.batch.manifest import read_manifest
-from sysid.batch.runner import read_rows, run_all
-from sysid.errors import SysidError
+from sysid.batch.runner import read_rows
 from sysid.synth import SynthOptions, synthesise
 from sysid.workspace import Workspace
 
@@ -48,15 +44,6 @@ def both(folder):
     )
 
 
-def test_a_row_is_shown_as_other_numbers_are():
-    row = {"job": "a.csv", "message": "a.csv: the file is empty."}
-    assert failure(row) == "a.csv: the file is empty."
-    assert failure({**row, "job": "both"}) == "both: a.csv: the file is empty."
-    row = {"stiffness_nm_rad": 26.83, "stiffness_low_nm_rad": 21.9, "stiffness_high_nm_rad": 31.7}
-    assert with_interval(row, "stiffness") == "26.8 ± 4.9"
-    assert with_interval(row, "damping") == "-"
-
-
 def test_one_table_and_one_page(logs, tmp_path):
     done = husky("batch", both(logs), "--workspace", tmp_path, "--workers", 2)
     assert done.returncode == 1, done.stderr
@@ -90,16 +77,6 @@ def test_one_table_and_one_page(logs, tmp_path):
     assert not (tmp_path / "data").exists()  # no record is changed
 
 
-def test_an_effect_that_a_job_fits_is_no_verdict(logs, tmp_path):
-    path = manifest(
-        logs,
-        '[[job]]\nboard = "pink"\ntask = "fit"\neffects = ["coulomb"]\nlogs = ["pink-1.csv"]\n',
-        "effect.toml",
-    )
-    done = husky("batch", path, "--workspace", tmp_path, "--workers", 1)
-    assert "│ fitted with coulomb │" in done.stdout
-
-
 def test_a_missing_log_fails_its_own_job_only(logs, tmp_path):
     path = manifest(
         logs,
@@ -126,17 +103,6 @@ def test_what_was_done_is_not_done_again(logs, tmp_path):
     assert len(read_rows(file)) == 4
     again = husky("batch", path, "--workspace", tmp_path, "--workers", 1)
     assert "3 of them done before" in again.stderr  # what failed is tried again
-
-
-def test_a_result_holds_for_its_logs_and_record_only(logs, tmp_path):
-    job = read_manifest(manifest(logs, '[[job]]\nboard = "pink"\nlogs = ["pink-1.csv"]\n', "one.toml"))[0]
-    key = job_key(job, tmp_path)
-    space = Workspace(tmp_path)
-    board = space.load_board("pink")
-    space.save_board(board.with_tilt(stiffness=board.tilt["stiffness"]))
-    assert job_key(job, tmp_path) == key  # the same record, now in the workspace
-    space.save_board(replace(board, inertia=replace(board.inertia, value=0.009)))
-    assert job_key(job, tmp_path) != key
 
 
 @pytest.mark.parametrize(
@@ -196,27 +162,6 @@ def test_a_faulty_manifest_is_one_line(logs, tmp_path, text, message):
     assert not list(tmp_path.iterdir())
 
 
-def test_an_unreachable_cluster_is_one_line(logs, tmp_path):
-    pytest.importorskip("distributed")
-    done = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "sysid.cli",
-            "batch",
-            str(both(logs)),
-            "--workspace",
-            str(tmp_path),
-            "--cluster",
-            "tcp://x",
-        ],
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 1
-    assert "cannot be reached" in done.stderr.splitlines()[-1]
-
-
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_of_two_workers_does_the_same(logs, tmp_path):
@@ -236,16 +181,3 @@ def test_a_cluster_of_two_workers_does_the_same(logs, tmp_path):
 
 def square(number):
     return {"number": number, "square": number**2}
-
-
-def test_the_runner_yields_and_keeps_every_row(tmp_path):
-    file = tmp_path / "rows.jsonl"
-    found = list(run_all(square, [(n,) for n in range(5)], file, workers=1))
-    assert sorted(row["square"] for row in found) == [0, 1, 4, 9, 16]
-    assert sorted(row["number"] for row in read_rows(file)) == list(range(5))
-
-
-def test_an_unknown_board_is_said_before_anything_runs(logs, tmp_path):
-    path = manifest(logs, '[[job]]\nboard = "pnk"\nlogs = ["pink-1.csv"]\n', "board.toml")
-    with pytest.raises(SysidError, match="Did you mean 'pink'"):
-        job_key(read_manifest(path)[0], tmp_path)

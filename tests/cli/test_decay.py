@@ -1,8 +1,6 @@
 """`husky-sysid decay` as a user calls it."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -101,27 +99,6 @@ def test_expected_failures_write_nothing(log, tmp_path, arguments, text):
     with pytest.raises(SysidError, match=text):
         run(log, *arguments, "--workspace", tmp_path)
     assert not (tmp_path / "reports").exists()
-
-
-def test_an_unwritable_workspace_is_one_line_and_exit_1(log, tmp_path):
-    blocked = tmp_path / "reports"
-    blocked.write_text("a file where the folder should be")
-    command = [sys.executable, "-m", "sysid.cli", "decay", log, "--board", "pink", "--workspace", tmp_path]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 1
-    assert "Traceback" not in done.stderr
-    assert "cannot write there" in done.stderr.splitlines()[-1]
-
-
-def test_starts_without_what_it_does_not_need(log, tmp_path):
-    program = (
-        "import sys; from sysid.cli import build_app\n"
-        f"build_app()(['decay', {str(log)!r}, '--board', 'pink', '--workspace', {str(tmp_path)!r}], result_action='return_value')\n"
-        "heavy = {'matplotlib.pyplot', 'casadi', 'mujoco', 'av', 'cv2', 'rerun', 'scipy'} & set(sys.modules)\n"
-        "sys.exit(','.join(heavy) or 0)"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr[-300:]
 
 
 def test_friction_in_the_rest_levels_is_no_linear_decay(tmp_path, capsys):

@@ -3,9 +3,6 @@
 import contextlib
 import io
 import json
-import signal
-import subprocess
-import sys
 
 import pytest
 
@@ -69,33 +66,6 @@ def test_a_law_that_is_not_that_of_the_log_is_said(tmp_path, capsys):
         )
 
 
-def test_a_bootstrap_of_too_few_draws_is_refused_before_anything_is_fitted(tmp_path, monkeypatch):
-    import sysid.fit_mjcf
-
-    monkeypatch.setattr(sysid.fit_mjcf, "fit_joint", None)
-    with pytest.raises(SysidError, match="1 draws are too few"):
-        fit([LOG], subject=Subject(board="pink"), bootstrap=1, common=Common(workspace=tmp_path))
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_fit_broken_off_during_its_intervals_leaves_the_record(tmp_path, monkeypatch):
-    import sysid.fitting.bootstrap
-
-    def broken_off(*arguments, **options):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(sysid.fitting.bootstrap, "bootstrap", broken_off)
-    out = io.StringIO()
-    with (
-        contextlib.redirect_stdout(out),
-        contextlib.redirect_stderr(io.StringIO()),
-        pytest.raises(KeyboardInterrupt),
-    ):
-        fit([LOG], subject=Subject(board="pink"), bootstrap=100, common=Common(workspace=tmp_path))
-    assert "written" not in out.getvalue()
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_errors_of_a_rate_are_given_as_angles(tmp_path):
     """What ends in `_rad` is one: an error of the rate over the joint's frequency, as `compare` gives it."""
     from sysid.joint import JointLaw
@@ -134,51 +104,3 @@ def test_a_refused_fit_leaves_no_trace(tmp_path, effect, reason):
     with pytest.raises(SysidError, match=reason):
         run(tmp_path, effect)
     assert not (tmp_path / "data").exists()
-
-
-KILLED = """
-import os, signal, sys
-from pathlib import Path
-import numpy, casadi
-left = [int(sys.argv[1])]
-def dying(call):
-    def wrapped(*args, **kwargs):
-        left[0] -= 1
-        if left[0] == 0:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return call(*args, **kwargs)
-    return wrapped
-for owner, name in ((Path, "touch"), (Path, "write_bytes"), (Path, "replace")):
-    setattr(owner, name, dying(getattr(owner, name)))
-from sysid.cli.console import Common
-from sysid.cli.fit import fit
-from sysid.cli.subject import Subject
-fit([Path(sys.argv[2])], subject=Subject(board="pink"), effect=("coulomb",), common=Common(workspace=Path(sys.argv[3])))
-"""
-
-
-@pytest.mark.slow
-def test_a_fit_killed_at_any_write_leaves_a_whole_record(tmp_path):
-    """SIGKILL at the first call that touches the disk, the second, and so on, until it gets through."""
-    record = tmp_path / "data" / "boards" / "pink.toml"
-    record.parent.mkdir(parents=True)
-    old = (shipped_data() / "boards" / "pink.toml").read_text()
-    killed = kept = 0
-    for moment in range(1, 30):
-        record.write_text(old)
-        done = subprocess.run(
-            [sys.executable, "-c", KILLED, str(moment), str(LOG), str(tmp_path)],
-            capture_output=True,
-            check=False,
-        )
-        assert done.returncode in (0, -signal.SIGKILL), done.stderr.decode()
-        board = load_board(record)
-        kept += record.read_text() == old
-        assert record.read_text() == old or [part.name for part in board.effects] == ["coulomb"]
-        if done.returncode == 0:
-            break
-        killed += 1
-    assert done.returncode == 0
-    assert killed >= 6
-    assert kept == killed, "the record is written last, so that whatever is killed has left the old one"
-    assert record.read_text() != old

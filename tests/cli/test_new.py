@@ -1,7 +1,6 @@
 """`new` writes the smallest record, and what it lacks is said where it is needed."""
 
 import builtins
-import json
 import sys
 
 import pytest
@@ -25,16 +24,6 @@ def test_a_pendulum_is_its_mass_and_arm(tmp_path):
     assert pull["sine"].value == pytest.approx(-0.49 * 9.80665 * 0.1)
     assert board.stiffness == 0.0
     assert not board.geometry
-
-
-def test_a_pendulum_stands_in_the_list_of_boards(tmp_path):
-    """It has no spring to make a damping ratio with."""
-    assert husky("new", "arm", "--mass", "0.49", "--arm", "0.1", "--workspace", tmp_path).returncode == 0
-    done = husky("boards", "--workspace", tmp_path, "--json", "-")
-    assert done.returncode == 0, done.stderr
-    listed = {entry["board"]: entry for entry in json.loads(done.stdout)["boards"]}
-    assert listed["arm"]["damping_ratio"] is listed["arm"]["natural_frequency_hz"] is None
-    assert listed["pink"]["damping_ratio"] == pytest.approx(0.563, abs=1e-3)
 
 
 def test_a_rig_is_its_inertia(tmp_path):
@@ -68,18 +57,6 @@ def test_a_terminal_is_asked(tmp_path, monkeypatch):
 def test_what_is_missing_is_said(tmp_path, arguments, says, code):
     done = husky(*arguments, "--workspace", tmp_path)
     assert (done.returncode, says in done.stderr) == (code, True), done.stderr
-
-
-def test_the_scene_of_a_board_names_the_sections_that_it_needs(tmp_path):
-    husky("new", "rig", "--inertia", "0.01", "--workspace", tmp_path)
-    done = husky("mjcf", "--board", "rig", "--scene", "-o", tmp_path / "a.xml", "--workspace", tmp_path)
-    assert done.returncode == 1
-    assert "no [geometry] and no [mass]: the scene of the whole board (not --bench" in done.stderr
-
-
-def test_a_new_board_says_what_its_record_leaves_out(tmp_path):
-    made = husky("new", "deck", "--kind", "board", "--inertia", "0.01", "--workspace", tmp_path)
-    assert "[geometry] and [mass] are left out" in made.stdout
 
 
 def test_a_bare_record_is_fitted_and_checked_on_its_bench(tmp_path):

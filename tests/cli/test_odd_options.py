@@ -3,18 +3,14 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from command_line import husky as in_process
 
 from sysid.cli import build_app
-from sysid.cli.console import Common, Printer
-from sysid.cli.log_options import LogArguments, VideoArguments, unused_options
+from sysid.cli.log_options import VideoArguments
 from sysid.effects import effect
-from sysid.errors import SysidError, install_extra
-from sysid.files import require_writable
-from sysid.fitting.joint import check_effects
+from sysid.errors import SysidError
 from sysid.workspace import shipped_data
 
 PINK = shipped_data() / "decays" / "pink.csv"
@@ -53,16 +49,6 @@ def test_a_tolerance_that_cannot_be_is_refused(tmp_path, command):
         husky(command, str(PINK), "--board", "pink", "--tolerance=-1", "--workspace", str(tmp_path))
 
 
-def test_options_of_the_other_kind_of_log_are_named(tmp_path, capsys):
-    output = str(tmp_path / "roll.csv")
-    husky("roll", str(PINK), "--output", output, "--method", "marker", "--roi", "0", "0", "10", "10")
-    assert "not used: --method, --roi; this is no film" in " ".join(capsys.readouterr().err.split())
-    husky("roll", str(PINK), "--output", output, "--column", "roll_rad")
-    assert "not used" not in capsys.readouterr().err
-    arguments = LogArguments(column="2", rate=120.0, video=VideoArguments(method="marker"))
-    assert unused_options(Path("film.MP4"), arguments) == ["--column"]
-
-
 def test_metres_where_centimetres_were_meant_are_doubted(capsys):
     cuboid = ("inertia", "cuboid", "--mass", "2.58±0.05")
     husky(*cuboid, "--width", "20±0.2", "--height", "2±0.1")
@@ -77,25 +63,6 @@ def test_swapped_decays_are_told_from_too_little_mass():
         husky(*added, "--bare", "32±0.1", "--loaded", "41±0.1")
     with pytest.raises(SysidError, match="Put more mass further out"):
         husky(*added, "--bare", "41±1", "--loaded", "41.1±1")
-
-
-def test_a_new_inertia_is_not_taken_for_rounding(tmp_path, capsys):
-    husky("boards", "--workspace", str(tmp_path))
-    assert "rounded on the way" in capsys.readouterr().out
-    husky(
-        "inertia", "cuboid", "--mass", "2.58±0.05", "--width", "20±0.2cm", "--height", "2±0.1cm",
-        "--save", "pink", "--workspace", str(tmp_path),
-    )  # fmt: skip
-    capsys.readouterr()
-    husky("boards", "pink", "--workspace", str(tmp_path))
-    assert "printed there, for another roll inertia: 14.677" in capsys.readouterr().out
-
-
-def test_a_log_given_as_commands_lacks_a_column():
-    from policy_runtime.loop.commands import load_script
-
-    with pytest.raises(SysidError, match=r"column 'speed_m_s' is missing.*found time_s, roll_rad"):
-        load_script(PINK)
 
 
 @pytest.mark.parametrize("angle", [(95.0, 0.0), (0.0, -60.0), (float("nan"), 0.0)])
@@ -151,21 +118,6 @@ def test_what_cannot_be_written_is_said_before_anything_is_computed(tmp_path, co
     assert not done.stdout
 
 
-@pytest.mark.parametrize("command", ["decay", "compare"])
-def test_so_is_a_recording_that_cannot_be_written(tmp_path, command):
-    (tmp_path / "a_file").touch()
-    done = in_process(command, str(PINK), "--board", "pink", "--rerun", "a_file/x.rrd", cwd=tmp_path)
-    assert done.returncode == 1
-    assert "cannot write there" in done.stderr
-    assert "samples" not in done.stderr
-
-
-def test_a_folder_that_will_be_made_can_be_written(tmp_path):
-    require_writable(tmp_path / "to" / "be" / "made" / "x.json")
-    assert not (tmp_path / "to").exists()
-    require_writable(Path(os.devnull))
-
-
 @pytest.mark.parametrize(
     ("word", "meant"),
     [("friction", "'coulomb'"), ("drag", "'quadratic-damping'"), ("rubber", "'viscoelastic'"),
@@ -176,34 +128,11 @@ def test_an_effect_is_found_by_the_words_that_people_use(word, meant):
         effect(word)
 
 
-def test_an_effect_of_a_motor_is_refused_for_a_free_decay():
-    with pytest.raises(SysidError, match="A passive joint has 'freeplay'"):
-        check_effects(["backlash"])
-
-
 def test_an_effect_that_is_shown_writes_no_picture_unless_one_is_named(tmp_path):
     assert in_process("effects", "coulomb", cwd=tmp_path).returncode == 0
     assert list(tmp_path.iterdir()) == []
     assert in_process("effects", "coulomb", "-o", "friction.png", cwd=tmp_path).returncode == 0
     assert (tmp_path / "friction.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_tables_in_a_pipe_are_as_wide_as_columns_says(monkeypatch, capsys):
-    for width in (60, 120):
-        monkeypatch.setenv("COLUMNS", str(width))
-        Printer(Common()).table(("a", "b"), [("word " * 30, "word " * 30)])
-        lines = capsys.readouterr().out.splitlines()
-        assert max(map(len, lines)) <= width
-
-
-def test_the_advice_for_an_extra_fits_where_it_was_installed(tmp_path, monkeypatch):
-    root = Path(__file__).parents[2]
-    monkeypatch.chdir(root)
-    assert install_extra("train") == "pip install -e '.[train]'"
-    monkeypatch.chdir(tmp_path)
-    assert install_extra("train") == f"pip install -e '{root}[train]'"
-    monkeypatch.setattr("sysid.errors.__file__", str(tmp_path / "site-packages" / "sysid" / "errors.py"))
-    assert "WHEEL[train]" in install_extra("train")
 
 
 def test_logs_of_the_fit_are_the_default(tmp_path):

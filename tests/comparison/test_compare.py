@@ -6,18 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.signal import savgol_filter
 
 from sysid.board import load_board
 from sysid.cli.subject import Subject
 from sysid.comparison.compare import compare
-from sysid.comparison.force_surface import derivatives
-from sysid.errors import SysidError
 from sysid.fitting.joint import fit_joint
 from sysid.joint import JointLaw, simulate
-from sysid.logs import read_roll
 from sysid.quantity import Quantity
-from sysid.releases import find_releases
 from sysid.roll import Release
 from sysid.workspace import shipped_data
 
@@ -50,21 +45,6 @@ def test_the_right_law_is_at_the_noise_floor(pink):
     assert "noise" in result.summary
 
 
-def test_a_record_that_was_never_fitted_is_named(pink):
-    releases = releases_of(JointLaw.from_board(pink))
-    assert compare(releases, pink).warnings == ()
-    bare = pink.with_tilt(stiffness=replace(pink.tilt["stiffness"], value=0.0))
-    assert "friction alone" in compare(releases, bare).warnings[0]
-    never = bare.with_tilt(damping=replace(pink.tilt["damping"], value=0.0))
-    with pytest.raises(SysidError, match=r"never fitted\. Fit it first: husky-sysid fit LOG --board pink"):
-        compare(releases, never)
-    arm = replace(never, model={"file": "arm.xml", "joint": "elbow"})
-    with pytest.raises(
-        SysidError, match=r"nothing pulls the joint .elbow. back to rest in this pose.*--pose"
-    ):
-        compare(releases, arm)
-
-
 def test_the_missing_torque_is_found_where_it_acts(pink):
     truth = LIGHT.with_effect("cubic-stiffness", 300.0)
     result = compare(releases_of(truth), pink, law=LIGHT)
@@ -88,15 +68,6 @@ def test_backbone_shows_hardening_in_the_measurement_only(pink):
     assert slope[0] < 5 * -abs(slope[1])
 
 
-@pytest.mark.parametrize("window", [5, 7, 41])
-def test_the_filter_is_the_one_of_savitzky_and_golay(window):
-    roll = np.random.default_rng(1).standard_normal(300)
-    order = 4 if window >= 7 else 2
-    for found, deriv in zip(derivatives(np.arange(300) / 200.0, roll, window), range(3), strict=True):
-        expected = savgol_filter(roll, window, order, deriv=deriv, delta=1 / 200.0)
-        assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
-
-
 def test_a_sensor_on_one_side_puts_the_error_there(pink):
     releases = releases_of(LIGHT)
     for release in releases:
@@ -110,13 +81,6 @@ def test_a_sensor_on_one_side_puts_the_error_there(pink):
     }
     for share in shares.values():
         assert share == pytest.approx(1.0, abs=0.02)
-
-
-def test_tolerance_decides(pink):
-    softer = JointLaw(inertia=8.7e-3, stiffness=14.684 * 0.99, damping=0.06)
-    releases = releases_of(LIGHT)
-    assert not compare(releases, pink, law=softer, tolerance=0.001).passed
-    assert compare(releases, pink, law=softer, tolerance=0.5).passed
 
 
 def test_command_line_writes_json_and_picture(tmp_path):
@@ -169,33 +133,6 @@ def test_the_right_law_is_not_blamed_for_a_floor_that_few_samples_tell(pink):
     assert passed >= 55
     assert located <= 5
     assert inside >= 54
-
-
-def test_a_law_that_lacks_something_is_blamed_all_the_same(pink):
-    law, releases = few_samples(1)
-    softer = JointLaw(inertia=law.inertia, stiffness=0.8 * law.stiffness, damping=law.damping)
-    result = compare(releases, pink, law=softer)
-    assert not result.passed
-    assert result.where
-
-
-def test_shipped_log_and_fit_agree_with_each_other():
-    """The black log, whose noise floor comes out 14 % low, fitted with the law it was made with."""
-    black = load_board(shipped_data() / "boards" / "black.toml")
-    releases = find_releases(read_roll(shipped_data() / "decays" / "black.csv"))
-    result = compare(releases, black)
-    assert result.passed
-    assert result.where == ()
-    assert "to 2." in result.verdict() or "to 3." in result.verdict()
-    assert "known to ±14 %" in result.verdict()
-
-
-def test_fit_and_comparison_look_at_one_window_of_a_coarse_log(pink):
-    releases = [replace(r, roll=np.round(r.roll / 0.02) * 0.02) for r in releases_of(LIGHT)]
-    fitted = fit_joint(releases, pink, ("coulomb",))
-    compared = compare(releases, pink)
-    for record, release in zip(fitted.records, compared.releases, strict=True):
-        np.testing.assert_array_equal(record.time, release.time)
 
 
 def test_missing_friction_shows_its_size_against_the_rate(pink):

@@ -9,19 +9,15 @@ import pytest
 from decay_truth import DEGREE, Recipe, linear_decay, make_roll
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.special import stdtrit
 
-from sysid.board import Board
-from sysid.decay.linear_fit import decay_basis, fit_traces
 from sysid.decay.numbers import decay_numbers, numbers_from_decrement
-from sysid.decay.peaks import Peak, find_peaks
+from sysid.decay.peaks import find_peaks
 from sysid.errors import SysidError
 from sysid.free_decay import decay_from_peaks, fit_decay, log_decrement_two_peaks
-from sysid.quantity import Quantity, t95
+from sysid.quantity import Quantity
 from sysid.recording import Recording
 from sysid.releases import find_releases
 from sysid.roll import Release, Roll
-from sysid.workspace import shipped_data
 
 INERTIA = Quantity(8.70e-3, 0.0, "kg*m^2", "known")
 PINK, BLACK = (41.083, 0.56265), (69.815, 0.54088)
@@ -63,14 +59,6 @@ def test_appendix_h_to_the_last_printed_digit(inertia, period, first, second, st
     assert numbers.damping.value == pytest.approx(2 * inertia * delta / period)
 
 
-@pytest.mark.parametrize(("first", "second"), [(0.1, 0.2), (0.1, 0.0), (0.1, -0.05), (0.1, 0.1)])
-def test_peaks_that_do_not_decay_are_refused(first, second):
-    with pytest.raises(SysidError, match="are no decay"):
-        decay_from_peaks(
-            Quantity(0.1, 0, "s"), Quantity(first, 0, "rad"), Quantity(second, 0, "rad"), INERTIA
-        )
-
-
 @settings(max_examples=60, deadline=None)
 @given(omega=st.floats(1, 200), zeta=st.floats(0.005, 0.9), inertia=st.floats(1e-4, 10))
 def test_numbers_agree_with_each_other_and_carry_their_errors(omega, zeta, inertia):
@@ -99,23 +87,6 @@ def test_numbers_agree_with_each_other_and_carry_their_errors(omega, zeta, inert
             gradient[i] = (formula(*(point + step)) - formula(*(point - step))) / (2 * step[i])
         assert getattr(numbers, name).value == pytest.approx(formula(*point), rel=1e-12)
         assert getattr(numbers, name).std == pytest.approx(math.sqrt(gradient @ full @ gradient), rel=1e-4)
-
-
-@pytest.mark.parametrize("freedom", [1, 1.5, 2, 3, 7, 19, 40, 41, 1e3, math.inf])
-def test_students_quantile(freedom):
-    assert t95(freedom) == pytest.approx(stdtrit(min(freedom, 1e12), 0.975), rel=2e-5)
-
-
-@pytest.mark.parametrize("q", [-400.0, -1e-3, 0.0, 1e-3, 400.0])
-def test_basis_solves_the_equation_on_both_sides_of_critical_damping(q):
-    a, time = 25.0, np.linspace(0, 0.3, 3001)
-    u, v = decay_basis(time, a, q)
-    assert (u[0], v[0]) == (1.0, 0.0)
-    for x in (u, v):
-        first = np.gradient(x, time, edge_order=2)
-        second = np.gradient(first, time, edge_order=2)
-        equation = second + 2 * a * first + (a * a + q) * x
-        assert np.abs(equation[5:-5]).max() < 3e-5 * np.abs(second).max()
 
 
 @pytest.mark.parametrize("zeta", [0.02, 0.1, 0.3, 0.5626, 0.8, 0.95])
@@ -210,20 +181,6 @@ def test_peaks_are_timed_between_samples():
         assert peak.time == pytest.approx(peak.number * half, abs=0.06 / 300)
         assert peak.amplitude == pytest.approx(0.2 * math.exp(-0.1 * 41 * peak.number * half), rel=2e-3)
         assert (peak.roll > 0) == (peak.number % 2 == 0)
-
-
-def test_two_peaks():
-    peaks = [Peak(i, 0.1 * i, 0, 0, 0.2 * 0.5**i, 1e-3) for i in range(4)]
-    delta = log_decrement_two_peaks(peaks)
-    assert delta.value == pytest.approx(2 * math.log(2))
-    assert delta.std == pytest.approx(math.hypot(1e-3 / 0.2, 1e-3 / 0.05))
-    assert "same side" in delta.method
-    opposite = log_decrement_two_peaks(peaks[:2])
-    assert opposite.value == pytest.approx(2 * math.log(2))
-    assert "other side" in opposite.method
-    assert log_decrement_two_peaks(peaks[:1]) is None
-    # A wrong rest angle moves peaks of one side together, but parts those of both sides.
-    assert log_decrement_two_peaks(peaks, 1e-2).std < log_decrement_two_peaks(peaks[:2], 1e-2).std * 2
 
 
 @pytest.mark.parametrize("zeta", [0.004, 0.05, 0.3])
@@ -322,23 +279,6 @@ def test_swings_that_grow_are_refused():
         fit_decay([replace(release, time=time, roll=roll, std=np.full(len(time), 1e-3))])
 
 
-@pytest.mark.parametrize("rate", [9, 20, 60])
-def test_the_residual_of_a_gyro_is_its_noise_at_any_rate(rate):
-    """At 9 samples a period high differences take motion for noise."""
-    ratios = []
-    for seed in range(6):
-        rng, time = np.random.default_rng(seed), np.arange(0, 3.0, 2 * math.pi / 15 / rate)
-        roll, speed = linear_decay(time, 15.0, 0.05, 0.2)
-        release = clean_release(15.0, 0.05, hold=0.0)
-        noisy = speed + rng.normal(0, 0.02, len(time))
-        release = replace(
-            release, time=time, roll=roll, std=np.full(len(time), 1e-3), rate=noisy, rate_std=np.full(len(time), 0.02),
-            measured="rate", zero="drifting",
-        )  # fmt: skip
-        ratios.append(fit_decay([release]).judgement.over_noise)
-    assert np.mean(ratios) == pytest.approx(1.0, abs=0.1)
-
-
 def test_a_linear_decay_gets_no_warning():
     warned = 0
     for seed in range(40):
@@ -369,25 +309,6 @@ def test_overdamped_has_k_and_d_but_no_decrement():
     assert abs(rate.value - 41 / 2.8) < 3 * rate.std
     assert "nan" not in decay.report()
     assert "log decrement" not in decay.report()
-
-
-def test_free_swings_against_a_stop_are_sent_to_the_diagnosis():
-    """They are free, only far from linear: a bounce follows the next at the pace of the amplitude."""
-    omega, stiff, step = 2.0, 60.0, 1e-4
-    roll, rate, rolls = 0.3, 0.0, []
-    for index in range(int(20 / step)):
-        if index % 200 == 0:
-            rolls.append(roll)
-        bounce = (stiff**2 - omega**2) * max(abs(roll) - 0.02, 0.0) * np.sign(roll)
-        rate += step * (-0.1 * omega * rate - omega**2 * roll - bounce)
-        roll += step * rate
-    release = clean_release(omega, 0.1)
-    time = np.arange(len(rolls)) * 200 * step
-    noise = np.random.default_rng(0).normal(0, 1e-4, len(rolls))
-    stopped = replace(release, time=time, roll=np.array(rolls) + noise, std=np.full(len(rolls), 1e-4))
-    decay = fit_decay([stopped], INERTIA)
-    assert decay.status == "not linear"
-    assert "husky-sysid diagnose" in decay.report()
 
 
 def test_noise_alone_is_refused():
@@ -543,48 +464,6 @@ def test_levels_are_known_no_better_than_a_zero_that_wanders():
     ]
     assert not fit_decay(releases, INERTIA).linear
     assert fit_decay([replace(r, origin="imu", zero="drifting") for r in releases], INERTIA).linear
-
-
-@pytest.mark.parametrize(
-    ("sampling", "seed", "zeta"), [(15, 4, 0.1), (16, 7, 0.03), (16, 9, 0.25), (19, 5, 0.03)]
-)
-def test_a_rest_is_known_where_a_sample_lasts_as_long_as_a_swing(sampling, seed, zeta):
-    recipe = Recipe(
-        zeta=zeta, amplitudes=(0.18, -0.16, 0.13), sampling=sampling, seed=seed, free=1.1 / zeta * 6 / 41 + 0.5,
-        hold=1.0, tremor=0.05 * DEGREE, omega=41.0,
-    )  # fmt: skip
-    assert all(math.isfinite(release.rest) for release in find_releases(make_roll(recipe)))
-
-
-def with_misfit(seed, size):
-    """Two releases with an error that follows the motion: five independent values in a period."""
-    rng = np.random.default_rng(seed)
-    releases = []
-    for i, start in enumerate((0.3, -0.25)):
-        r = clean_release(41.083, 0.1, start=start, duration=1.5, noise=2e-4, seed=10 * seed + i)
-        beats = r.time * 41.083 / (2 * math.pi) * 5
-        error = np.interp(beats, np.arange(100), rng.normal(0, 1, 100)) * np.exp(-4.1 * r.time)
-        releases.append(replace(r, roll=r.roll + size * start * error))
-    return releases
-
-
-def test_intervals_grow_with_a_residual_beyond_the_noise_and_not_with_noise():
-    noise = [fit_decay(with_misfit(seed, 0.0), INERTIA).judgement.wider for seed in range(40)]
-    assert sum(factor > 1.0 for factor in noise) <= 2
-    for seed in (1, 4, 5):  # where the correlation of neighbours alone says too little
-        decay = fit_decay(with_misfit(seed, 0.02), INERTIA)
-        plain = fit_traces(with_misfit(seed, 0.02))
-        assert decay.judgement.wider > 1.1
-        growth = np.sqrt(np.diag(decay.trace.covariance) / np.diag(plain.covariance))
-        assert growth == pytest.approx(decay.judgement.wider, rel=0.3)
-        assert abs(decay.numbers.omega_n.value - 41.083) < 3 * decay.numbers.omega_n.std
-
-
-def test_dry_friction_of_one_release_gets_no_tick():
-    """Its rest aside passes for a zero of the sensor, and the rest of it for a stiffer spring."""
-    hidden = shipped_data() / "decays" / "pink_hidden.csv"
-    assert not fit_decay(Recording.read(hidden, stop=3.0), board=Board.load("pink")).linear
-    assert not fit_decay(Recording.read(hidden), board=Board.load("pink")).linear
 
 
 @pytest.mark.parametrize(("column", "signal"), [("position_mm", "roll"), ("velocity (m/s)", "rate")])

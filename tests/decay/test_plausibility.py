@@ -38,17 +38,6 @@ def test_odd_amplitudes_are_named(board, amplitude, word):
     assert word in warning
 
 
-def test_more_than_half_a_turn_is_named_without_a_board_too():
-    (warning,) = amplitude_warnings([release(0.1), release(11.7)], None)
-    assert "670.4° from rest" in warning
-    assert "--unit" in warning
-    assert amplitude_warnings([release(3.0)], None) == []
-
-
-def test_an_ordinary_release_is_not_questioned(board):
-    assert amplitude_warnings([release(0.17), release(-0.01)], board) == []
-
-
 def wide(inertia, period, board):
     """A board with another roll inertia, and the natural frequency of a period."""
     return 2 * np.pi / period, replace(board, inertia=Quantity(inertia, 0.0, "kg*m^2"))

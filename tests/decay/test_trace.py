@@ -8,11 +8,9 @@ import pytest
 from decay_truth import linear_decay
 
 from sysid.decay.linear_fit import fit_traces
-from sysid.decay.trace import Trace, head, traces_of, with_ar1_errors
 from sysid.fitting.joint import FitOptions, fit_joint
 from sysid.free_decay import fit_decay
 from sysid.noise.lasting import LASTS
-from sysid.quantity import Quantity
 from sysid.roll import Release
 from sysid.workspace import Workspace
 
@@ -83,45 +81,6 @@ def test_lasting_errors_of_a_film_are_no_other_law():
 
     assert np.mean([linear(swing, seed) for seed in range(8)]) > 0.8
     assert not any(linear(harder, seed) for seed in range(8))
-
-
-def test_a_small_residual_does_not_promise_more_than_the_film_states():
-    """Lag and dead zones are smooth: a fit takes them up, so that what is left looks better than it is."""
-    smooth = [replace(one, roll=linear_decay(one.time, OMEGA, ZETA, one.roll[0])[0]) for one in filmed(0)]
-    still, noisy = (stiffness(releases)[1] for releases in (smooth, filmed(0)))
-    assert still == pytest.approx(noisy, rel=0.2)
-    numbers = fit_decay(smooth, Quantity(8.7e-3, 0.0, "kg*m^2")).numbers
-    assert 0.005 < numbers.stiffness.std / numbers.stiffness.value < 0.03
-
-
-def test_news_of_lasting_errors_is_white():
-    rng = np.random.default_rng(0)
-    time = np.cumsum(rng.uniform(0.003, 0.02, 400))
-    trace = with_ar1_errors(Trace(time, time, np.ones(400), STD), OMEGA)
-    news = np.stack([trace.whiten(errors(time, rng)) for _ in range(300)])
-    assert np.mean(news**2) == pytest.approx(1, abs=0.02)
-    for lag in (1, 2, 5):
-        assert abs(np.mean(news[:, lag:] * news[:, :-lag])) < 0.015
-    np.testing.assert_allclose(head(trace, 0.5).whiten(trace.time[: len(head(trace, 0.5).time)]),
-                               trace.whiten(trace.time)[: len(head(trace, 0.5).time)])  # fmt: skip
-
-
-def test_a_sensor_is_taken_as_before():
-    traces, _ = traces_of(filmed(0, lasting=False))
-    assert all(with_ar1_errors(trace, OMEGA) is trace and trace.ar1 is None for trace in traces)
-
-
-def test_errors_larger_than_stated_widen_the_interval_by_as_much():
-    exact = Quantity(8.7e-3, 0.0, "kg*m^2")
-    scores, grown = [], []
-    for seed in range(40):
-        honest = filmed(seed)
-        bold = [replace(one, std=one.std / 4, own_std=np.full(len(one.time), STD / 4)) for one in honest]
-        k = fit_decay(bold, exact).numbers.stiffness
-        scores.append((k.value / (exact.value * OMEGA**2) - 1) * k.value / k.std)
-        grown.append(k.std / fit_decay(honest, exact).numbers.stiffness.std)
-    assert np.mean(np.abs(scores) < 1.96) >= 0.85
-    assert 0.7 < np.median(grown) < 1.6
 
 
 def test_intervals_of_a_fit_hold_for_a_short_film():

@@ -63,29 +63,6 @@ def test_no_effect_is_named_outside_the_catalogue():
     assert not found
 
 
-@pytest.mark.parametrize(
-    "source",
-    [
-        'if part.name == "inertia": pass',
-        'x = effects["clock"]',
-        'x = dict(law.effects).get("gravity", 0)',
-        'effect("offset").title',
-        'NAMES = ("coulomb",)',
-        'p = "second-mode.stiffness"',
-        "text = f\"the effect 'offset' and {x}\"",
-    ],
-)
-def test_a_name_is_seen(source):
-    assert names_in(source)
-
-
-@pytest.mark.parametrize(
-    "source", ['board["inertia"]', 'columns.get("clock")', '"inertia.method"', 'word == "gravity"']
-)
-def test_an_everyday_word_is_left_alone(source):
-    assert not names_in(source)
-
-
 TORQUE = '''
 """A spring like x⁵."""
 

@@ -86,11 +86,6 @@ def test_a_wrong_file_gets_one_clear_line(text, said, tmp_path):
     assert "\n" not in str(error.value)
 
 
-def test_a_missing_file_says_how_to_make_one(tmp_path):
-    with pytest.raises(SysidError, match="effects new gone"):
-        use_file(tmp_path / "gone.py")
-
-
 def test_effects_are_listed_shown_and_begun(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert husky("effects", "new", "my_effect").returncode == 0

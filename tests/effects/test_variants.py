@@ -17,7 +17,6 @@ from sysid.synth.law import catalogue_law
 from sysid.workspace import Workspace
 
 INERTIA, K, D, NOISE = 8.7e-3, 14.684, 0.04, float(np.radians(0.05))
-PLAIN = JointLaw(inertia=INERTIA, stiffness=K, damping=D)
 PLAIN_WITHOUT_DAMPER = JointLaw(inertia=INERTIA, stiffness=K, damping=0.0)
 Inner = Callable[[float, float, Sequence[float]], tuple[float, list[float]]]
 """Torque and rates of the inner states from tilt, rate and inner states."""
@@ -126,39 +125,6 @@ def test_a_variant_gives_no_energy_away(name: str):
         assert path.y[0, -1] > -1e-9
         most = max(most, path.y[0, -1])
     assert most > 1e-3
-
-
-def test_a_free_decay_hardly_tells_two_arms_from_one():
-    """Two arms that share a tenth of the spring, a decade apart: one arm fits three releases to within chance."""
-    from scipy.optimize import least_squares
-
-    frequency, time = PLAIN.frequency, np.arange(0.0, 2.5, 5e-3)
-
-    def decay(angle: float, hold: float) -> np.ndarray:
-        arms = ((0.05, 3 / frequency), (0.05, 0.3 / frequency))
-        matrix = np.array(
-            [[0, 1, 0, 0], [-K / INERTIA, -D / INERTIA, 0, 0], [0, 1, 0, 0], [0, 1, 0, 0]],
-            dtype=float,
-        )
-        for row, (share, slow) in enumerate(arms, start=2):
-            matrix[1, row], matrix[row, row] = -share * K / INERTIA, -1 / slow
-        poles, modes = np.linalg.eig(matrix)
-        start = [angle, 0.0, *(angle * np.exp(-hold / slow) for _, slow in arms)]
-        weights = np.linalg.solve(modes, np.array(start, dtype=complex))
-        return np.real((modes[0] * weights) @ np.exp(np.outer(poles, time)))
-
-    signals = [decay(a, h) for a, h in ((0.17, 0.6), (-0.13, 0.9), (0.09, 0.5))]
-
-    def left(point: np.ndarray) -> np.ndarray:
-        swing, fall, *creep = point * frequency
-        basis = [np.exp(-fall * time) * f(swing * time) for f in (np.cos, np.sin)]
-        basis = np.column_stack([*basis, *(np.exp(-c * time) for c in creep)])
-        errors = [s - basis @ np.linalg.lstsq(basis, s, rcond=None)[0] for s in signals]
-        return np.concatenate(errors) / np.radians(0.1)
-
-    linear, arm = (2 * least_squares(left, start).cost for start in ((1.03, 0.05), (1.03, 0.05, 0.4)))
-    assert linear > 50
-    assert arm < 13
 
 
 def test_friction_that_grows_with_the_load_holds_a_tilted_deck_and_takes_the_same_share_of_each_swing():

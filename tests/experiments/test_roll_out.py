@@ -112,16 +112,6 @@ def test_an_imu_that_rests_first_tells_the_same():
     assert found.deceleration.value == pytest.approx(0.12, abs=0.05)
 
 
-@pytest.mark.parametrize(("loss", "tolerance"), [(0.06, 0.15), (0.25, 0.15)])
-def test_the_scene_loses_what_the_record_says(loss, tolerance):
-    board = replace(pink(), rolling={"deceleration": Quantity(loss, 0.01, "m/s^2", "")})
-    from sim.board.bodies import wheel_friction
-
-    t, *_, v = rolled(speed=1.02, tilts=(0.0,), time=0.3, friction=wheel_friction(board))
-    slope = -np.polyfit(t[t > 0.1], v[t > 0.1], 1)[0]
-    assert slope == pytest.approx(loss, rel=tolerance)
-
-
 def test_what_tells_nothing_is_refused_in_words():
     with pytest.raises(SysidError, match=r"stretches of 0\.25 s in all; it takes 10"):
         roll_out([filmed(time=1.5)], WHEELBASE)

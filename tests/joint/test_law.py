@@ -6,12 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
-from sysid.synth.law import Modes, TrueLaw
-from sysid.synth.motion import Condition
-from sysid.synth.motion import simulate as true_motion
 
 LAW = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.402)
 TIME = np.arange(0.0, 1.0, 1e-3)
@@ -49,35 +45,6 @@ def test_dry_friction_loses_exactly_4F_over_k_a_period_and_then_sticks():
         assert peak == pytest.approx(0.2 - number * step, abs=1e-6)
     assert np.ptp(path.roll[-500:]) < 1e-15
     assert abs(path.roll[-1]) <= 0.1 / law.stiffness + 1e-9
-
-
-TRUE_FIELDS = {
-    "coulomb": lambda v: {"friction": v[0], "static_friction": v[0]},
-    "stribeck": lambda v: {"friction": v[0], "static_friction": v[1], "stribeck_velocity": v[2]},
-    "load-friction": lambda v: {"friction": v[0], "static_friction": v[0], "friction_growth": v[1]},
-    "quadratic-damping": lambda v: {"quadratic_damping": v[0]},
-    "cubic-damping": lambda v: {"cubic_damping": v[0]},
-    "cubic-stiffness": lambda v: {"cubic_stiffness": v[0]},
-    "asymmetric-stiffness": lambda v: {"even_stiffness": v[0]},
-    "gravity": lambda v: {"gravity": v[0]},
-    "end-stop": lambda v: {"stop_angle": v[0], "stop_stiffness": v[1], "stop_damping": v[2]},
-    "freeplay": lambda v: {"half_gap": v[0]},
-    "preload": lambda v: {"preload": v[0]},
-    "viscoelastic": lambda v: {"arm_stiffness": v[0], "arm_time": v[1]},
-}
-
-
-@pytest.mark.parametrize("damping", [0.03, 0.4])
-@pytest.mark.parametrize("name", TRUE_FIELDS)
-def test_each_effect_agrees_with_an_event_driven_integrator(name, damping):
-    values = effect(name).example
-    law = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=damping).with_effect(name, *values)
-    truth = TrueLaw(inertia=8.7e-3, stiffness=14.684, damping=damping, **TRUE_FIELDS[name](values))
-    start = Condition(np.array([0.2, 0.0, 0.0, 0.0, 0.0]), Modes().regions(truth, 0.2))
-    exact, _ = true_motion(truth, start, 0.0, 1.0, TIME)
-    path = simulate(law, TIME, 0.2)
-    kink = 8e-4 if name == "end-stop" else 2e-5  # a stiff stop is met within a step
-    assert np.abs(path.roll - exact[:, 0]).max() < kink
 
 
 @pytest.mark.parametrize(

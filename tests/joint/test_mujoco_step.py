@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from mujoco_rollout import rollout_function
 from stepped_joint import hinge_from_model, simulate_steps
 
-from sysid.errors import SysidError
-from sysid.joint.mujoco_step import Hinge, step
+from sysid.joint.mujoco_step import Hinge
 
 pytestmark = pytest.mark.train
 
@@ -200,17 +199,3 @@ def test_sensitivities_are_exact():
         delta = 1e-6 * np.eye(5)[i]
         high, low = (float(value((at + d)[:2], (at + d)[2:])) for d in (delta, -delta))
         assert exact == pytest.approx((high - low) / 2e-6, rel=1e-5, abs=1e-9)
-
-
-def test_what_has_no_closed_form_is_refused_in_words():
-    hinge = Hinge(inertia=0.01, stiffness=(10.0, 0.0, 0.0), frictionloss=0.1)
-    with pytest.raises(SysidError, match="Did you mean 'implicitfast'"):
-        step(hinge, 0.1, 0.0, timestep=0.005, integrator="implicit_fast")  # pyright: ignore[reportArgumentType]
-    spec = mujoco.MjSpec()
-    for name in ("a", "b"):
-        body = spec.worldbody.add_body(
-            name=name, mass=1.0, inertia=[1, 1, 1], ipos=[0, 0, 0], explicitinertial=True
-        )
-        body.add_joint(name=f"{name}_joint")
-    with pytest.raises(SysidError, match="2 degrees of freedom"):
-        hinge_from_model(spec.compile(), "a_joint")

@@ -5,8 +5,6 @@ catalogue's laws by CasADi. So what they agree on is the law as it was meant, or
 truth's own, the motion that it makes.
 """
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,16 +38,3 @@ def test_same_motion(name: str, damping: float) -> None:
     law = joint.JointLaw.from_board(board).with_effect(name, *VALUES[name])
     model = joint.simulate(law, truth.time, 0.17, 0.0, hold=12.0)
     assert np.abs(model.roll - truth.channels[:, 0]).max() < STEPPED_OVER.get(name, 5e-6)
-
-
-def test_synthetic_truth_knows_nothing_of_the_model() -> None:
-    code = (
-        "import sys, pathlib; from sysid.synth import *; from sysid.workspace import Workspace\n"
-        "synthesise(Workspace(pathlib.Path()).load_board('pink'), {'coulomb': (0.1,)})\n"
-        "print(*sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    modules = done.stdout.split()
-    foreign = ("casadi", "mujoco", "sysid.joint", "sysid.fit")
-    assert not [module for module in modules if module.startswith(foreign)]

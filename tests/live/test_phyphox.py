@@ -38,22 +38,9 @@ def test_every_sample_is_kept_once_and_reads_as_the_export_does(export, tmp_path
     assert any("gyrX=" in path and "|gyr_time" in path for path in served.asked)
 
 
-def test_a_phone_without_an_accelerometer_is_read_by_its_gyroscope(export, tmp_path):
-    with recorded_phone(export, pace=100, without=("accX",)) as (_, address):
-        phone = Phone(address, tmp_path / "log")
-        phone.connect()
-        phone.poll()
-    assert [path.name for path in (tmp_path / "log").iterdir()] == ["Gyroscope.csv"]
-
-
 def test_an_experiment_without_a_gyroscope_is_refused_by_what_it_has(export, tmp_path):
     with recorded_phone(export, without=("gyrX",)) as (_, address), pytest.raises(SysidError, match="accX"):
         Phone(address, tmp_path / "log").connect()
-
-
-def test_nobody_there_is_said_with_what_to_do(tmp_path):
-    with pytest.raises(SysidError, match="allow remote access"):
-        Phone("127.0.0.1:9", tmp_path / "log").connect()
 
 
 def test_a_row_that_has_not_arrived_whole_comes_with_the_next_answer(export, tmp_path):

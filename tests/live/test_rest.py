@@ -81,17 +81,3 @@ def test_real_drops_in_a_phones_form_give_numbers_within_a_second(tmp_path):
         inside = (time > begin) & (time < begin + tables[number][-1, 0] - 0.1)
         still = time[inside][np.flatnonzero(np.abs(rate[inside]) > 0.06)[-1]]
         assert 0 < seen - still < 1.0
-
-
-def test_what_arrives_late_or_in_lumps_is_judged_by_its_own_time():
-    time = np.arange(0.0, 2.0, 0.01)
-    rates = np.where(time < 1.0, np.sin(20 * time), 0.0)[:, None] * [1.0, 0.0, 0.0]
-    rows = np.column_stack([time, rates])
-    rest = Rest()
-    assert not rest.has_come(rows[:0])
-    assert not rest.has_come(rows[time < 1.2])
-    assert rest.has_come(rows[(time >= 1.2) & (time < 1.3)])
-    assert not rest.has_come(rows[(time >= 1.3) & (time < 1.35)])
-    assert rest.has_come(rows[(time >= 1.35) & (time < 1.45)])
-    assert rest.has_come(rows[time >= 1.45])
-    assert not rest.has_come(rows[-5:])

@@ -52,18 +52,6 @@ def test_a_hand_that_tilts_the_deck_and_holds_it_is_no_release(pink, roll):
     assert Session(pink).take([held])  # a log that is whole is taken at its word
 
 
-def test_what_cannot_be_fitted_is_said_and_forgotten(pink, roll):
-    session = Session(pink)
-    whole = until(roll, 1e3)
-    faint = replace(whole.releases[0], roll=whole.releases[0].roll * 1e-3)
-    assert session.take([Recording(roll=whole.roll, releases=(faint,))])
-    assert session.trouble
-    assert session.decay is None
-    assert session.take([whole])
-    assert not session.trouble
-    assert session.decay is not None
-
-
 def release(roll, degrees):
     """A release from some degrees, the right edge down where they are positive."""
     first = find_releases(roll)[0]
@@ -85,10 +73,3 @@ def release(roll, degrees):
 def test_the_next_release_is_the_one_that_helps_most(pink, roll, angles, words):
     assert words in next_release([release(roll, angle) for angle in angles], pink)
     assert EACH_SIDE == 3
-
-
-def test_a_joint_without_a_deck_has_sides_of_its_own(pink, roll):
-    joint = replace(pink, geometry={})
-    assert "Hold the joint still 10° from its rest" in next_release([], joint)
-    assert "from the negative side, from 3°" in next_release([release(roll, 10)], joint)
-    assert " mm from its rest" in next_release([], joint.of_slide())

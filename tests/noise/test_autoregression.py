@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid.noise.autoregression import ResidualNoise, autoregression, residual_noise
+from sysid.noise.autoregression import ResidualNoise, residual_noise
 
 
 def smooth_columns(n: int, q: int) -> np.ndarray:
@@ -50,8 +50,3 @@ def test_longer_memories_and_waves():
     found = residual_noise([wave[:9000], wave[9000:]])
     assert found.coefficients[:2] == pytest.approx(coefficients, abs=0.05)
     assert found.std == pytest.approx(float(np.std(wave)), rel=0.03)
-
-
-def test_degenerate_residuals():
-    assert residual_noise([np.zeros(50)]).std == 0.0
-    assert autoregression(np.array([1.0, 1.5]), 100).coefficients.size == 0  # of no stationary noise

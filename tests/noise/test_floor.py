@@ -59,9 +59,3 @@ def test_what_is_held_still_shows_noise_that_lasts_beside_a_hand_that_drifts_and
         replace(at_rest(swing(TIME)), held=at_rest(0.1 + hand + noise(seed, memory))) for seed in (5, 6, 7)
     ]
     assert held_noise(releases) == pytest.approx(NOISE, rel=0.15)
-
-
-def test_what_was_not_held_says_nothing():
-    short = TIME < 0.1
-    assert held_noise([at_rest(swing(TIME))]) == 0.0
-    assert held_noise([replace(at_rest(swing(TIME)), held=at_rest(noise(8)[short], TIME[short]))]) == 0.0

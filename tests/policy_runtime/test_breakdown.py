@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from policy_runtime.evaluation.breakdown import Table, add_up, break_down
+from policy_runtime.evaluation.breakdown import add_up, break_down
 from policy_runtime.evaluation.metrics import Rides, episode_errors
 from sim.skate.cycle.clock import Clock
-from sysid.errors import SysidError
 
 CLOCK = Clock(push=80, mount=10, steer=40, dismount=10)
 CYCLES = 2
@@ -103,17 +102,6 @@ def test_a_turn_that_comes_short_is_told_from_one_that_goes_too_far():
     assert by_phase.mean("phase 2", "|error|") == 0
 
 
-def test_how_far_a_push_turns_the_board_is_told_by_phase_and_command():
-    heading = np.zeros((STEPS, 2))
-    heading[: CLOCK.push, 0] = np.linspace(3.1, 3.1 + 0.2, CLOCK.push)  # over the seam at pi
-    heading[CLOCK.period : CLOCK.period + CLOCK.push, 1] = np.linspace(0, -0.4, CLOCK.push)
-    tables = break_down(rides(heading=heading), CLOCK)
-    turned = table(tables, "how far a pushing phase turns")
-    assert turned.mean("phase 1", "to the left") == pytest.approx(0.1)
-    assert turned.mean("0.8-1.2 m/s", "to the left") == pytest.approx(-0.2)
-    assert dict(turned.rows)["all"][0][1] == 4
-
-
 def test_means_agree_with_the_metrics():
     rng = np.random.default_rng(3)
     noisy = rides(speed=rng.uniform(0, 1, (STEPS, 2)), heading=rng.uniform(-1, 1, (STEPS, 2)))
@@ -141,8 +129,3 @@ def test_parts_add_up_to_the_whole_even_where_one_ended_early():
         assert a.title == b.title
         for label in a.rows:
             assert np.allclose(a.rows[label], b.rows[label])
-
-
-def test_tables_of_different_questions_do_not_add_up():
-    with pytest.raises(SysidError, match="do not add up"):
-        Table("a", ("x",), {}) + Table("b", ("x",), {})

@@ -9,7 +9,6 @@ from policy_runtime.loop.commands import (
     SPEED_RANGE,
     TURN_RANGE,
     Command,
-    Constant,
     Keyboard,
     load_script,
     pressed,
@@ -95,14 +94,3 @@ def test_script_holds_each_command_until_the_next(tmp_path):
 def test_bad_scripts_are_refused_in_words(tmp_path, text, message):
     with pytest.raises(SysidError, match=message):
         load_script(script(tmp_path, text))
-
-
-def test_missing_script_is_refused_in_words(tmp_path):
-    with pytest.raises(SysidError, match="cannot be read"):
-        load_script(tmp_path / "none.csv")
-
-
-def test_constant_is_constant():
-    source = Constant(Command(1.0, 0.2))
-    assert source.at(0.0) == source.at(99.0) == Command(1.0, 0.2)
-    source.close()

@@ -15,7 +15,6 @@ from policy_runtime.learning.curriculum import (
     Level,
     step,
 )
-from sim.skate.cycle.clock import Clock
 
 pytestmark = pytest.mark.train
 
@@ -33,23 +32,6 @@ pytestmark = pytest.mark.train
 )
 def test_step_follows_the_logarithm_of_the_ends_within_its_bounds(ends, expected):
     assert step(ends, 8.0) == pytest.approx(expected)
-
-
-def test_patience_falls_by_three_percent_at_most_and_rises_by_one():
-    level = Level(patience=60.0)
-    assert level.after(0.5, own=20).patience == pytest.approx(60 * math.exp(-0.03))
-    assert level.after(60.0, own=20).patience == pytest.approx(60 * math.exp(0.01))
-    assert level.after(14.0, own=20).patience == pytest.approx(60 * (14 / 24) ** 0.03)
-    assert level.after(0.5, own=20).strength == 0.0
-
-
-def test_patience_stays_between_the_tasks_own_and_the_longest():
-    assert Level(patience=20.1).after(0.1, own=20).patience == 20.0
-    assert Level(patience=LONGEST - 0.1).after(90.0, own=20).patience == LONGEST
-
-
-def test_a_whole_phase_in_the_wrong_stance_ends_an_episode_however_patient():
-    assert min(Clock().push, Clock().steer) > LONGEST
 
 
 def test_strength_begins_where_the_patience_ends_and_goes_first_when_it_gets_too_hard():
@@ -110,24 +92,6 @@ def test_the_level_is_in_curves_and_checkpoint(led):
     for row in rows:
         expected = expected.after(row["falls_per_minute"], own=20)
     assert level == expected
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
-def test_everything_that_hangs_on_the_level_is_set(led):
-    _, env, learner, curriculum, _ = led
-    curriculum.set(Level(patience=50.0, strength=0.2, ends=30.0))
-    ends = env.termination_manager
-    assert float(ends.get_term_cfg("wrong_stance").params["patience"]) == 50.0
-    assert float(ends.get_term_cfg("idle_foot").params["patience"]) == pytest.approx(1.2 * 2.5)
-    rewards = env.reward_manager
-    assert rewards.get_term_cfg("push/left_foot").weight == pytest.approx(-12 / 2.5)
-    assert float(rewards._weights[rewards.active_terms.index("push/left_foot")]) == pytest.approx(-4.8)
-    assert learner.entropy_coef == 0.005
-    assert rewards.get_term_cfg("always/course").weight == pytest.approx(10 * 0.8)
-    assert rewards.get_term_cfg("always/joint_limits").weight == pytest.approx(-5 - 25 * 0.8)
-    assert rewards.get_term_cfg("push/swing").weight == 4.0
-    assert env.event_manager.get_term_cfg("worlds").func.strength == 0.2
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -71,41 +71,6 @@ def test_a_step_is_mjlabs_step():
     assert torch.equal(*kept)
 
 
-def lasting(env):
-    """Yield every tensor that the graphs' Python objects hold, with its place."""
-    import torch
-
-    terms = env.observation_manager._group_obs_term_cfgs.values()
-    holders = {
-        "command": env.command_manager.get_term("skate"),
-        "worlds": env.event_manager.get_term_cfg("worlds").func,
-        "rewards": env.reward_manager,
-        "terminations": env.termination_manager,
-        "actions": env.action_manager,
-        "env": env,
-        **{f"end {n}": term.func for n, term in enumerate(env.termination_manager._term_cfgs)},
-        **{f"seen {n}": term.func for n, term in enumerate(t for group in terms for t in group)},
-    }
-    histories = env.observation_manager._group_obs_term_history_buffer
-    holders |= {f"history {g} {n}": h for g, group in histories.items() for n, h in group.items()}
-    fresh = {"env": {"reward_buf", "reset_buf", "reset_terminated", "reset_time_outs", "_command_dt"}}
-    for name, holder in holders.items():
-        for key, value in getattr(holder, "__dict__", {}).items():
-            for part in value if isinstance(value, tuple) else (value,):
-                if isinstance(part, torch.Tensor) and key not in fresh.get(name, ()):
-                    yield f"{name}: {key}", part
-
-
-def test_what_lasts_stays_where_it_is(env):
-    import torch
-
-    before = [(where, tensor.data_ptr()) for where, tensor in lasting(env)]
-    assert len(before) > 40
-    for _ in range(20):
-        env.step(torch.zeros(WORLDS, 23))
-    assert [(where, tensor.data_ptr()) for where, tensor in lasting(env)] == before
-
-
 def asked_of_the_host(function, least=50):
     """Return which operations of a function wait for the device or copy to it; it launches `least` or more."""
     from torch.utils._python_dispatch import TorchDispatchMode
@@ -132,20 +97,6 @@ def test_a_graph_of_the_worlds_asks_nothing_of_the_host(env, part):
     for _ in range(3):
         env.step(torch.zeros(WORLDS, 23))
     assert asked_of_the_host(getattr(env, part)) == []
-
-
-def test_a_graph_writes_on_its_own_stream(env, monkeypatch):
-    """mjlab's arrays write on Warp's: what a graph does not record, it does not repeat."""
-    import torch
-    from mjlab.sim.sim_data import TorchArray
-
-    env.step(torch.zeros(WORLDS, 23))
-    begin, command = env.event_manager.get_term_cfg("begin").func, env.command_manager.get_term("skate")
-    written = []
-    monkeypatch.setattr(TorchArray, "__setitem__", lambda *call: written.append(call))
-    for function in (env._judge_state, env._see_state, begin.draw, command.draw):
-        function()
-    assert written == []
 
 
 def test_the_critic_sees_contacts(env):
@@ -237,14 +188,3 @@ def test_a_graph_of_learning_asks_nothing_of_the_host(rollout):
     learner.optimizer.step = learner.amp_optimiser.step = lambda: None
     assert asked_of_the_host(fused._learn_batch) == []
     assert asked_of_the_host(learner._teach_discriminator) == []
-
-
-def test_without_a_gpu_nothing_is_recorded():
-    from policy_runtime.learning.graphs import Graphed
-
-    calls = []
-    graphed = Graphed(lambda: calls.append(1), "cpu")
-    for _ in range(6):
-        graphed()
-    assert len(calls) == 6
-    assert not graphed.recorded

@@ -55,15 +55,6 @@ def test_iterations_weigh_by_a_power_of_their_number():
     assert age / 400 == pytest.approx(1 / (ETA + 2), abs=0.005)
 
 
-def test_a_shaking_actor_comes_to_rest():
-    shaking = np.tile([1.0, 3.0], 500)
-    assert mean_after(shaking).weight.item() == pytest.approx(2.0, abs=0.02)
-
-
-def test_a_run_that_goes_on_takes_its_last_weights_for_what_it_was():
-    assert mean_after([1.0], begun=999).weight.item() == pytest.approx(17 / 1016)
-
-
 @pytest.mark.parametrize("board", ["pink", "black", "pink-strides", "black-strides"])
 def test_what_ships_is_the_mean_in_its_newest_weights(board):
     onnx = pytest.importorskip("onnx", reason="policies are read with onnx (extra 'train')")

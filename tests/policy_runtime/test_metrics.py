@@ -2,11 +2,10 @@ import math
 
 import numpy as np
 import pytest
-from riding import world_or_skip
 
-from policy_runtime.evaluation.metrics import Rides, asked_course, episode_errors, reachable_headings
+from policy_runtime.evaluation.metrics import Rides, episode_errors, reachable_headings
 from policy_runtime.evaluation.statistics import mean_over, proportion
-from policy_runtime.evaluation.strides import clip_distances, clip_ranges, stride_metrics
+from policy_runtime.evaluation.strides import clip_distances, stride_metrics
 from sysid.errors import SysidError
 
 STEPS, PUSH, STEER = 40, slice(0, 20), slice(25, 35)
@@ -100,15 +99,6 @@ def test_the_reference_clips_are_near_themselves_and_each_other():
     assert all(0 < distance < 0.1 for distance in distances.values())
 
 
-@pytest.mark.train
-def test_the_clips_stand_beside_the_metrics():
-    world_or_skip()
-    low, high = clip_ranges()["stride_period"]
-    assert 0.8 < low < high < 1.0
-    assert all(clip_ranges()["slip"][i] < 0.01 for i in (0, 1))
-    assert 0.3 < clip_ranges()["foot_travel"][0] < clip_ranges()["foot_travel"][1] < 0.55
-
-
 @pytest.mark.parametrize(("rest", "falls", "share"), [(300, None, 0.0), (590, None, 1.0), (300, 400, 1.0)])
 def test_a_stop_fails_when_the_board_rolls_on_or_the_robot_falls(rest, falls, share):
     told = np.where(np.arange(600) < 100, 1.0, 0.0)[:, None]
@@ -186,18 +176,6 @@ def test_what_comes_after_the_end_does_not_count():
     assert np.isnan(errors["E_yaw_final"][0])
 
 
-def test_joining_rides_of_different_length_keeps_their_errors():
-    short = rides()
-    cut = {name: getattr(short, name)[:15] for name in Rides.__dataclass_fields__ if name != "succeeded"}
-    cut["speed"] = cut["speed"] + 0.3
-    short = Rides(**cut, succeeded=np.array([False]))
-    both = Rides.join([rides(), short])
-    errors = episode_errors(both)
-    np.testing.assert_allclose(errors["E_vel"], [0.0, 0.3], atol=1e-12)
-    assert np.isnan(errors["E_yaw"][1])
-    np.testing.assert_array_equal(both.succeeded, [True, False])
-
-
 def test_shapes_that_disagree_are_refused_in_words():
     with pytest.raises(SysidError, match=r"'joints' has shape \(40, 1, 22\)"):
         rides(joints=np.zeros((STEPS, 1, 22)))
@@ -236,14 +214,6 @@ def test_interval_over_seeds_covers_the_truth_as_often_as_it_says():
     assert 0.92 <= covered / 400 <= 0.98
 
 
-def test_nan_is_left_out_and_nothing_left_is_said():
-    quantity = mean_over([np.array([1.0, np.nan, 3.0])], "m")
-    assert quantity.value == 2.0
-    assert math.isnan(mean_over([np.array([np.nan])], "m").value)
-    assert "never" in mean_over([np.array([np.nan])], "m").method
-    assert math.isnan(mean_over([np.array([2.0])], "m").std)
-
-
 @pytest.mark.parametrize(("turn", "largest"), [(0.5, 0.07), (-0.5, 0.03), (2 * math.pi - 0.5, 0.03)])
 def test_wrong_tilt_is_the_largest_against_the_turn(turn, largest):
     tilt = np.zeros((STEPS, 1))
@@ -259,12 +229,3 @@ def test_course_counts_from_the_start_and_every_turn_asked_for_since():
     course[STEER.start :] = 0.5
     errors = episode_errors(rides(heading=heading, course=course, target_heading=np.full((STEPS, 1), 0.8)))
     assert errors["E_course"][0] == pytest.approx(0.05)
-
-
-def test_course_of_turns_told_as_they_are_asked_for():
-    steering = np.zeros((9, 1), bool)
-    steering[[2, 3, 6, 7]] = True
-    heading = np.array([0, 0, 0.1, 0.3, 0.4, 0.4, 0.4, 0.2, 0.1])[:, None]
-    target = np.array([0, 0, 0.5, 0.5, 0, 0, 0.1, 0.1, 0])[:, None]
-    expected = [0, 0, 0.4, 0.4, 0.4, 0.4, 0.1, 0.1, 0.1]
-    np.testing.assert_allclose(asked_course(steering, target, heading)[:, 0], expected)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from paper.parts import MAP_DELAY, MAP_SPEED, MAP_STIFFNESS, PARTS, compared
+from paper.parts import PARTS, compared
 from paper.published import MAIN, SENSITIVITY
 from paper.runs import Run, load_runs
 from paper_tables import paper
@@ -16,7 +16,6 @@ from sysid.cli import build_app
 from sysid.errors import SysidError
 from sysid.quantity import Quantity
 from sysid.text import in_brackets as text
-from sysid.workspace import shipped_data
 
 pytestmark = pytest.mark.train
 
@@ -75,47 +74,6 @@ def test_figures_are_compared_by_both_intervals():
     assert compared(ours, {}) == ""
     assert text(ours["E_vel"]) == "0.110 [0.100, 0.120]"
     assert text(Quantity(float("nan"), float("nan"), "1", "")) == "–"
-
-
-def test_map_rides_every_stiffness_speed_and_delay(measured, tmp_path):
-    asked, measure = measured
-    section = PARTS["map"]([HUSKY], measure, tmp_path)
-    seen = {(p.board_scale["k"], p.speed, p.stress.delay) for _, p in asked}
-    assert len(seen) == len(asked) == len(MAP_STIFFNESS) * len(MAP_SPEED) * len(MAP_DELAY)
-    assert (4.0, (0.8, 0.8), 0.02) in seen
-    assert (tmp_path / "map.png").stat().st_size > 10_000
-    assert len(section.numbers) == len(asked)
-
-
-def test_headings_are_grouped_by_what_was_asked(measured, tmp_path):
-    """In every class of turns as many are counted as were asked for, and all of them in all."""
-    _, measure = measured
-    section = PARTS["headings"]([HUSKY], measure, tmp_path)
-    asked = np.degrees(measure(HUSKY, Protocol()).headings[:, 0])
-    assert sum(int(line.split("|")[-2]) for line in section.lines[2:]) == len(asked[np.abs(asked) < 45])
-    for row in section.numbers:
-        low, high = row["asked_deg"]
-        assert ((asked >= low) & (asked < high)).any()
-
-
-def test_trajectories_and_terrain_ride_what_they_show(measured, tmp_path):
-    asked, measure = measured
-    section = PARTS["trajectories"]([HUSKY], measure, tmp_path)
-    assert [protocol.coupling for _, protocol in asked] == ["equality", "none"]
-    assert (tmp_path / "trajectories.png").stat().st_size > 10_000
-    assert section.missing
-    asked.clear()
-    PARTS["terrain"]([HUSKY], measure, tmp_path)
-    assert [protocol.terrain for _, protocol in asked] == ["slopes", "steps"]
-
-
-def test_shipped_manifest_names_files_that_are_there_and_their_curves_are_drawn(tmp_path):
-    runs = load_runs()
-    assert {"pink", "black"} <= {run.name for run in runs}
-    section = PARTS["curves"](runs, None, tmp_path)
-    last = (shipped_data() / "policies" / "pink_curves.csv").read_text().splitlines()[-1]
-    assert section.numbers["pink"]["iteration"] == float(last.split(",")[0])
-    assert (tmp_path / "curves.png").stat().st_size > 20_000
 
 
 @pytest.mark.parametrize(

@@ -126,18 +126,6 @@ def test_feedback_takes_what_the_pelvis_has_yawed_off_the_turn():
     assert builder.frame(yawed(1.0), Command(1.0, 0.2), action, 7)[1] == pytest.approx(0.2)
 
 
-@pytest.mark.parametrize("kind", [PaperObservation, FeedbackObservation, ReleaseObservation])
-def test_first_frame_fills_the_history_after_a_reset(ride, kind):
-    builder = kind()
-    rows = list(zip(*ride, strict=True))
-    for row in rows:
-        builder.build(*row)
-    builder.reset()
-    again = builder.build(*rows[0])
-    fresh = kind()
-    np.testing.assert_array_equal(again, fresh.build(*rows[0]))
-
-
 def test_runtime_and_training_build_the_same_observation(ride):
     torch = pytest.importorskip("torch", reason="training needs torch")
     from sim.skate.mdp.actor_observation import projected_gravity, raw_frame, scale_frame
@@ -178,11 +166,6 @@ def test_policy_of_either_interface_answers_as_computed_by_hand(tmp_path, runtim
         action = answer_of(constants, builder.build(state, command, action, step))
         np.testing.assert_allclose(policy.action, action, atol=1e-5)
         np.testing.assert_allclose(target, default_pose() + servos().action_scale * action, atol=1e-5)
-
-
-def test_published_policy_says_nothing_of_the_board_and_that_is_noted(tmp_path, runtime):
-    make_onnx(tmp_path / "policy.onnx", size=395, metadata=published_metadata())
-    assert any("which board" in note for note in open_policy(tmp_path / "policy.onnx", pink()).notes)
 
 
 def changed(key, index, value):
@@ -247,14 +230,6 @@ def test_wrong_files_are_refused_in_words(tmp_path, runtime):
         open_policy(tmp_path / "twelve.onnx")
 
 
-def test_missing_onnxruntime_is_said_in_words(tmp_path, monkeypatch):
-    import sys
-
-    monkeypatch.setitem(sys.modules, "onnxruntime", None)
-    with pytest.raises(SysidError, match=r"running a policy needs an extra.*\[run\]"):
-        open_policy(tmp_path / "policy.onnx")
-
-
 def test_opening_a_policy_writes_nothing_anywhere(tmp_path):
     """onnxruntime would put a device's number and a database into the home folder, to send home."""
     home, code = (
@@ -291,25 +266,6 @@ def hostile(path, *nodes, **constants):
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     onnx.save(model, path)
     return path
-
-
-def test_a_policy_with_a_loop_without_end_is_refused(tmp_path, monkeypatch):
-    helper = pytest.importorskip("onnx").helper
-    floats, flag, whole = (
-        getattr(pytest.importorskip("onnx").TensorProto, n) for n in ("FLOAT", "BOOL", "INT64")
-    )
-    value = helper.make_tensor_value_info
-    body = helper.make_graph(
-        [helper.make_node("Identity", ["go"], ["on"]), helper.make_node("Sin", ["a"], ["b"])],
-        "body",
-        [value("turn", whole, []), value("go", flag, []), value("a", floats, [1, 23])],
-        [value("on", flag, []), value("b", floats, [1, 23])],
-    )
-    loop = helper.make_node("Loop", ["turns", "yes", "x"], ["y"], body=body)
-    path = hostile(tmp_path / "loop.onnx", loop, turns=np.int64(2**62), yes=np.bool_(True))
-    monkeypatch.setattr("policy_runtime.loop.policy_trial.PATIENCE", 2.0)
-    with pytest.raises(SysidError, match=r"loop\.onnx: gives no answer within 2 s"):
-        open_policy(path)
 
 
 def test_a_policy_with_a_huge_tensor_is_refused(tmp_path):

@@ -5,11 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from riding import HoldStill, Puppet, make_onnx, our_metadata, pink, published_metadata, world_or_skip
+from riding import HoldStill, Puppet, make_onnx, our_metadata, pink, published_metadata
 
-from policy_runtime.evaluation.stress import Stress, StressedRobot
 from policy_runtime.loop.commands import Command, Constant
-from policy_runtime.loop.observing import RELEASE_SIZE, PaperObservation, ReleaseObservation
+from policy_runtime.loop.observing import RELEASE_SIZE
 from policy_runtime.loop.preparation import PROBE_JOINT, Preparation
 from policy_runtime.loop.safety import Limits
 from policy_runtime.runtime import Runtime
@@ -105,15 +104,6 @@ def test_the_handset_stops_at_any_time(buttons):
     assert not np.any(running.sent[-1].stiffness)
 
 
-@pytest.mark.parametrize("buttons", [{"B"}, {"L2"}, {"A"}, {"start"}])
-def test_other_buttons_do_not_stop(buttons):
-    robot = Puppet()
-    robot.change = {"buttons": frozenset(buttons)}
-    assert Runtime(
-        robot=robot, policy=HoldStill(), commands=Constant(Command(1, 0)), limits=LIMITS, stop_time=0.0
-    ).run(0.1).stopped is None  # fmt: skip
-
-
 def test_a_joint_that_does_not_come_along_is_named():
     class Stuck(Obedient):
         def read(self):
@@ -142,15 +132,6 @@ def test_delay_is_measured(steps):
     result = begin(Obedient(delay=steps))
     np.testing.assert_allclose(result.delay.times, 0.002 * (steps + 1))
     assert result.to_json()["delay"]["median_ms"] == pytest.approx(2 * (steps + 1))
-
-
-def test_delay_of_a_simulated_robot_is_measured_through_its_dynamics():
-    world = world_or_skip()
-    robot = StressedRobot(world.robot.model, Stress(delay=0.03))
-    robot.reset(world.start)
-    limits = replace(LIMITS, tilt=math.pi)
-    result = begin(robot, ramp=0.0, pose=world.start_joints, limits=limits)
-    np.testing.assert_allclose(result.delay.times, 0.032, atol=0.0021)
 
 
 def test_a_dry_run_sends_nothing_of_what_the_policy_answers():
@@ -202,26 +183,3 @@ def test_a_gyro_in_degrees_and_a_sensor_upside_down_are_named(checked):
     number = outside[0]
     assert number.live == (45.0, 45.0)  # 180 · 0.25, the observation's scale
     assert number.far == 1.0
-
-
-def test_distance_is_in_the_files_own_deviations(checked):
-    policy, _, constants = checked
-    q = default_pose()
-    q[3] += 2.0
-    seen = {number.name: number for number in look(checked, joint_position=q).seen()}
-    place = policy.observing.newest[policy.observing.names.index("joint_position left_knee_joint")]
-    mean, std = constants["mean"][place], constants["std"][place]
-    assert seen["joint_position left_knee_joint"].worst == pytest.approx(abs(2.0 - mean) / std, rel=1e-4)
-
-
-def test_names_stand_where_the_numbers_are():
-    state = Puppet().read()
-    state = replace(state, joint_velocity=np.arange(23.0), angular_velocity=np.array([1.0, 2.0, 3.0]))
-    for observing in (PaperObservation(), ReleaseObservation()):
-        observation = observing.build(state, Command(0.7, 0.1), np.arange(23.0) + 100, 30)
-        frame = dict(zip(observing.names, observation[observing.newest], strict=True))
-        assert frame["command speed"] == pytest.approx(1.4)
-        assert frame["angular_velocity z"] == pytest.approx(0.75)
-        assert frame["joint_velocity right_elbow_joint"] == pytest.approx(22 * 0.05)
-        assert frame["last_action left_hip_pitch_joint"] == 100
-        assert frame["phase"] == pytest.approx(0.1)

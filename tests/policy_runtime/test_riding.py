@@ -4,29 +4,25 @@ import json
 import sys
 from dataclasses import replace
 from types import SimpleNamespace
-from unittest.mock import Mock
 
 import mujoco
 import numpy as np
 import pytest
-from riding import HoldStill, Puppet, make_onnx, our_metadata, pink, published_metadata, world_or_skip
+from riding import HoldStill, make_onnx, our_metadata, pink, published_metadata, world_or_skip
 
-from policy_runtime.evaluation.metrics import episode_errors
 from policy_runtime.evaluation.plain import Protocol, _Episode, evaluate_policy, run_episode
 from policy_runtime.evaluation.recording import Recorder
 from policy_runtime.export import export_folder, load_folder
 from policy_runtime.loop.commands import Command, Constant
-from policy_runtime.loop.gravity_load import GravityLoad, shares
-from policy_runtime.loop.safety import Guard
+from policy_runtime.loop.gravity_load import GravityLoad
 from policy_runtime.loop.scripted import scripted, scripted_push, standing
 from policy_runtime.loop.world import joint_limits, make_world
 from policy_runtime.robots.simulated import Gantry
 from policy_runtime.runtime import Runtime
-from sim.skate.robot.g1 import JOINTS, SOLE_CENTRE, default_pose, servos
+from sim.skate.robot.g1 import servos
 from sim.skate.robot.poses import load_poses
 from sysid.board import save_board
 from sysid.cli import build_app
-from sysid.cli.ride_options import SafetyOptions
 from sysid.errors import SysidError
 from sysid.progress import listening
 
@@ -65,13 +61,6 @@ def test_feet_stay_on_the_deck_and_wheels_on_the_ground(held_ride):
     assert recording.column("other_contacts").max() == 0
 
 
-def test_nothing_jitters(held_ride):
-    _, _, recording = held_ride
-    late = recording.time > 3.0
-    assert np.abs(np.diff(recording.column("roll")[late])).max() < 1e-3
-    assert np.abs(np.diff(recording.joints[late], axis=0)).max() < 1e-3
-
-
 def test_tilt_steers_the_board_as_two_trucks_do(held_ride):
     _, _, recording = held_ride
     late = recording.time > 2.0
@@ -82,13 +71,6 @@ def test_tilt_steers_the_board_as_two_trucks_do(held_ride):
     theory = np.mean(-2 * speed * tangent / pink().geometry["wheelbase"].value)
     assert measured == pytest.approx(theory, rel=0.05)
     assert abs(measured) > 0.05  # it does turn
-
-
-def test_gantry_moves_nothing_by_itself():
-    world = world_or_skip(start="steer", gantry=Gantry())
-    world.reset()
-    _, recording = ride(world, standing(), 2.0)
-    assert np.abs(recording.column("board_speed")[recording.time > 1.0]).max() < 0.1
 
 
 def test_without_a_gantry_no_script_stays_up_and_the_guard_says_why():
@@ -140,30 +122,6 @@ def test_asked_for_targets_come_to_rest_in_the_pose(name):
         np.testing.assert_allclose((com[2] - foot[2])[:6], 0.0, atol=1e-9)  # nothing tips it over
 
 
-def test_two_feet_share_the_weight_under_the_centre_of_mass():
-    if world_or_skip():
-        load = GravityLoad()
-    pose = load_poses()["steer"]
-    torque = load.torques(pose.joints, pose.quaternion, (True, True))
-    model, data = load.model, load.data
-    forces = shares(
-        [10, 11], [np.array([-0.2, 0.0, 0.0]), np.array([0.2, 0.05, 0.0])], np.array([0.1, 0.03, 0.7])
-    )
-    assert sum(share for *_, share in forces) == pytest.approx(1.0)
-    np.testing.assert_allclose(sum(share * point for _, point, share in forces)[:2], [0.1, 0.03])
-    # Weight and soles' forces leave nothing over that would move the pelvis.
-    mujoco.mj_inverse(model, data)
-    feet = [model.body(f"{side}_ankle_roll_link").id for side in ("left", "right")]
-    soles = [data.xpos[foot] + data.xmat[foot].reshape(3, 3) @ SOLE_CENTRE for foot in feet]
-    total = data.qfrc_bias.copy()
-    jacobian = np.zeros((3, model.nv))
-    for foot, point, share in shares(feet, soles, data.subtree_com[1]):
-        mujoco.mj_jac(model, data, jacobian, None, point, foot)
-        total -= jacobian[2] * share * model.body_subtreemass[1] * 9.81
-    np.testing.assert_allclose(total[:6], 0.0, atol=1e-6)
-    np.testing.assert_allclose(total[6:], torque, atol=1e-6)
-
-
 def test_direct_coupling_sets_the_trucks():
     world = world_or_skip(coupling="direct")
     world.reset()
@@ -182,14 +140,6 @@ def test_episode_ends_when_the_robot_falls_and_is_repeatable():
     np.testing.assert_array_equal(first.qpos, again.qpos)
     other, _ = run_episode(world, scripted("zero"), Protocol(), np.random.default_rng([1, 3]))
     assert first.command[0, 0] != other.command[0, 0]
-
-
-def test_an_interrupted_episode_is_no_ride():
-    """It was counted as one that ended early, and `paper` kept it."""
-    policy = HoldStill()
-    policy.act = Mock(side_effect=KeyboardInterrupt)
-    with pytest.raises(KeyboardInterrupt):
-        run_episode(world_or_skip(), policy, Protocol(), np.random.default_rng(0))
 
 
 def endings(truths):
@@ -255,25 +205,6 @@ def test_evaluation_is_the_same_whatever_the_workers():
     assert one.success.value == 0
     assert sum(one.endings.values()) == 6
     assert one.errors["E_vel"].value > 0
-
-
-def test_shoves_reach_the_robot():
-    world = world_or_skip(start="steer", gantry=Gantry())
-    calm, _ = run_episode(world, standing(), Protocol(duration=11), np.random.default_rng(3))
-    shoved, _ = run_episode(world, standing(), Protocol(duration=11, pushes=0.5), np.random.default_rng(3))
-    early = calm.time < 4.9
-    np.testing.assert_array_equal(calm.qpos[early], shoved.qpos[early])
-    assert np.abs(calm.joints[-1] - shoved.joints[-1]).max() > 1e-6
-
-
-def test_recording_round_trips_through_its_file(tmp_path, held_ride):
-    _, _, recording = held_ride
-    recording.save(tmp_path / "ride.npz")
-    with np.load(tmp_path / "ride.npz") as numbers:
-        np.testing.assert_array_equal(numbers["qpos"], recording.qpos)
-        np.testing.assert_array_equal(numbers["roll"], recording.column("roll"))
-    errors = episode_errors(recording.rides(succeeded=True))
-    assert errors["E_contact_push"][0] == 1.0  # both feet on the deck is no pushing
 
 
 # Export
@@ -344,15 +275,6 @@ def test_export_keeps_its_hands_off_other_folders(tmp_path):
     assert (tmp_path / "thesis.txt").read_text() == "years of work"
 
 
-def test_export_to_where_nothing_can_be_written_is_one_clear_line(tmp_path):
-    world_or_skip()
-    (tmp_path / "file").write_text("no folder")
-    for folder in (tmp_path / "file", tmp_path / "file" / "export"):
-        with pytest.raises(SysidError, match=r"cannot write there \(.*--output"):
-            export_folder(pink(), folder)
-    assert (tmp_path / "file").read_text() == "no folder"
-
-
 # Commands
 
 
@@ -389,16 +311,6 @@ def test_run_ends_with_one_when_the_robot_was_stopped(capsys, tmp_path):
     assert log["timing"]["decide"]["p99_ms"] > 0
 
 
-def test_run_obeys_a_file_of_commands(capsys, tmp_path):
-    world_or_skip()
-    (tmp_path / "c.csv").write_text("time_s,speed_m_s,turn_rad\n0,0.5,0\n")
-    code, _ = call(
-        capsys, "run", "stand", "-b", "pink", "--start", "steer", "--gantry", "--duration", 0.3,
-        "--commands", tmp_path / "c.csv", "-o", tmp_path,
-    )  # fmt: skip
-    assert code == 0
-
-
 def test_rehearsal_drives_the_simulated_robot_over_the_network(capsys, tmp_path):
     world_or_skip()
     pytest.importorskip("cyclonedds", reason="the robot's interface needs cyclonedds (extra 'robot')")
@@ -410,20 +322,6 @@ def test_rehearsal_drives_the_simulated_robot_over_the_network(capsys, tmp_path)
     assert result["ticks"] > 0
     assert result["delay"]["median_ms"] > 0
     assert code == (0 if result["stopped"] is None else 1)  # a crowded computer may be too slow to rehearse
-
-
-@pytest.mark.parametrize(("margin", "stops"), [(0.05, True), (0.1, False)])
-def test_the_joint_margin_is_an_option(margin, stops):
-    world = world_or_skip()
-    limits = SafetyOptions(joint_margin=margin).limits(world)
-    q = default_pose()
-    ankle = JOINTS.index("right_ankle_roll_joint")
-    q[ankle] = limits.joint_high[ankle] + 0.06
-    said = Guard(limits, 0.02).check(replace(Puppet().read(), joint_position=q))
-    assert (said is not None) == stops
-    assert not stops or said.startswith(
-        "joint limit: right_ankle_roll_joint at 0.322 rad is 0.060 rad beyond"
-    )
 
 
 def test_the_real_robot_takes_only_boards_that_passed(capsys, tmp_path):
@@ -531,21 +429,6 @@ def test_mjlab_without_torch_is_refused_in_words(capsys, monkeypatch):
     monkeypatch.delitem(sys.modules, "sim.skate.mdp.measuring", raising=False)
     with pytest.raises(SysidError, match=r"needs an extra.*\[train\].*torch"):
         call(capsys, "evaluate", "zero", "-b", "pink", "--simulator", "mjlab", "--force")
-
-
-def test_what_mjlab_and_warp_print_is_kept_from_stdout(capsys, monkeypatch):
-    from policy_runtime.evaluation import parallel as evaluate_parallel
-
-    def ride(*arguments):
-        sys.stdout.write("Module joints load on device 'cpu'\n")
-        raise SysidError("far enough")
-
-    monkeypatch.setattr(evaluate_parallel, "_ride", ride)
-    with pytest.raises(SysidError, match="far enough"):
-        call(capsys, "evaluate", "zero", "-b", "pink", "--simulator", "mjlab", "--json", "-", "--force")
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert "Module joints" in said.err
 
 
 def test_viewer_without_a_display_is_refused_in_words(capsys, monkeypatch, tmp_path):

@@ -2,14 +2,12 @@
 
 import math
 
-import mujoco
 import numpy as np
 import pytest
 from riding import HoldStill, pink, world_or_skip
 
 from policy_runtime.evaluation.plain import Protocol, evaluate_policy, protocol_world, run_episode
 from policy_runtime.evaluation.stress import Stress, StressedRobot
-from policy_runtime.evaluation.suite import SUITE
 from policy_runtime.loop.world import World
 from policy_runtime.robots import JointCommand
 from sim.skate.robot.g1 import servos
@@ -42,16 +40,6 @@ def test_a_command_reaches_the_servos_after_the_delay(delay, steps):
         np.testing.assert_array_equal(robot.data.ctrl[robot.actuators], before)
     robot.step()
     assert robot.data.ctrl[robot.actuators] == pytest.approx(np.full(23, 0.123))
-
-
-def test_later_commands_do_not_overtake_earlier_ones():
-    robot = stressed(delay=0.004).robot
-    seen = []
-    for n in range(6):
-        robot.send(told(float(n)))
-        robot.step()
-        seen.append(float(robot.data.ctrl[robot.actuators[0]]))
-    assert seen[2:] == [0.0, 1.0, 2.0, 3.0]
 
 
 def test_masses_frictions_and_gravity_are_changed():
@@ -96,21 +84,6 @@ def test_on_a_slope_the_imu_knows_the_vertical():
     np.testing.assert_allclose(down, gravity / np.linalg.norm(gravity), atol=1e-6)
 
 
-def test_a_push_is_a_force_of_a_tenth_of_a_second():
-    robot = stressed(push=100.0).robot
-    qpos = robot.model.qpos0.copy()
-    qpos[robot.base_q + 2] += 5.0  # in the air, nothing else pushes
-    robot.reset(qpos)
-    robot.push_with(np.array([0.0, 100.0]))
-    for _ in range(80):
-        robot.step()
-    mass = float(robot.model.body("robot/pelvis").subtreemass[0])
-    momentum = np.zeros(3)
-    mujoco.mj_subtreeVel(robot.model, robot.data)
-    momentum = mass * robot.data.subtree_linvel[robot.ids.pelvis]
-    assert momentum[1] == pytest.approx(100 * 0.1, rel=0.02)
-
-
 def test_noise_is_the_trainings_and_each_rides_own():
     world = stressed(noise=1.0)
     world.reset()
@@ -122,12 +95,6 @@ def test_noise_is_the_trainings_and_each_rides_own():
     rides = [run_episode(world, policy, protocol, np.random.default_rng([0, n]))[0] for n in (1, 1, 2)]
     assert np.array_equal(rides[0].joints, rides[1].joints)
     assert not np.array_equal(rides[0].joints, rides[2].joints)
-
-
-def test_without_stress_the_world_is_the_plain_one():
-    world_or_skip()
-    assert type(protocol_world(pink(), Protocol()).robot) is not StressedRobot
-    assert SUITE[0][1] == Protocol()
 
 
 @pytest.mark.parametrize(
@@ -174,10 +141,3 @@ def test_board_and_coupling_of_a_protocol_reach_the_world():
         tilt = robot.data.qpos[robot.ids.tilt]
         trucks = np.abs(robot.data.qpos[robot.ids.trucks])
         np.testing.assert_allclose(trucks, abs(math.atan(math.tan(math.radians(60)) * math.sin(tilt))))
-
-
-def test_every_condition_of_the_suite_makes_a_world():
-    world_or_skip()
-    assert len({name for name, _ in SUITE}) == len(SUITE)
-    for _, protocol in SUITE:
-        protocol_world(pink(), protocol)

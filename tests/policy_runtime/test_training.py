@@ -10,12 +10,11 @@ import warnings
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder, next_run
+from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder
 from sim.skate.cycle.start import Start
 from sim.skate.options import SkateOptions
 from sim.skate.world.posterior import Spread, board_draws, draw_boards
@@ -79,11 +78,6 @@ def test_a_bad_option_is_named(started, old, new, message):
         started.read_config()
 
 
-def test_a_folder_without_a_run_is_said_in_words(tmp_path):
-    with pytest.raises(SysidError, match="no training run there"):
-        RunFolder(tmp_path).read_config()
-
-
 def test_a_line_cut_short_by_a_kill_is_left_out(started):
     started.curves.write_text('{"iteration": 1}\n{"iteration": 2}\n{"itera')
     assert [row["iteration"] for row in started.read_curves()] == [1, 2]
@@ -96,13 +90,6 @@ def test_iterations_that_a_kill_has_lost_are_shown_once(started):
     for iteration, reward in ((1, 1.0), (2, 2.0), (3, 3.0), (2, 4.0)):
         started.add_to_curves({"iteration": iteration, "reward": reward})
     assert [row["reward"] for row in started.read_curves()] == [1.0, 4.0]
-
-
-def test_a_run_says_what_it_was_made_from(started):
-    origin = json.loads(started.origin.read_text())
-    assert len(origin["board_sha256"]) == 64
-    assert len(origin["motions_sha256"]) >= 4
-    assert origin["versions"]["mujoco"]
 
 
 def test_a_run_can_begin_with_another_ones_checkpoint(tmp_path):
@@ -131,15 +118,6 @@ def with_checkpoint(folder, iteration):
     folder.checkpoint(iteration).parent.mkdir(exist_ok=True)
     folder.checkpoint(iteration).touch()
     folder.add_to_curves({"iteration": iteration, "samples": 1, "survival": 1, "speed_error": 1})
-
-
-def test_a_run_from_a_checkpoint_goes_as_far_beyond_it_as_a_new_one():
-    from sysid.cli.train import Learner
-
-    assert Learner().options().iterations == 3000
-    assert Learner().options(4421).iterations == 7421
-    with pytest.raises(SysidError, match="--iterations 100: that checkpoint has done 200 already"):
-        Learner(iterations=100).options(200)
 
 
 @pytest.fixture
@@ -215,23 +193,6 @@ def test_an_impossible_option_starts_nothing(begun, tmp_path, option, value):
         )
     assert starts == []
     assert not (tmp_path / "reports").exists()
-
-
-def test_a_start_of_which_nothing_came_leaves_no_folder(begun, tmp_path):
-    assert begun
-    with pytest.raises(SysidError, match="ended before its first iteration"):
-        build_app()(
-            ["train", "--board", "pink", "--force", "--workspace", str(tmp_path), "--gpus", "0"],
-            exit_on_error=False,
-            result_action="return_value",
-        )
-    assert list((tmp_path / "reports" / "pink").iterdir()) == []
-
-
-def test_runs_are_numbered(tmp_path):
-    assert next_run(tmp_path).name == "train-1"
-    (tmp_path / "train-3").mkdir()
-    assert next_run(tmp_path).name == "train-4"
 
 
 def test_boards_are_drawn_about_the_record_and_reach_the_simulator():
@@ -326,26 +287,6 @@ def test_the_discriminator_learns_to_tell_two_styles_apart():
         optimiser.step()
     assert net(reference).mean() > 0.5
     assert net(policy).mean() < -0.5
-
-
-def test_reference_windows_of_a_batch_are_of_the_phases_of_the_policys():
-    torch = pytest.importorskip("torch")
-    pytest.importorskip("rsl_rl")
-    from policy_runtime.learning.amp import AmpOptions, AmpPPO
-
-    torch.manual_seed(0)
-    # Of three kinds, grouped; the first number tells the windows apart.
-    kinds = torch.tensor([0, 0, 0, 0, 1, 1, 2])
-    reference = torch.cat((torch.arange(7.0)[:, None], torch.eye(3)[kinds]), dim=1)
-    learner = SimpleNamespace(amp=AmpOptions(phases=3), reference=reference, device="cpu")
-    policy = torch.cat((torch.zeros(900, 1), torch.eye(3)[torch.arange(900) % 3]), dim=1)
-    chosen = AmpPPO._like(learner, policy)
-    torch.testing.assert_close(chosen[:, 1:], policy[:, 1:])
-    counts = torch.bincount(chosen[:, 0].long(), minlength=7)
-    assert counts[:4].sum() == counts[4:6].sum() == counts[6] == 300
-    assert counts.min() > 45  # all are used: 75 or 150 expected
-    learner.amp = AmpOptions()
-    assert torch.bincount(AmpPPO._like(learner, policy)[:, 0].long()).min() > 90  # 129 expected
 
 
 @pytest.mark.slow
@@ -527,19 +468,6 @@ def test_a_broken_checkpoint_is_said_in_one_line(trained, tmp_path, kind, option
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
-def test_a_learner_of_another_size_is_refused(trained, tmp_path):
-    from policy_runtime.train import train
-
-    folder = copied(trained, tmp_path, "run")
-    folder.config.write_text(folder.config.read_text().replace("[32, 16]", "[24, 16]"))
-    with pytest.raises(
-        SysidError, match=r"model_2\.pt: does not fit this run's learner \(size mismatch for mlp"
-    ):
-        train(folder, device="cpu", iterations=3)
-
-
-@pytest.mark.slow
 def test_two_processes_hold_the_same_weights_normalisers_and_discriminator(started, tmp_path):
     torch = pytest.importorskip("torch")
     pytest.importorskip("mjlab")
@@ -619,25 +547,3 @@ def test_what_stops_a_worker_reaches_the_user(started, gpus, capfd, monkeypatch)
     assert "terrain is 'stairs'" in said.err
     assert said.out == ""
     assert started.read_curves() == []
-
-
-def test_what_is_not_a_number_is_named_with_its_world():
-    torch = pytest.importorskip("torch")
-    tensordict = pytest.importorskip("tensordict")
-    from policy_runtime.train import check_finite
-
-    actor = torch.zeros(24, 8, 5)
-    actor[3, 6, 2] = math.nan
-    storage = SimpleNamespace(
-        observations=tensordict.TensorDict({"actor": actor}, batch_size=[24, 8]),
-        rewards=torch.zeros(24, 8, 1),
-    )
-    algorithm = SimpleNamespace(storage=storage)
-    check_finite(algorithm, {"value": 1.0}, 7)
-    with pytest.raises(
-        SysidError, match=r"iteration 7: actor, number 2 \(angular_velocity\), of world 6 .* step 3"
-    ):
-        check_finite(algorithm, {"value": math.nan}, 7)
-    storage.observations["actor"].zero_()
-    with pytest.raises(SysidError, match="value is not finite although"):
-        check_finite(algorithm, {"value": math.nan}, 7)

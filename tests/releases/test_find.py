@@ -14,8 +14,7 @@ from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.noise.sensor import estimate_noise
 from sysid.recording import Recording
-from sysid.releases import Phase, find_releases, log_phases, settling_time
-from sysid.releases.extrema import crossing_time, half_cycles_of, noise_level, smooth_signal
+from sysid.releases import find_releases, log_phases
 from sysid.roll import Roll
 from sysid.workspace import shipped_data
 
@@ -91,17 +90,6 @@ def test_the_first_sample_may_be_in_the_decay():
         assert release.hold == 0
         assert release.held is None
         assert release.rest == pytest.approx(0.3, abs=2e-3)
-
-
-def test_what_was_read_while_the_deck_was_held_goes_with_its_release():
-    found = find_releases(make_roll(Recipe(sampling=1000, noise=0.02 * DEGREE)))
-    for release in found:
-        assert release.held is not None
-        begin, end = release.held.time[[0, -1]]
-        still = min(release.hold, release.time[-1] - release.start)
-        assert begin == pytest.approx(release.start - still, abs=2e-3)
-        assert end == pytest.approx(release.start - 0.25 * still, abs=2e-3)
-        assert np.abs(release.held.roll - release.roll[0]).max() < 0.05 * release.amplitude
 
 
 def test_a_decay_cut_off_by_the_end_of_the_log():
@@ -211,19 +199,6 @@ def test_a_deck_that_friction_stops_off_zero_is_at_rest_and_not_held():
         assert 0.9 < held.end - held.start < 1.2, "a hand takes a second; the deck lies still for two"
 
 
-def test_phases_after_a_catch():
-    roll = make_roll(Recipe(zeta=0.03, catch_after=0.6, free=2.5, sampling=500, noise=0.05 * DEGREE))
-    kinds = [phase.kind for phase in log_phases(roll, find_releases(roll))]
-    assert kinds[:4] == ["rest", "held", "free", "caught"]
-    assert Phase(0.0, 1.0, "rest") == Phase(0.0, 1.0, "rest")
-
-
-def test_settling_time_is_when_the_envelope_is_gone():
-    recipe = Recipe(sampling=1000, noise=0.02 * DEGREE)
-    (release,) = find_releases(make_roll(recipe))
-    assert 2.5 < (settling_time(release) - release.start) * recipe.zeta * recipe.omega < 7
-
-
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
     offset=st.floats(-3, 3),
@@ -239,22 +214,6 @@ def test_offset_mirror_and_size_change_nothing(offset, side, scale, seed):
     np.testing.assert_allclose([r.start for r in moved], [r.start for r in plain], atol=1e-6)
     np.testing.assert_allclose([r.hold for r in moved], [r.hold for r in plain], atol=0.02)
     assert [r.side == "right" for r in moved] == [(r.side == "right") == (side > 0) for r in plain]
-
-
-def test_noise_level_sees_noise_and_not_motion():
-    rng = np.random.default_rng(0)
-    time = np.arange(4000) / 500
-    motion = 0.2 * np.sin(10 * time)
-    assert noise_level(motion + rng.normal(0, 1e-3, 4000)) == pytest.approx(1e-3, rel=0.06)
-    assert noise_level(np.round(motion / 0.01) * 0.01) == pytest.approx(0.01 / np.sqrt(12), rel=0.2)
-
-
-def test_legs_of_a_swing():
-    time = np.arange(1000) / 500
-    swings = half_cycles_of(smooth_signal(time, 0.1 * np.cos(2 * np.pi * time), 1e-5))
-    assert [swing.size for swing in swings] == pytest.approx([0.2] * 4, rel=1e-3)
-    assert [swing.duration for swing in swings] == pytest.approx([0.295] * 4, rel=0.02)
-    assert crossing_time(time, np.sin(time), 0.5) == pytest.approx(np.arcsin(0.5), abs=1e-5)
 
 
 REAL = {
@@ -317,12 +276,6 @@ def test_a_release_given_in_the_hold_is_the_one_that_follows():
     assert given[0].hold > 0.9
 
 
-def test_two_times_within_one_hold_are_refused_with_the_release_that_both_mean():
-    roll = lightly_damped(0.05, 0.5, 500.0, 2e-4, 0.0)
-    with pytest.raises(SysidError, match=r"0.5 and 0.6 s are times of one release: .* by 1.0"):
-        find_releases(roll, releases=(0.6, 0.5))
-
-
 @pytest.mark.parametrize("late", [0.012, 0.02, 0.05])
 def test_a_release_given_late_keeps_its_decay(late):
     """The swing that it cuts is shorter than the next one, which no hand has made."""
@@ -332,14 +285,6 @@ def test_a_release_given_late_keeps_its_decay(late):
     assert (release.end, release.hold) == ("rest", 0)
     fit = fit_traces([release])
     assert fit.omega_n == pytest.approx(recipe.omega, rel=2e-3)
-
-
-def test_a_release_given_on_the_way_is_not_said_to_be_held():
-    """It had no hold, and begins at the next sample: 'at 2.24 s the deck was still held: its decay begins at 2.24 s'."""
-    recipe = Recipe(zeta=0.05, sampling=500, free=2.0, noise=0.05 * DEGREE)
-    log = Recording.of(make_roll(recipe), release=[recipe.truth[0] + 0.0309])
-    assert log.releases[0].hold == 0
-    assert not log.warnings
 
 
 def test_a_release_given_while_a_hand_is_on_the_deck_is_refused_or_said():

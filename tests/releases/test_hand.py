@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from decay_truth import DEGREE, integrated_decay, lift, linear_decay
-from scipy.integrate import solve_ivp
 
 from sysid.decay.linear_fit import fit_traces
 from sysid.releases import find_releases
@@ -77,40 +76,6 @@ def test_between_two_hands_a_linear_decay_is_linear_to_the_noise(push):
     assert fit.noise < 1.05 * 0.03 * DEGREE
     assert fit.omega_n == pytest.approx(OMEGA, rel=5e-4)
     assert fit.damping_ratio == pytest.approx(0.04, rel=0.02)
-
-
-def arm(time, stiffness, memory):
-    """Roll of a joint with a Maxwell arm, let go where the arm had come to rest."""
-
-    def law(_, state):
-        x, v, pull = state
-        return v, -(OMEGA**2) * (x + pull) - 2 * 0.03 * OMEGA * v, stiffness * v - pull / memory
-
-    return solve_ivp(law, (0, time[-1]), (0.18, 0.0, 0.0), "DOP853", time, rtol=1e-9, atol=1e-11).y[0]
-
-
-def filtered(time, lag):
-    """Roll of a linear joint behind a first-order low-pass, by exact steps of a signal that is linear between samples."""
-    roll, _ = linear_decay(time, OMEGA, 0.05, 0.18)
-    out, keep = np.empty_like(roll), np.exp(-(time[1] - time[0]) / lag)
-    out[0] = roll[0]
-    for i in range(1, len(roll)):
-        out[i] = keep * out[i - 1] + (1 - keep) * (roll[i] + roll[i - 1]) / 2
-    return out
-
-
-STOP = lambda x, v: -(OMEGA**2) * (x + 2 * max(x - 0.17, 0.0)) - 0.1 * OMEGA * v  # noqa: E731
-NO_HAND = {
-    "linear": lambda time: linear_decay(time, OMEGA, 0.05, 0.2)[0],
-    "a stop that it leaned on": lambda time: integrated_decay(time, STOP, 0.2)[0],
-    "filter": lambda time: filtered(time, 0.008),
-    "softening": lambda time: integrated_decay(
-        time, lambda x, v: -(OMEGA**2) * x * (1 - 8 * x * x) - 3 * v, 0.2
-    )[0],
-    "hardly a swing": lambda time: linear_decay(time, OMEGA, 0.5, 0.2)[0],
-    "quick arm": lambda time: arm(time, 0.3, 0.02),
-    "slow arm": lambda time: arm(time, 0.3, 0.2),
-}
 
 
 def test_a_decay_and_its_mirror_are_cut_alike():

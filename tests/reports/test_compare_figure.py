@@ -1,7 +1,5 @@
 """The picture of a comparison names its units, and shows where there is no data."""
 
-from dataclasses import replace
-
 from reports.figures.compare import compare_figure
 from reports.figures.decay import decay_figure
 from sysid.board import load_board
@@ -30,15 +28,6 @@ def test_panels_have_units_and_none_is_empty():
     assert not len(
         result.measured_backbone.amplitude
     )  # an overdamped board has no backbone, and no panel for one
-
-
-def test_several_logs_and_releases_left_out_are_named():
-    releases = find_releases(read_roll(shipped_data() / "decays" / "pink_hidden.csv", LogOptions()))
-    twice = [*releases, *(replace(release, log="other.csv") for release in releases)]
-    figure = compare_figure(compare(twice, load_board(shipped_data() / "boards" / "pink.toml")), "a title")
-    assert "4 of 6 releases drawn" in figure.get_suptitle()
-    titles = [axes.get_title(loc="left") for axes in figure.axes]
-    assert any(title.startswith("other.csv, release 1") for title in titles)
 
 
 def labels(figure):

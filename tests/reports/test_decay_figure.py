@@ -1,7 +1,5 @@
 """The decay picture holds what it should, for every kind of decay."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from decay_truth import DEGREE, Recipe, linear_decay, make_roll
@@ -78,25 +76,3 @@ def test_nothing_measured_is_cut_off_and_the_residual_is_simulated_minus_measure
         np.testing.assert_allclose(
             drawn.get_ydata(), np.rad2deg(fitted.modelled - fitted.trace.measured), atol=1e-12
         )
-
-
-@pytest.mark.parametrize("noise", [0.1, 1e-3, 1e-5])
-def test_no_label_leaves_the_picture(noise):
-    roll = make_roll(Recipe(sampling=500, amplitudes=(0.2, -0.18), noise=noise * DEGREE))
-    figure = decay_figure([roll], fit_decay(find_releases(roll), INERTIA), "a title")
-    figure.draw_without_rendering()
-    for axes in figure.axes:
-        for text in (axes.xaxis.label, axes.yaxis.label, axes.title):
-            box = text.get_window_extent()
-            assert 0 <= box.x0 <= box.x1 <= figure.bbox.x1, text.get_text()
-
-
-def test_a_single_peak_has_a_whole_number():
-    roll = make_roll(Recipe(sampling=500))
-    decay = fit_decay(find_releases(roll), INERTIA)
-    alone = replace(decay, peaks=tuple(group[:1] for group in decay.peaks))
-    line = decay_figure([roll], alone, "a title").axes[3]
-    low, high = line.get_xlim()
-    ticks = [tick for tick in line.get_xticks() if low <= tick <= high]
-    assert ticks
-    assert all(tick == round(tick) for tick in ticks)

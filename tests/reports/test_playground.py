@@ -7,7 +7,6 @@ import pytest
 from decay_truth import Recipe, make_roll
 
 from reports.evidence import Evidence, LastDiagnosis, gather
-from reports.javascript import javascript
 from reports.page.page import Page, sliders
 from reports.playground import playground
 from sysid.board import BoardEffect, load_board
@@ -181,44 +180,3 @@ def test_effects_that_were_tried_get_sliders_and_buttons(pink):
         "dry friction: torque", "dry friction with stiction: torque",
     ]  # fmt: skip
     assert play.left_out == ("lowpass",)
-
-
-def test_an_effect_without_a_slider_takes_no_law_away(pink):
-    """A compliant support has no amount: chosen by a diagnosis, it is named, and the other laws stay."""
-    board = with_effects(pink, coulomb=(0.12,))
-    parameters = {
-        "stiffness": STIFF, "damping": DAMP, "rest_angle": 0.01, "coulomb.torque": 0.12,
-        "second-mode.inertia": 0.004, "second-mode.stiffness": 60.0, "second-mode.damping": 0.1,
-    }  # fmt: skip
-    best = {"effects": ["second-mode"], "parameters": {n: {"value": v} for n, v in parameters.items()}}
-    content = {"verdict": {}, "score_std": [], "best": best, "candidates": []}
-    play = playground(
-        evidence_of(board, recording(pink), with_effects(pink)), LastDiagnosis(content, is_current=True)
-    )
-    assert [preset.label for preset in play.presets] == ["as it stood", "the record"]
-    assert play.presets[play.settings["begin"]].label == "the record"
-    assert play.left_out == ("second-mode",)
-
-
-def test_a_long_log_is_carried_as_means(pink, opened, monkeypatch):
-    monkeypatch.setattr("reports.playground.MOST_SAMPLES", 500)
-    board = with_effects(pink, coulomb=(0.1,))
-    recorded = recording(pink)
-    evidence = evidence_of(board, recorded)
-    play = playground(evidence, None)
-    assert play.releases[0]["width"] > 1
-    expected = evidence.comparison
-    assert error_of(opened(play)) == pytest.approx(expected.rmse / expected.noise.std, rel=0.005)
-
-
-def test_javascript_is_the_casadi_graph():
-    import casadi as ca
-
-    x = ca.SX.sym("x", 2)
-    function = ca.Function("f", [x], [ca.vertcat(ca.if_else(x[0] > 1, ca.exp(x[1]), ca.inf), ca.SX(1, 1))])
-    text = javascript(function, "f")
-    assert text.startswith("function f(a0){")
-    assert "Math.exp" in text
-    assert "Infinity" in text
-    with pytest.raises(NotImplementedError, match="no JavaScript"):
-        javascript(ca.Function("g", [x], [ca.erf(x)]), "g")

@@ -1,11 +1,8 @@
 """Recordings hold what was computed, open as they should, and fail in clear words."""
 
-import re
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,13 +10,11 @@ from decay_truth import Recipe, make_roll
 
 from reports.evidence import gather
 from reports.page.summary import board_summary, decay_summary
-from reports.rerun.decay import MILLI, _log_views, _shown, comparison_recording, decay_recording
+from reports.rerun.decay import MILLI, comparison_recording, decay_recording
 from reports.rerun.film_frames import FilmFrames
 from reports.screenshots import headless_viewer, recording_picture
 from sysid.board import BoardEffect
 from sysid.cli import build_app
-from sysid.comparison.release import ComparedRelease
-from sysid.effects import catalogue
 from sysid.errors import SysidError
 from sysid.fitting.ladder import PLAIN
 from sysid.free_decay import fit_decay
@@ -96,15 +91,6 @@ def test_the_reader_finds_the_very_numbers_of_the_comparison(compared, evidence)
     band = logged["/release1/residual/noise_upper"][1]
     np.testing.assert_allclose(band, 2 * MILLI * evidence.comparison.noise.std)
     assert [rung.label for rung in evidence.ladder] == [PLAIN, "+ coulomb"]
-
-
-def test_phases_are_a_lane_aligned_at_the_first_release(compared, evidence):
-    time, states = series(compared)["/log1/phase"]
-    (phases,) = evidence.phases
-    assert states == [phase.kind for phase in phases]
-    assert {"held", "free", "rest"} <= set(states)
-    first = states.index("free")
-    assert time[first] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_peaks_are_where_the_measured_deck_turns(compared):
@@ -219,11 +205,6 @@ def test_commands_write_recordings(log, tmp_path):
     assert "/release2/signal/simulated" in series(path)
 
 
-def test_view_without_logs_says_what_to_do(tmp_path):
-    with pytest.raises(SysidError, match=r"never fitted.*husky-sysid fit"):
-        run("view", "--board", "pink", "--workspace", tmp_path)
-
-
 def test_without_rerun_the_message_says_what_to_install(log, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(SysidError, match="pip install rerun-sdk"):
@@ -237,46 +218,3 @@ def test_an_unwritable_path_is_said_and_nothing_is_left(evidence, tmp_path):
     with pytest.raises(SysidError, match="cannot write there"):
         comparison_recording(blocked / "out.rrd", evidence, "text")
     assert list(tmp_path.iterdir()) == [blocked]
-
-
-def test_every_effect_of_the_catalogue_has_a_place_in_the_law(board):
-    from dataclasses import replace
-
-    from reports.page.summary import law_text
-
-    for name, part in catalogue().items():
-        values = {
-            p.name: Quantity(v, 0.0, p.unit) for p, v in zip(part.parameters, part.example, strict=False)
-        }
-        text = law_text(replace(board, effects=(BoardEffect(name, values),)))
-        assert text.startswith("8.70e-3 φ̈")
-        assert text != law_text(replace(board, effects=()))
-
-
-def test_the_whole_log_is_shown_over_all_of_its_time(evidence):
-    """Not over the range of a release, which views of one time line share unless each has its own."""
-    roll, first = evidence.rolls[0], evidence.releases[0].start
-    view, _ = _log_views("log1", roll, first)
-    ends = re.findall(r"'(?:start|end)': (-?\d+)", str(view.properties["TimeAxis"]))
-    shown = sorted(int(end) * 1e-9 for end in ends)
-    assert shown == pytest.approx([roll.time[0] - first, roll.time[-1] - first], abs=1e-6)
-
-
-def test_a_release_is_shown_as_long_as_the_deck_swings_whatever_the_law_says():
-    time = np.arange(0, 30, 0.01)
-    noise = np.random.default_rng(0).normal(0, 1e-3, len(time))
-    swings, rests = 0.5 * np.exp(-0.1 * time) * np.cos(6 * time), 0.5 * np.exp(-20 * time)
-    release = ComparedRelease(
-        log="",
-        number=1,
-        time=time,
-        measured=swings + noise,
-        simulated=rests,
-        roll=rests,
-        rate=rests,
-        rmse=0.1,
-    )
-    result = SimpleNamespace(noise=SimpleNamespace(std=1e-3))
-    assert _shown(release, result)[1] > 25
-    still = replace(release, measured=rests + noise)
-    assert _shown(still, result)[1] < 1

@@ -7,18 +7,14 @@ import shlex
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pytest
 from decay_truth import Recipe, make_roll
 
-from reports.figures.svg import MOST_POINTS, figure_to_svg, page_style, thin
-from reports.page import answers
-from reports.page import board as board_page
-from reports.page.page import Page, choices, figure, table
+from reports.figures.svg import MOST_POINTS, thin
+from reports.page.page import Page, choices, table
 from sysid.board import Board
 from sysid.cli import build_app
 from sysid.errors import SysidError
@@ -151,13 +147,6 @@ def test_one_page_is_one_page_as_pdf_and_png(space, tmp_path):
         text = subprocess.run([reader, tmp_path / "sheet.pdf", "-"], capture_output=True, text=True).stdout
         for words in ("Does the model match? Yes", "coulomb: torque", "as it stood", "sha256", "mujoco"):
             assert words in text
-
-
-@pytest.mark.slow
-def test_a_long_log_makes_no_large_page(tmp_path):
-    log = write_log(tmp_path / "long.csv", sampling=1000, free=20.0, zeta=0.01, amplitudes=(0.2,) * 3)
-    assert run("report", log, "-b", "pink", "--workspace", tmp_path) == 0
-    assert (tmp_path / "reports" / "pink" / "report.html").stat().st_size < 1e6
 
 
 def test_thinning_keeps_every_extreme():
@@ -360,29 +349,6 @@ def test_the_first_screen_answers_four_questions(sized):
     assert "husky-sysid diagnose" in rows[3][1]
 
 
-@pytest.mark.parametrize("dark", [False, True])
-def test_two_curves_never_have_one_colour(tab, dark):
-    tab.dark(dark)
-    tab.run("document.getElementById('release1').scrollIntoView()")
-    colours = tab.run(
-        "[...document.querySelectorAll('#release1 g')].filter(g => g.id.includes('series:') && !g.id.includes('@'))"
-        ".map(g => getComputedStyle(g.querySelector('path')).stroke)"
-    )
-    tab.dark(False)
-    far = [np.array([float(v) for v in re.findall(r"[\d.]+", colour)[:3]]) for colour in colours]
-    assert len(far) == 3
-    assert all(np.linalg.norm(a - b) > 80 for i, a in enumerate(far) for b in far[:i])
-
-
-def test_dark_is_dark(tab, tmp_path):
-    import cv2
-
-    for dark in (True, False):
-        tab.dark(dark)
-        tab.picture(tmp_path / "page.png")
-        assert (np.median(cv2.imread(str(tmp_path / "page.png"))) < 60) == dark
-
-
 def diagnosed(board, **changes):
     """What diagnose.json holds, as far as the page reads it."""
     verdict = {
@@ -463,19 +429,6 @@ def test_the_finished_reports_are_whole(board):
     assert sum(path.stat().st_size for path in folder.iterdir()) < 1.5e6
 
 
-def test_narrow_figures_stay_narrow():
-    from matplotlib.figure import Figure
-
-    with page_style():
-        drawn = Figure(figsize=(3, 2), layout="constrained")
-        drawn.subplots().plot([0, 1], [0, 1], gid="series:real")
-        text = figure(figure_to_svg(drawn, "small", 'a "title"'), "caption")
-    assert "max-width: 312px" in text
-    assert "small-series:real" in text
-    hover = json.loads(re.search(r'class="hover">(.*?)</script>', text)[1])
-    assert hover[0]["series"][0]["y"] == [0.0, 1.0]
-
-
 def test_a_pendulum_without_a_spring_has_a_page(tmp_path):
     def law(angle, rate):
         return -36.0 * np.sin(angle) - 0.1 * rate
@@ -488,24 +441,3 @@ def test_a_pendulum_without_a_spring_has_a_page(tmp_path):
     text = (tmp_path / "reports" / "arm" / "report.html").read_text()
     assert "has no spring" in text
     assert re.search(r"<dd>d to ±[\d.]+ %, gravity to ±", text)
-
-
-def test_a_package_that_tells_no_version_is_named_all_the_same(monkeypatch):
-    """As of CasADi built from source."""
-    monkeypatch.setattr(board_page, "version", lambda name: version({"casadi": "nowhere"}.get(name, name)))
-    rows = dict(
-        board_page.made_of(
-            Board.load("pink"), board_page.Provenance("x", "today", "pink.toml", Workspace(Path()))
-        )
-    )
-    assert rows["casadi"] == "unknown"
-    assert rows["mujoco"] == version("mujoco")
-
-
-def test_a_record_without_intervals_is_not_sure():
-    """A model says its numbers without intervals: that is not an interval of 0 %."""
-    pink = Board.load("pink")
-    exact = pink.with_tilt(**{name: replace(quantity, std=0.0) for name, quantity in pink.tilt.items()})
-    assert "±0 %" not in answers.how_sure(exact, None)
-    assert "without intervals" in answers.how_sure(exact, None)
-    assert answers.how_sure(pink, None) == "k to ±0.62 %, d to ±0.35 %, 95 %."

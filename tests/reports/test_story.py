@@ -2,20 +2,15 @@
 
 import json
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from decay_truth import Recipe, make_roll
 
-from reports.figures.ladder import ladder_figure
-from reports.figures.story import draw_candidates, panels, story_figure
-from reports.figures.style import styled
-from reports.story import RECORD, STOOD, Ranked, Step, law_of_candidate, ranked, tell, times
+from reports.figures.story import panels, story_figure
+from reports.story import STOOD, Step, law_of_candidate, ranked, tell
 from sysid.board import load_board
 from sysid.diagnosis.diagnose import diagnose
-from sysid.fit_mjcf import fit
-from sysid.fitting.report import report
 from sysid.joint import JointLaw
 from sysid.releases import find_releases
 from sysid.workspace import shipped_data
@@ -62,11 +57,6 @@ def test_the_error_falls_from_the_record_as_it_stood_to_the_noise(story):
     assert low < 1 < high
 
 
-def test_the_release_with_the_largest_error_is_drawn(story):
-    errors = [release.rmse for release in story.before.releases]
-    assert story.shown == int(np.argmax(errors))
-
-
 def test_the_missing_torque_is_the_law_of_what_is_missing(story):
     for missing in (story.over_rate, story.over_angle):
         seen = missing.seen
@@ -88,15 +78,6 @@ def test_the_residual_is_white_only_with_what_was_missing(story):
     assert story.lags[-1] == pytest.approx(2 * np.pi / story.after.law.frequency, rel=0.05)
 
 
-def test_candidates_are_those_that_were_predicted_and_the_chosen_one_is_marked(story):
-    assert story.ranked == (Ranked(("coulomb",), 0.0, 0.0, True), Ranked((), 400.0, 30.0, False))
-    assert story.why == "the best"
-    worse = tuple(replace(model, score=model.score + 1) for model in story.ranked)
-    assert "ties with the best" in replace(story, ranked=worse).why
-    far = tuple(replace(model, score=model.score + 100) for model in story.ranked)
-    assert "simplest of several" in replace(story, ranked=far).why
-
-
 def test_what_is_drawn_is_the_story(story):
     by_name = {panel.name: panel for panel in panels(story)}
     assert list(by_name) == ["decay", "torque-rate", "torque-angle", "ladder", "candidates", "whiteness"]
@@ -114,34 +95,6 @@ def test_what_is_drawn_is_the_story(story):
     assert shows(release.time, np.degrees(release.measured))
 
 
-def test_a_panel_without_data_is_not_drawn(story):
-    bare = replace(story, over_rate=None, over_angle=None, ranked=(), before=None)
-    assert [panel.name for panel in panels(bare)] == ["decay", "ladder", "whiteness"]
-    assert story_figure(bare, "a title").axes
-
-
-def test_a_label_names_few_effects_and_an_error_has_no_exponent(pink, data):
-    law = JointLaw.from_board(pink)
-    rich = law.with_effect("coulomb", 0.1).with_effect("cubic-stiffness", 1.0).with_effect("gravity", 0.1)
-    told = tell(data, pink, before=law, after=rich, effects=("coulomb", "cubic-stiffness", "gravity"))
-    assert told.labels == (STOOD, "with all 3 effects")
-    assert [times(error) for error in (0.5, 12.34, 3456.7)] == ["0.5", "12.3", "3457"]
-
-
-def test_a_record_of_other_logs_is_called_so(pink, data):
-    law = JointLaw.from_board(pink)
-    told = tell(
-        data,
-        pink,
-        before=law,
-        after=replace(law, damping=0.5),
-        effects=(),
-        steps=[Step("k and d refitted", 1.0)],
-        label=RECORD,
-    )
-    assert [step.label for step in told.steps] == [STOOD, RECORD, "k and d refitted"]
-
-
 def test_a_law_comes_back_from_the_file_of_a_diagnosis(pink):
     candidate = {
         "effects": ["coulomb"],
@@ -157,41 +110,6 @@ def test_a_law_comes_back_from_the_file_of_a_diagnosis(pink):
     }  # fmt: skip
     del candidate["parameters"]["coulomb.torque"]  # held by --fix
     assert law_of_candidate(pink, candidate) is None
-
-
-def test_the_scores_of_candidates_stand_within_their_panel():
-    """Markers and interval of the worst, and the axis's label."""
-    ranked = tuple(
-        Ranked(effects=effects, score=score, std=1.0, chosen=not score)
-        for effects, score in ((("coulomb",), 0.0), (("coulomb", "lowpass"), 7.0), ((), 1905.0))
-    )
-    with styled(4.2, 3.5) as figure:
-        axes = figure.subplots()
-        draw_candidates(axes, ranked)
-    figure.canvas.draw()
-    shown = figure.get_window_extent()
-    assert axes.xaxis.label.get_window_extent().x0 >= shown.x0
-    assert axes.xaxis.label.get_window_extent().x1 <= shown.x1
-    assert axes.get_xlim()[1] > 1.2 * 1905.0
-
-
-@pytest.mark.parametrize(
-    ("releases", "said"), [(1, "held out: parts of the release"), (3, "held out: releases")]
-)
-def test_the_ladder_says_what_was_held_out(releases, said):
-    """A release alone is not left out: parts of it are."""
-    figure = ladder_figure(
-        [Step("record", 20.0, 30.0), Step("+ coulomb", 1.0, 1.1)], (0.9, 1.1), "title", releases
-    )
-    legend = figure.axes[0].get_legend()
-    assert said in [text.get_text() for text in legend.get_texts()]
-
-
-@pytest.mark.parametrize("kept", [1, 3])
-def test_the_report_of_a_fit_says_what_was_held_out(pink, data, kept):
-    found = report(fit(data[:kept], pink))
-    assert ("the release's second half, predicted from its first" in found) == (kept == 1)
-    assert ("releases that the fit had not seen" in found) == (kept == 3)
 
 
 def test_the_report_of_a_diagnosis_is_in_the_unit_of_the_joint_and_says_what_was_held_out(pink, data):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sim.board import scene as board_scene
-from sim.board.bodies import FREE_JOINT, TRUCK_JOINTS, reflected_inertia
+from sim.board.bodies import FREE_JOINT, TRUCK_JOINTS
 from sim.board.scene import board_spec, coupling_polynomial, roll_inertia, set_trucks
 from sysid.board import Board, load_board
 from sysid.errors import SysidError
@@ -29,14 +29,6 @@ def test_compiled_mass_and_roll_inertia_are_the_records(board: Board):
         expected = sum(n * board.mass[key].value for key, n in (("deck", 1), ("truck", 2), ("wheel", 4)))
         assert model.body_mass.sum() == pytest.approx(expected, rel=1e-12)
         assert model.body("deck").mass[0] == pytest.approx(board.mass["deck"].value)
-
-
-def test_what_steers_adds_little_and_is_not_counted_twice(board: Board):
-    """Full-weight trucks would add more than the deck's own inertia; ours add a twentieth, taken off the deck."""
-    share = reflected_inertia(board) / board.inertia.value
-    assert 0.04 < share < 0.08
-    deck = board_spec(board).compile().body("deck").inertia[0]
-    assert deck + reflected_inertia(board) == pytest.approx(board.inertia.value, rel=1e-9)
 
 
 def test_the_inertia_assertion_can_fail(board: Board):

@@ -2,10 +2,8 @@
 
 import importlib.util
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -13,8 +11,7 @@ import pytest
 
 from sim.board.scene import board_spec
 from sim.check import rules
-from sim.check.decays import check_scene, smooth_power
-from sim.check.rules import unwritten_effects
+from sim.check.decays import check_scene
 from sim.check.rules.tilt_joint import departures
 from sim.check.verdict import judge
 from sim.compensation.parasitics import measure, measure_parasitics
@@ -85,18 +82,6 @@ def test_decays_beyond_the_scenes_range_are_compared_from_where_they_come_within
     outside = replace(measured(board), roll=np.full(250, 0.5), rest=0.0)
     with pytest.raises(SysidError, match="within the scene's tilt range"):
         check_scene(board, scene, [outside])
-
-
-def test_smooth_power_takes_the_noise_out():
-    rng = np.random.default_rng(0)
-    time = np.arange(0, 2, 0.002)
-    smooth = 0.01 * np.sin(2 * math.pi * 6 * time)
-    power, _ = smooth_power(smooth + 0.01 * rng.standard_normal(len(time)), 0.002)
-    assert power == pytest.approx(np.mean(smooth**2), rel=0.1)
-    alone = [smooth_power(0.01 * rng.standard_normal(len(time)), 0.002) for _ in range(200)]
-    values, deviations = np.array(alone).T
-    assert abs(values.mean()) < 3 * values.std() / math.sqrt(200)
-    assert values.std() == pytest.approx(deviations.mean(), rel=0.15)
 
 
 def test_what_the_scene_adds_is_found_where_it_was_put(board: Board):
@@ -234,18 +219,3 @@ def test_a_rule_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     assert not verdict.passed
     assert verdict.to_json()["passed"] is False
     assert f"250 samples of board '{board.name}' are too few: record for longer. Why:" in verdict.refusal()
-
-
-def test_a_stop_without_its_damper_that_no_step_follows_is_said_and_ends_nothing():
-    """Its damper is left out of MuJoCo, and a spring of 1e5 N*m/rad is too stiff for the steps of the law without it."""
-    stop = {"angle": (0.1, "rad"), "stiffness": (1e5, "N*m/rad"), "damping": (1.0, "N*m*s/rad")}
-    part = BoardEffect(
-        name="end-stop", parameters={name: Quantity(value, 0.0, unit) for name, (value, unit) in stop.items()}
-    )
-    free = load_board(shipped_data() / "boards" / "pink.toml")
-    release = measured(free)
-    one = SimpleNamespace(release=release, zero=0.0, rmse=1e-3)
-    case = SimpleNamespace(
-        board=replace(free, effects=(part,)), decays=SimpleNamespace(releases=[one], motion=0.1)
-    )
-    assert any("moves without bound" in line for line in unwritten_effects.RULE.says(case))

@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.board.bench import swing
 from sim.check.decays import check_scene
 from sim.compensation.scene import scene_from_file
 from sim.mjcf import board_mjcf
@@ -55,17 +54,6 @@ def test_the_file_decays_like_the_board(
     assert scene.model.jnt_stiffness[scene.model.joint("board_tilt_joint").id] == pytest.approx(
         board.stiffness
     )
-
-
-@pytest.mark.parametrize("name", sorted(catalogue()))
-@pytest.mark.parametrize("kind", ["bench", "scene"])
-def test_every_effect_is_written_and_loads(name: str, kind: str):
-    board = load_board(shipped_data() / "boards" / "pink.toml")
-    found = catalogue()[name]
-    pairs = zip(found.parameters, found.example, strict=True)
-    rich = replace(board, effects=(BoardEffect(name, {p.name: Quantity(v, 0.0, p.unit) for p, v in pairs}),))
-    model = mujoco.MjModel.from_xml_string(board_mjcf(rich, kind, export="physical").xml)
-    assert model.joint("board_tilt_joint").axis[0] == 1.0
 
 
 def with_example(name: str) -> Board:
@@ -159,50 +147,6 @@ def test_a_scene_that_is_known_to_be_wrong_is_not_written_without_a_word(
     assert "off the board's" not in capsys.readouterr().err
     mjcf(board="pink", output=path, common=light(tmp_path, 0.045))
     assert "2.2 % off the board's" in " ".join(capsys.readouterr().err.split())
-
-
-@pytest.mark.parametrize(("timestep", "helps"), [(0.002, False), (0.02, True)])
-def test_a_refusal_names_what_mujoco_lacks_and_a_smaller_step_only_where_one_helps(
-    tmp_path: Path, timestep: float, helps: bool
-):
-    """A rig whose stop takes most of what a swing loses."""
-    stop = {"angle": 0.02, "stiffness": 60.0, "damping": 0.1}
-    pink = load_board(shipped_data() / "boards" / "pink.toml").with_tilt(
-        damping=Quantity(0.02, 0.0, "N*m*s/rad")
-    )
-    units = {p.name: p.unit for p in catalogue()["one-sided-stop"].parameters}
-    part = BoardEffect(
-        "one-sided-stop", {name: Quantity(value, 0.0, units[name]) for name, value in stop.items()}
-    )
-    save_board(replace(pink, effects=(part,)), tmp_path / "data" / "boards" / "pink.toml")
-    with pytest.raises(SysidError, match=r"cannot represent its damping of 0\.1") as refused:
-        mjcf(
-            board="pink",
-            output=tmp_path / "b.xml",
-            bench=True,
-            timestep=timestep,
-            common=Common(workspace=tmp_path),
-        )
-    assert ("smaller --timestep for the rest" in str(refused.value)) == helps
-    assert ("timestep" in str(refused.value)) == helps
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["bench", "scene"])
-def test_mujoco_warp_decays_the_same(board: Board, kind: str):
-    warp = pytest.importorskip("mujoco_warp", reason="MuJoCo Warp is in the training environment only")
-    model = mujoco.MjModel.from_xml_string(board_mjcf(board, kind).xml)
-    data = mujoco.MjData(model)
-    tilt = model.joint("board_tilt_joint").qposadr[0]
-    data.qpos[tilt] = 0.1
-    mujoco.mj_forward(model, data)
-    warp_model, warp_data = warp.put_model(model), warp.put_data(model, data)
-    for _ in range(100):
-        mujoco.mj_step(model, data)
-        warp.step(warp_model, warp_data)
-        assert warp_data.qpos.numpy()[0, tilt] == pytest.approx(data.qpos[tilt], abs=1e-5)
-    if kind == "bench":
-        assert swing(model, 0.1, 0.0, 0.5).roll[100] == pytest.approx(data.qpos[tilt], abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -1,23 +1,18 @@
 """The angle from points: exact without noise, honest with it."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sysid.video.film.camera import Lens
 from sysid.video.film.pace import frames_per_period
 from sysid.video.film.shake import still
 from sysid.video.film.track import Track
-from sysid.video.notes import _level_std
 from sysid.video.pose.angle import fit_angle
 from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.prior import BODY_FLOOR, BodyPrior
-from sysid.video.pose.rectify import project, rectify, upright
+from sysid.video.pose.rectify import project, upright
 from sysid.video.pose.view import View
-from sysid.video.select import _solve_whole
 from sysid.video.trackers.dots import fit_pivot
 from sysid.video.trackers.features import TEXTURE
 
@@ -81,25 +76,6 @@ def test_a_camera_at_a_slant_matters_and_is_found():
     assert turning.camera_state.value[0] == pytest.approx(0.25, abs=0.02)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_a_shutter_that_is_not_known_does_not_turn_a_slant_to_the_other_side(seed):
-    """Two points show little of the read-out: one in the middle of its limits went with the mirrored slant, 0.5 % off.
-
-    Nor do they tell much of the slant's side: what both sides differ by is shared.
-    """
-    time = np.arange(96) / 60 - 0.25
-    angle = 0.35 * np.where(time < 0, 1.0, np.exp(-4 * time) * np.cos(20 * time))
-    ends, ceiling = np.array([[-0.09, -0.014], [0.09, -0.014]]), 1 / 60
-    std = [np.radians(15), np.radians(15), 0.25, ceiling / np.sqrt(12)]
-    before = CameraState(np.array([0, 0, 0, ceiling / 2]), np.diag(np.square(std)), ceiling)
-    # The camera looks at the points, not along the axis.
-    points = picture(angle, 0.09, -0.06, shape=ends, distance=0.6, shift=-0.6 * (0.09 - 0.06j))
-    points = points + 0.03 * np.random.default_rng(seed).normal(size=points.shape)
-    turning = fit_angle(view(points), MATRIX, before)
-    assert np.degrees(turning.camera_state.value[:2]) == pytest.approx([5.2, -3.4], abs=1.5)
-    assert np.polyfit(angle, turning.angle, 1)[0] == pytest.approx(1.0, abs=0.003)
-
-
 def test_points_at_different_depths_still_turn_about_one_axis():
     angle = swing()
     depth = np.array([0.0, 0.02, 0.02, 0.0])
@@ -130,19 +106,6 @@ def test_texture_on_a_slanted_side_of_the_deck_tells_how_far_it_turns(slope, yaw
         assert np.polyfit(angle, turning.angle, 1)[0] == pytest.approx(1, abs=0.03)
         assert np.median((turning.std / np.abs(angle))[swinging]) < 0.04
     assert np.sqrt(np.mean(np.square(scores))) < 2.0
-
-
-def test_the_whole_body_tells_the_camera_where_patches_of_texture_have_put_it_elsewhere():
-    angle = swing()
-    seen = view(picture(angle, 0.25, 0.15))
-    patches = fit_angle(seen, MATRIX, known(0.0, 0.0))
-    texture = SimpleNamespace(shows_turn=False)
-    led = SimpleNamespace(found=patches, level=patches.angle, target=texture, whole=None)
-    whole = _solve_whole(led, seen, MATRIX, known())
-    off = [np.degrees(np.std(one.angle - angle)) for one in (patches, whole)]
-    assert off[0] > 0.1
-    assert off[1] < 0.01
-    assert whole.camera_state.value[:2] == pytest.approx([0.25, 0.15], abs=2 * whole.camera_state.std.max())
 
 
 def test_shifts_of_the_body_are_no_angle():
@@ -180,13 +143,6 @@ def test_frames_with_wrong_points_are_left_out():
     assert np.isnan(turning.angle[120])
 
 
-def test_rectify_makes_circles_round():
-    angle = np.linspace(0, 2 * np.pi, 60)
-    z = rectify(picture(angle, 0.2, -0.1, shape=SQUARE[:1]), MATRIX, np.array([0.2, -0.1, 0.0]))[:, 0]
-    radius = np.abs(z - z[:-1].mean())
-    assert np.ptp(radius) / radius.mean() < 1e-3
-
-
 def test_rolling_shutter_is_undone():
     readout, fps = 0.015, 240
     stamps = np.arange(200) / fps
@@ -215,35 +171,6 @@ def test_one_dot_about_a_pivot(given_pivot):
     assert np.abs(turning.angle - np.pi / 2 - angle).max() < 1e-6
 
 
-def test_frames_of_a_still_picture_tell_a_pivot_no_better_than_one_does():
-    """A film keeps what stands still as it is, its errors as well: the pivot of a small swing was surer than it is."""
-    time = np.arange(180) / 60
-    angle = 0.15 * np.where(time < 0.5, 1.0, np.exp(-3 * (time - 0.5)) * np.cos(20 * (time - 0.5)))
-    dot = picture(angle, 0, 0, shape=np.array([[0.0, 0.1]]))
-    # From where it was coded last: a still picture is not coded anew.
-    coded = np.zeros(180, int)
-    for row in range(1, 180):
-        moved = np.abs(dot[row] - dot[coded[row - 1]]).max() > 0.25
-        coded[row] = row if moved else coded[row - 1]
-    scores = []
-    for seed in range(30):
-        noise = 0.15 * np.random.default_rng(seed).normal(size=dot.shape)
-        turning = fit_pivot(view((dot + noise)[coded]), MATRIX, known(0.0, 0.0))
-        scale = np.polyfit(angle, turning.angle, 1)[0]
-        scores.append((scale - 1) * 0.15 / turning.std[:30].mean())
-    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
-
-
-def test_a_single_dot_is_followed_through_a_long_film():
-    """Of many frames those turned furthest tell its pivot, though nothing shows its turn yet."""
-    time = np.arange(1500) / 240
-    angle = 0.2 * np.exp(-1.0 * time) * np.cos(20 * time)
-    dot = picture(angle, 0, 0, shape=np.array([[0.0, 0.1]]))
-    noisy = dot + 0.1 * np.random.default_rng(0).normal(size=dot.shape)
-    turning = fit_pivot(view(noisy, fps=240.0), MATRIX, known(0.0, 0.0))
-    assert np.polyfit(angle, turning.angle, 1)[0] == pytest.approx(1.0, abs=0.03)
-
-
 def test_an_unknown_shutter_is_found():
     readout, fps = 0.012, 120
     stamps = np.arange(150) / fps
@@ -261,16 +188,6 @@ def test_an_unknown_shutter_is_found():
     after = fit_angle(view(rows, fps), MATRIX, before, SQUARE_BODY).camera_state
     assert after.std[3] < 0.5 * std[3]
     assert abs(after.readout - readout) < 3 * after.std[3] + 2e-4
-
-
-def test_a_swing_too_fast_for_the_film_is_seen_through_a_large_common_deviation():
-    """6.5 Hz at 30 frames/s: 4.7 frames a period; the deviation is what a read-out that is not known leaves open."""
-    for begin in np.linspace(0, 1 / 30, 5):
-        time = np.arange(90) / 30 + begin
-        since = np.maximum(time - 0.8, 0)
-        roll = 0.2 * np.exp(-0.3 * 2 * np.pi * 6.5 * since) * np.cos(2 * np.pi * 6.2 * since)
-        roll += 1e-3 * np.random.default_rng(0).normal(size=90)
-        assert frames_per_period(time, roll, np.full(90, 0.02)) < 6
 
 
 @pytest.mark.parametrize("fps", [24, 30])
@@ -301,18 +218,6 @@ def test_what_is_level_stays_level_for_a_camera_that_pans_and_tilts():
     edge = np.array([[-1.0, 0.5, 5.0], [1.0, 0.5, 5.0]]) @ camera.T @ matrix.T
     left, right = project(upright(matrix, np.array([*off, 0.0])), edge[:, :2] / edge[:, 2:])
     assert np.degrees(np.arctan2(*(right - left)[::-1])) == pytest.approx(0, abs=1e-9)
-
-
-def test_level_is_as_vague_as_a_level_line_slopes_for_cameras_that_look_aside():
-    """A level line 14 cm above an axis 1.2 m away, for cameras whose direction is known to 4.6 degrees."""
-    line = np.array([[-0.01, -0.14], [0.01, -0.14]])
-    yaws = np.random.default_rng(0).normal(0, 0.08, 400)
-    films = np.array([picture(np.zeros(1), yaw, 0.0, line)[0] for yaw in yaws])
-    slopes = np.arctan2(*np.moveaxis(films[:, 1] - films[:, 0], -1, 0)[::-1])
-    lens = Lens(MATRIX, np.zeros(5), False, "")
-    camera = CameraState(np.zeros(4), np.diag([0.08, 0.0, 0.0, 0.0]) ** 2)
-    stated = _level_std(view(picture(np.zeros(9), 0.0, 0.0, line)).track, lens, camera)
-    assert abs(stated / np.std(slopes) - 1) < 0.1
 
 
 @pytest.mark.parametrize(("yaw", "pitch"), [(0.24, 0.0), (0.1, 0.17), (0.05, -0.24)])

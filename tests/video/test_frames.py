@@ -1,13 +1,11 @@
 """What is made of a decoded picture."""
 
 import av
-import cv2
 import numpy as np
 import pytest
 from film_container import film_writer
-from frames import frame_of
 
-from sysid.video.film.frames import halved, in_colour, open_clip
+from sysid.video.film.frames import open_clip
 
 
 def test_a_film_opened_without_a_guess_of_its_rate_shows_the_same_frames_at_the_same_times(tmp_path):
@@ -25,16 +23,3 @@ def test_a_film_opened_without_a_guess_of_its_rate_shows_the_same_frames_at_the_
     assert all(
         np.array_equal(frame.picture, picture) for frame, (_, picture) in zip(seen, usual, strict=True)
     )
-
-
-@pytest.mark.parametrize("shape", [(360, 640), (359, 641), (270, 480)])
-def test_a_small_picture_in_colour_is_that_of_the_whole_one(shape):
-    rng = np.random.default_rng(3)
-    coarse = rng.uniform(40, 210, (9, 16, 3)).astype(np.float32)
-    picture = cv2.resize(coarse, shape[::-1], interpolation=cv2.INTER_CUBIC).clip(0, 255).astype(np.uint8)
-    frame = frame_of(0, 0.0, picture)
-    bright, times = halved(frame.picture, 200)
-    small = in_colour(bright, [halved(one, 200)[0] for one in frame.chroma])
-    whole, scale = halved(frame.colour, 200)
-    assert times == scale == 4
-    assert np.abs(small.astype(int) - whole.astype(int)).max() <= 4

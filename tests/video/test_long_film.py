@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from drawn_films import decay, draw_film, marked, plate, wall
+from drawn_films import draw_film, marked, plate
 
 from sysid.releases import find_releases
-from sysid.video.film import reel
 from sysid.video_roll import VideoOptions, roll_from_video
 
 RATE, EVERY, RELEASES = 30.0, 8.0, 6
@@ -39,33 +38,3 @@ def test_a_long_film_does_not_drift(tmp_path, method):
     assert np.degrees(np.ptp(thirds)) < 0.01
     assert np.mean(np.abs(error) < 1.96 * roll.std) >= 0.93
     assert len(find_releases(roll)) == RELEASES
-
-
-@pytest.mark.parametrize(("speck", "hand"), [(False, False), (True, False), (True, True)])
-def test_a_still_beginning_that_is_left_out_shifts_no_times(tmp_path, monkeypatch, speck, hand):
-    """What memory does not hold of it is gone, and said; the release stays where a player shows it.
-
-    A speck that moves first, as what compression redraws does, is not taken for all that will move; and the board is no speck
-    beside a hand that passes once it rests.
-    """
-    monkeypatch.setattr(reel, "MEMORY", 40 * 640 * 360 * 3 // 2)
-    stamps = np.arange(170) / 60
-    truth = decay(stamps - 1.5)
-
-    def behind(number):
-        picture = wall()
-        if speck:
-            picture[20:36, 40 : 56 + min(number, 24)] = 255
-        if hand and 150 <= number < 160:
-            picture[:, 60 * (number - 150) : 60 * (number - 150) + 90] = 230
-        return picture
-
-    film = draw_film(tmp_path / "held.mp4", marked(plate(300, 90), 70), truth, background=behind)
-    roll = roll_from_video(film, VideoOptions(readout=0.0, overlay=tmp_path / "seen.avi"))
-    assert 0.5 < roll.time[0] < 1.7
-    assert roll.time[-1] == pytest.approx(stamps[-1])
-    assert np.std(roll.roll - np.interp(roll.time, stamps, truth)) < np.radians(0.1)
-    (release,) = find_releases(roll)
-    assert release.start == pytest.approx(1.7, abs=0.03)
-    assert any("170 frames" in note for note in roll.notes)
-    assert any(f"the film's own, from {roll.time[0]:.4g} s on" in note for note in roll.notes)

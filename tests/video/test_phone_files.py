@@ -15,7 +15,6 @@ from drawn_films import decay, draw_film, marked, plate
 
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
-from sysid.video.film import reel
 from sysid.video.film.frames import open_clip
 from sysid.video.film.pace import speed_ramp
 from sysid.video.options import is_film
@@ -115,19 +114,6 @@ def test_the_read_out_that_an_iphone_notes_is_taken(film, tmp_path):
     assert any("8.3 ms, as the phone notes" in note for note in roll_from_video(noted).notes)
 
 
-def test_a_film_larger_than_the_memory_is_read_frame_by_frame(film, monkeypatch):
-    """9 pictures of 60 fit: nothing moves in the first ones, and the part that does is small enough for 20."""
-    whole = roll_from_video(film, VideoOptions(method="marker", readout=0.0))
-    monkeypatch.setattr(reel, "MEMORY", 3_000_000)
-    monkeypatch.setattr(reel, "MIN_FRAMES", 20)
-    roll = roll_from_video(film, VideoOptions(method="marker", readout=0.0))
-    left_out = len(whole.time) - len(roll.time)
-    assert 0 < left_out < 12
-    assert any(f"its first {left_out} frames show no motion" in note for note in roll.notes)
-    assert roll.time[0] == pytest.approx(left_out / 60)  # as a player shows it
-    assert error_of(roll, ROLL) < 0.1
-
-
 @pytest.mark.parametrize("damaged", [30, 59])
 def test_a_damaged_picture_costs_itself_only(tmp_path, damaged):
     whole = draw_film(tmp_path / "whole.avi", marked(plate(), 64), ROLL)
@@ -156,16 +142,6 @@ def test_frames_without_stamps_need_the_rate(film, tmp_path):
     roll = roll_from_video(bare, VideoOptions(method="marker", readout=0.0, rate=60.0))
     assert len(roll.time) == len(ROLL)
     assert error_of(roll) < 0.1
-
-
-@pytest.mark.parametrize("where", [{"roi": (0, 0, 640, 360)}, {}])
-def test_a_board_is_followed_in_what_was_kept_of_the_pictures(tmp_path, monkeypatch, where):
-    """It moves little until the memory is full, and later further than was kept, or the region that is given is larger."""
-    swing = ROLL * np.linspace(0.1, 1, len(ROLL))
-    film = draw_film(tmp_path / "plate.mp4", plate(300, 100, contrast=40.0), swing)
-    monkeypatch.setattr(reel, "MEMORY", 6_000_000)
-    monkeypatch.setattr(reel, "MARGIN", 0.0)
-    assert error_of(roll_from_video(film, VideoOptions(method="features", readout=0.0, **where)), swing) < 0.1
 
 
 def test_an_edit_that_plays_faster_is_refused(film, tmp_path):

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from sysid.errors import SysidError
-from sysid.video.film.frames import open_clip
 from sysid.video_roll import VideoOptions, roll_from_video
 
 SIZE = (480, 240)
@@ -96,17 +95,3 @@ def test_a_pivot_is_for_one_dot(film):
     assert (
         "one coloured dot" in followed(film, pivot=(360.0, 120.0), roi=(370, 0, 110, 240), method="dots")[0]
     )
-
-
-def test_an_old_way_of_compression_is_named(film, tmp_path):
-    path = tmp_path / "old.mp4"
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"mp4v"), 60, SIZE)
-    for frame in open_clip(film).frames():
-        writer.write(frame.colour)
-    writer.release()
-    options = VideoOptions(method="marker", readout=0.0)
-    assert any(
-        "compressed as mpeg4, which drops small motion" in fault
-        for fault in roll_from_video(path, options).warnings
-    )
-    assert not any("compressed" in fault for fault in roll_from_video(film, options).warnings)

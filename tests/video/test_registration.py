@@ -63,22 +63,6 @@ def test_the_body_turns_as_from_straight_behind(film):
     assert straight < 0.95 * error(film, np.eye(3))
 
 
-def test_points_that_are_not_seen_show_no_body(film):
-    frames, track = film
-    body = picture_of_body(frames, (0, 0, 640, 480), track, np.eye(3))
-    assert body is not None
-    assert np.isnan(body.seen(frames[0], np.full((4, 2), np.nan, np.float32))).all()
-
-
-def test_a_body_whose_points_are_lost_is_laid_from_where_it_was(film):
-    frames, track = film
-    body = picture_of_body(frames, (0, 0, 640, 480), track, upright(MATRIX, DIRECTION))
-    assert body is not None
-    before, lost = body.seen(frames[10], track.points[10]), np.full((4, 2), np.nan, np.float32)
-    off = body.seen(frames[11], lost, before) - body.seen(frames[11], track.points[11])
-    assert np.abs(off).max() < 0.1  # px, after a turn of 2 degrees, which moves the points by 4 px
-
-
 def test_light_that_falls_unevenly_turns_no_body(film):
     """A lamp that flickers from one side brightens that side more: the body is where it was."""
     frames, track = film

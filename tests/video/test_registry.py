@@ -1,13 +1,11 @@
 """Trackers are found by being there: a file in the folder is all that a new one takes."""
 
-import re
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-import sysid.video
 from sysid.errors import SysidError
 from sysid.video import trackers
 from sysid.video_roll import VideoOptions, roll_from_video
@@ -81,17 +79,3 @@ def test_an_unknown_tracker_is_told_the_known_ones():
         from sysid.video.select import follow_board
 
         follow_board(Reel(Clip(film, 320, 240, 0, 0), None, VideoOptions(method="lamps")))
-
-
-def test_nothing_outside_their_folder_names_a_tracker():
-    """Neither an identifier, nor a name in quotes."""
-    root = Path(sysid.video.__file__).parent
-    names = "|".join(trackers.names())
-    named = re.compile(rf"trackers\.(?:{names})\b|[\"'](?:{names})[\"']")
-    others = [path for path in root.rglob("*.py") if root / "trackers" not in path.parents]
-    found = {
-        path.name: hits
-        for path in [*others, root.parent / "video_roll.py"]
-        if (hits := named.findall(path.read_text()))
-    }
-    assert found == {}

@@ -1,16 +1,11 @@
 """Shake is the camera's own: a deck that was taken for background is found out."""
 
-import cv2
 import numpy as np
 import pytest
 from backgrounds import light, people, soft
-from drawn_films import SIZE, blotches, decay, draw_film, marked, plate, wall
-from frames import frame_of
+from drawn_films import SIZE, decay, draw_film, marked, plate, wall
 
 from sysid.errors import SysidError
-from sysid.video.film.background import Background
-from sysid.video.film.camera import Lens
-from sysid.video.film.survey import Motion
 from sysid.video_roll import VideoOptions, roll_from_video
 
 TIME = np.arange(72) / 60
@@ -70,45 +65,10 @@ def test_a_hand_that_goes_away_leaves_the_wall_as_background(tmp_path):
     assert error_of(roll) < 0.15
 
 
-def test_a_wall_that_a_hand_held_camera_turns_does_not_move():
-    """Its bricks are 6 px beside where a shift alone would put them: only what moves before it moves."""
-    bricks = cv2.resize(blotches((90, 160), 150.0, 60.0, 4), SIZE, interpolation=cv2.INTER_NEAREST)
-    background = Background(Lens(np.diag([600.0, 600.0, 1.0]), np.zeros(5), True, ""))
-    motion = Motion()
-    for number, turn in enumerate(np.sin(np.linspace(0, 6, 13))):
-        move = cv2.getRotationMatrix2D((SIZE[0] / 2, SIZE[1] / 2), turn, 1.0)
-        picture = cv2.warpAffine(bricks, move, SIZE, borderMode=cv2.BORDER_REFLECT)
-        left = 300 + 3 * number
-        picture[150:190, left : left + 40] = 20
-        frame = frame_of(number, number / 60, picture)
-        background.update(frame)
-        motion.add(frame, *background.pose(number))
-    rows, columns = np.nonzero(motion.mask(None))
-    assert 140 < rows.min() < 155
-    assert 185 < rows.max() < 200
-    assert 290 < columns.min() < 305
-    assert 370 < columns.max() < 390
-
-
 def test_what_trembles_is_not_refused_for_its_pace(tmp_path):
     """A marker that trembles by less than a degree at 10 Hz is no board that takes a faster camera."""
     film = draw_film(tmp_path / "trembles.mp4", marked(plate(), 64), decay(TIME, 0.008, 1.0, 63.0))
     assert any("no measurement of a board" in warning for warning in read(film).warnings)
-
-
-def test_a_fast_pan_over_bricks_is_no_cut():
-    bricks = np.full((360, 900), 90, np.uint8)
-    bricks[:, 5::10] = bricks[:, 6::10] = 230  # as far apart as what is compared at first
-    bricks = np.repeat(
-        np.clip(bricks + blotches(bricks.shape, 0.0, 15.0, 2)[..., 0], 0, 255)[..., None], 3, axis=2
-    )
-    background = Background(Lens(np.diag([600.0, 600.0, 1.0]), np.zeros(5), True, ""))
-    for number in range(8):
-        background.update(
-            frame_of(number, number / 60, bricks[:, 5 * number : 5 * number + 640].astype(np.uint8))
-        )
-    with pytest.raises(SysidError, match="a cut"):
-        background.update(frame_of(8, 8 / 60, np.asarray(blotches((360, 640), 120.0, 40.0, 3), np.uint8)))
 
 
 def test_a_camera_that_pans_says_so(tmp_path):
@@ -125,19 +85,3 @@ def test_a_still_camera_does_not_pan_whatever_is_behind_the_board(behind, tmp_pa
         roll = read(film, no_shake=no_shake)
         assert not any(note.startswith("shake: ") for note in roll.notes)
         assert error_of(roll) < 0.1
-
-
-def test_light_that_changes_is_no_motion():
-    """The wall loses a third of its light; a square moves."""
-    picture, motion = wall(), Motion()
-    background = Background(Lens(np.diag([600.0, 600.0, 1.0]), np.zeros(5), True, ""))
-    for number in range(12):
-        shown = (picture * (1 - 0.03 * number)).astype(np.uint8)
-        shown[150:190, 300 + 4 * number : 340 + 4 * number] = 20
-        frame = frame_of(number, number / 60, shown)
-        background.update(frame)
-        motion.add(frame, *background.pose(number))
-    rows, columns = np.nonzero(motion.mask(None))
-    assert 135 < rows.min() < rows.max() < 205
-    assert 285 < columns.min() < columns.max() < 400
-    assert not motion.pans

@@ -5,8 +5,6 @@ import shutil
 import struct
 import subprocess
 import sys
-import threading
-import tracemalloc
 from dataclasses import replace
 
 import cv2
@@ -20,10 +18,8 @@ from films import SMALL, TestFilm, make_film
 from sysid.errors import SysidError
 from sysid.logs.clock_offset import clock_offset
 from sysid.roll import Roll
-from sysid.video.film.background import Background
 from sysid.video.film.camera import Lens, lens_of
-from sysid.video.film.frames import ahead, open_clip
-from sysid.video.film.shake import find_shake, seen_places
+from sysid.video.film.frames import open_clip
 from sysid.video.options import VIDEO_SUFFIXES
 from sysid.video_roll import VideoOptions, roll_from_video
 
@@ -66,13 +62,6 @@ def test_everything_at_once(realistic_film):
     assert any("shake" in note for note in roll.notes)
     assert any("varying" in note for note in roll.notes)
     assert any("to the right" in note for note in roll.notes)
-
-
-@pytest.mark.slow
-def test_unknown_shutter_is_within_the_uncertainty(realistic_film):
-    known = roll_from_video(realistic_film.path, VideoOptions(readout=0.01))
-    unknown = check(realistic_film, "marker")
-    assert unknown.std.max() > known.std.max()
 
 
 @pytest.mark.slow
@@ -125,11 +114,6 @@ def test_filmed_from_the_front_roll_turns_over(marker_film, marker_roll):
     np.testing.assert_allclose(front.roll, -marker_roll.roll)
 
 
-def test_slow_motion_needs_the_true_rate(marker_film):
-    roll = roll_from_video(marker_film.path, VideoOptions(rate=240.0, readout=0.0))
-    assert roll.sampling_rate == pytest.approx(240)
-
-
 @pytest.mark.slow
 def test_too_slow_a_camera_is_refused(film_folder):
     film = make_film(film_folder, "slow", "marker", replace(SMALL, fps=24.0), duration=1.2)
@@ -145,26 +129,6 @@ def test_overlay_shows_every_frame(marker_film, tmp_path):
     assert sheet.shape[0] > 300
     orange = (np.abs(sheet.astype(int) - (0, 159, 230)).max(axis=2) < 40).sum()
     assert orange > 100
-
-
-def test_clock_offset_between_film_and_imu(marker_film, marker_roll):
-    film = marker_roll
-    rng = np.random.default_rng(0)
-    time = np.arange(0, 0.9, 1 / 200)
-    started = 0.037  # the logger began this much after the film's first frame
-    truth = marker_film.motion.at(time + started + marker_film.stamps[0])
-    imu = Roll(
-        log="imu", time=time[: len(truth)], roll=truth + 0.002 * rng.normal(size=len(time)),
-        std=np.full(len(time), 0.002), origin="imu", zero="drifting",
-    )  # fmt: skip
-    offset = clock_offset(film, imu)
-    assert offset.value == pytest.approx(started, abs=0.002)
-    assert offset.std < 0.002
-    same = np.interp(film.time, imu.time + offset.value, imu.roll)
-    inside = film.time > imu.time[0] + offset.value
-    difference = (film.roll - same)[inside]
-    difference -= np.median(difference[-10:])
-    assert np.mean(np.abs(difference) < 3 * np.hypot(film.std[inside], 0.002)) > 0.9
 
 
 def test_the_command_puts_a_film_on_the_clock_of_a_log(marker_film, tmp_path):
@@ -308,14 +272,6 @@ def test_a_film_that_is_cut_off(marker_film, tmp_path):
         roll_from_video(film)
 
 
-def test_pictures_that_stop_early(tmp_path):
-    whole = _blank(tmp_path / "whole.avi", frames=60)
-    half = tmp_path / "half.avi"
-    half.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
-    with pytest.raises(SysidError, match=r"cut off|moves"):
-        roll_from_video(half)
-
-
 def test_a_film_without_a_board(tmp_path):
     with pytest.raises(SysidError, match="nothing moves"):
         roll_from_video(_blank(tmp_path / "wall.avi"))
@@ -380,65 +336,3 @@ def test_every_kind_of_film_is_read(suffix, tmp_path):
     assert len(frames) == 25
     assert frames[0].time == 0  # a container may count from anything
     assert frames[-1].time == pytest.approx(0.96, abs=0.001)
-
-
-def test_frames_decoded_ahead_are_the_same(marker_film):
-    clip = open_clip(marker_film.path)
-    plain = [(frame.index, frame.time, int(frame.picture.sum())) for frame in clip.frames()]
-    assert [(frame.index, frame.time, int(frame.picture.sum())) for frame in ahead(clip.frames(), 3)] == plain
-    before = threading.active_count()
-    some = ahead(clip.frames(), 3)
-    next(some)
-    some.close()  # whoever stops early leaves no thread behind
-    assert threading.active_count() <= before
-
-
-def test_shake_is_a_rotation_and_tells_the_lens():
-    rng = np.random.default_rng(0)
-    focal, centre = 900.0, 320 + 180j
-    home = rng.uniform(-300, 300, 14) + 1j * rng.uniform(-160, 160, 14)
-    turns = np.radians(0.4) * rng.normal(size=(200, 3))
-    motion = np.column_stack([focal * turns[:, :2], turns[:, 2], np.zeros(200)])
-    seen = seen_places(home, motion[:, None], focal)
-    seen = seen + 0.08 * (rng.normal(size=seen.shape) + 1j * rng.normal(size=seen.shape))
-    seen[:, 3] += 25  # something that moves on its own
-    seen[::3, 5] = np.nan
-    shake = find_shake(home, seen, 576.0, centre, np.zeros(len(seen)), 0.25)
-    score = (shake.motion[:, 2] - turns[:, 2]) / shake.std
-    assert shake.moves
-    assert shake.focal == pytest.approx(focal, rel=0.1)
-    assert 0.75 < np.sqrt(np.mean(score**2)) < 1.2
-    points = rng.uniform(0, 300, (200, 5, 2))
-    there = (
-        seen_places(points[..., 0] + 1j * points[..., 1] - centre, shake.motion[:, None], shake.focal)
-        + centre
-    )
-    back = shake.undo(np.stack([there.real, there.imag], axis=-1))
-    np.testing.assert_allclose(back, points, atol=1e-6)
-
-
-def test_memory_grows_by_little_more_than_the_points(marker_film, tmp_path):
-    """What is kept for each frame: points, roll, and a few numbers of shake, never pictures."""
-    frame = next(open_clip(marker_film.path).frames())
-    peaks = []
-    for count in (100, 1100):
-        background = Background(lens_of(open_clip(marker_film.path), None))
-        tracemalloc.start()
-        for _ in range(count):
-            background.update(frame)
-        background.leave_out(np.zeros(frame.picture.shape[:2], bool))
-        background.shake(0, np.zeros(count))
-        peaks.append(tracemalloc.get_traced_memory()[1])
-        tracemalloc.stop()
-    assert (
-        peaks[1] - peaks[0]
-    ) / 1000 < 12000  # bytes a frame, of some hundred patches; a picture has 691200
-
-
-def test_progress_is_told_frame_by_frame(marker_film):
-    told = []
-    roll_from_video(marker_film.path, VideoOptions(progress=lambda what, share: told.append((what, share))))
-    read = [share for what, share in told if what.endswith("reading")]
-    assert len(read) >= len(marker_film.stamps)
-    assert read[0] == 0
-    assert read[-1] > 0.95

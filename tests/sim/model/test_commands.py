@@ -13,8 +13,6 @@ from command_line import husky
 from sim.model.scene import scene_of
 from sim.model.setup import Setup
 from sim.model.subject import board_of
-from sysid.board import BoardEffect
-from sysid.quantity import Quantity
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.sensors import Sensor
 
@@ -82,16 +80,6 @@ def test_the_gate_lets_only_the_mended_model_pass(mended):
     assert "mended.xml, implicitfast at 2 ms" in by_name.stdout
 
 
-@pytest.mark.parametrize("command", ["compare", "decay"])
-def test_other_commands_take_the_joint_of_a_model(mended, command):
-    folder, _ = mended
-    done = husky(
-        command, folder / "swing.csv", "--model", folder / "mended.xml", "--joint", "knee", "--workspace", folder,
-        "--no-picture",
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-
-
 def test_a_slide_is_fitted_in_metres_with_its_weight_known(tmp_path):
     model, log = robots.write(tmp_path)["slider"], lift_log(tmp_path / "bounce.csv")
     done = husky(
@@ -116,17 +104,6 @@ def test_a_slide_is_fitted_in_metres_with_its_weight_known(tmp_path):
         listed = husky(*command, "--workspace", tmp_path).stdout
         assert "mrad" not in listed
         assert "[rad]" not in listed
-
-
-def test_what_is_written_of_a_slide_is_said_in_its_units(tmp_path):
-    """Also what an effect says of itself, which knows of hinges alone."""
-    from sim.model.patch import patch
-
-    setup = Setup(file=robots.write(tmp_path)["slider"], joint="lift")
-    record = board_of(setup)[0]
-    friction = BoardEffect("coulomb", {"torque": Quantity(0.3, 0.01, "N")})
-    told = patch(setup, replace(record, effects=(*record.effects, friction))).remarks
-    assert any("frictionloss 0.3 N;" in line for line in told)
 
 
 def test_the_mended_slide_moves_as_the_truth(tmp_path):
@@ -175,13 +152,6 @@ def test_what_does_not_go_together_is_said(tmp_path, monkeypatch, arguments, say
         return
     assert done.returncode == code
     assert says in done.stderr
-
-
-def test_armature_needs_a_scale(tmp_path):
-    """Without a weight that is known, a decay cannot tell the inertia."""
-    done = husky("fit", "x.csv", "--board", "pink", "--effect", "armature", "--workspace", tmp_path)
-    assert done.returncode == 1
-    assert "only k/I, d/I and torque/I show" in done.stderr
 
 
 def test_known_masses_tell_armature_and_weight_apart(tmp_path):

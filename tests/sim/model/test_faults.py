@@ -9,10 +9,8 @@ import pytest
 from command_line import husky
 
 from sim.model.faults import warnings_of
-from sim.model.patch import patch
 from sim.model.setup import Setup
 from sim.model.subject import board_of
-from sysid.errors import SysidError
 
 TRUTH = {"damping": 0.02, "coulomb.torque": 0.012, "armature.inertia": 0.004}
 
@@ -138,21 +136,6 @@ def test_a_servo_that_was_on_is_named_and_no_rotor_is_negative(tmp_path):
     assert "with its actuators on" in checked.stderr
 
 
-def test_disabled_constraints_are_named_before_and_after(tmp_path):
-    model = model_of(
-        tmp_path,
-        head='<option><flag constraint="disable"/></option>',
-        joint='frictionloss=".012" armature=".004"',
-    )
-    log = log_of(tmp_path / "log.csv", model, (0.9, -0.7), **TRUTH)
-    said = "frictionloss, limits and loops do nothing here"
-    done, _ = fitted(log, model, tmp_path)
-    assert said in done.stderr
-    checked = husky("check", log, "--model", tmp_path / "out.xml", "--joint", "h", "--workspace", tmp_path)
-    assert checked.returncode == 3
-    assert "with constraints and limits enabled" in checked.stderr
-
-
 @pytest.mark.parametrize("hard", [True, False])
 def test_soft_frictionloss_is_told_from_real_friction(tmp_path, hard):
     model = model_of(tmp_path)
@@ -202,25 +185,3 @@ def test_a_urdf_gets_damping_and_friction(tmp_path, dynamics):
     assert copy.dof_damping[0] == pytest.approx(0.02, rel=0.05)
     assert copy.dof_frictionloss[0] == pytest.approx(0.012, rel=0.05)
     assert "<!-- the joint -->" in (tmp_path / "out.urdf").read_text()
-
-
-def test_a_joint_that_no_text_holds_is_refused_before_the_fit(tmp_path):
-    model_of(tmp_path)
-    (tmp_path / "two.xml").write_text(
-        '<mujoco><asset><model name="s" file="pole.xml"/></asset><worldbody><frame>'
-        '<attach model="s" body="b" prefix="left_"/></frame></worldbody></mujoco>'
-    )
-    done = husky(
-        "fit", "missing.csv", "--model", tmp_path / "two.xml", "--joint", "left_h", "--workspace", tmp_path
-    )
-    assert done.returncode == 1
-    assert "attached or replicated" in done.stderr
-
-
-def test_a_patch_names_what_others_hold(tmp_path):
-    """Less damping than a tendon has cannot be written into the joint."""
-    tail = '<tendon><fixed damping=".5"><joint joint="h" coef="1"/></fixed></tendon>'
-    setup = Setup(file=model_of(tmp_path, tail=tail), joint="h")
-    board = board_of(setup)[0]
-    with pytest.raises(SysidError, match="damping of the joint alone"):
-        patch(setup, board.with_tilt(damping=board.tilt["rest_angle"]))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import robots
 
-from sim.model.patch import copy_path, patch
+from sim.model.patch import patch
 from sim.model.setup import Setup
 from sim.model.subject import board_of
 from sysid.board import Board, BoardEffect
@@ -75,20 +75,6 @@ def test_a_spring_that_rests_beyond_the_range_is_told(tmp_path):
         assert ("outside the joint's range of -2.618 to 2.618" in said) is leans
 
 
-def test_an_attribute_is_replaced_where_it_stands_and_polynomials_are_written(tmp_path):
-    setup = Setup(file=robots.write(tmp_path)["slider"], joint="lift")
-    board = board_of(setup)[0].with_tilt(
-        stiffness=Quantity(212.5, 0.0, "N/m"),
-        rest_angle=Quantity(0.028, 0.0, "m"),
-        damping=Quantity(0.9, 0.0, "N*s/m"),
-    )
-    board = with_effects(board, cubic_stiffness={"coefficient": (350.0, "N/m^3")})
-    made = patch(setup, board)
-    made.save(tmp_path / "mended.xml")
-    line = '<joint name="lift" type="slide" axis="0 0 1" stiffness="212.5 0 350" springref="0.028" damping="0.9" range="-0.2 0.2"'
-    assert line in (tmp_path / "mended.xml").read_text()
-
-
 def test_degrees_stay_degrees(tmp_path):
     setup, board = knee(tmp_path)
     board = board.with_tilt(stiffness=Quantity(2.0, 0.0, "N*m/rad"), rest_angle=Quantity(0.1, 0.0, "rad"))
@@ -111,16 +97,6 @@ def test_what_an_effect_adds_becomes_a_section_of_its_own(tmp_path):
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "mended.xml"))
     assert model.ntendon == 1
     assert model.tendon_lengthspring[0] == pytest.approx(np.array([-0.6, 0.6]) + board.rest_angle, abs=1e-5)
-
-
-def test_a_file_without_a_last_newline_runs_no_lines_of_the_diff_into_one(tmp_path):
-    setup, board = knee(tmp_path)
-    setup.file.write_text(robots.ARM.rstrip())
-    stop = {"angle": (0.6, "rad"), "stiffness": (8.0, "N*m/rad"), "damping": (0.0, "N*m*s/rad")}
-    lines = patch(setup, with_effects(board, end_stop=stop)).diff.splitlines()
-    end = lines.index(" </mujoco>")
-    assert lines[end + 1] == "\\ No newline at end of file"
-    assert lines[end + 2] == f"--- {tmp_path / 'parts' / 'link.xml'}"
 
 
 def with_mesh(folder) -> tuple[Setup, Board]:
@@ -167,22 +143,6 @@ def test_a_urdf_in_another_folder_finds_its_meshes(tmp_path, own):
     (copy,) = patch(setup, board).save(tmp_path / "elsewhere" / "mended.urdf")
     model = mujoco.MjModel.from_xml_path(str(copy))
     assert (model.nmesh, model.dof_damping[0]) == (1, 0.034)
-
-
-def test_a_copy_that_cannot_load_is_not_left_there(tmp_path):
-    setup, board = with_mesh(tmp_path / "model")
-    made = patch(setup, board)
-    (tmp_path / "model" / "meshes" / "t.obj").unlink()
-    with pytest.raises(SysidError, match="Write it beside the model"):
-        made.save(tmp_path / "elsewhere" / "mended.xml")
-    assert list((tmp_path / "elsewhere").iterdir()) == []
-
-
-def test_the_default_copy_stays_out_of_installed_packages(tmp_path):
-    for parent, beside in (("robots", True), ("lib/site-packages/robots", False)):
-        file = robots.write(tmp_path / parent)["arm"]
-        found = copy_path(Setup(file=file, joint="knee"), "arm_knee", tmp_path / "out")
-        assert found == (file.parent if beside else tmp_path / "out") / "arm_knee.xml"
 
 
 def test_a_joint_from_elsewhere_is_refused(tmp_path):

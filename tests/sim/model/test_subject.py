@@ -119,12 +119,6 @@ def test_what_is_not_there_is_said(files, change, says):
         board_of(Setup(file=files["arm"], joint="knee").with_(**change))
 
 
-@pytest.mark.parametrize("text", ["0.3", "tip", "-1@tip", "0.3@"])
-def test_a_payload_of_another_shape_is_refused(text):
-    with pytest.raises(SysidError, match="MASS@X,Y,Z"):
-        Payload.parse(text)
-
-
 def test_a_joint_that_an_equality_holds_is_not_passive(tmp_path):
     held = robots.SLIDER.replace(
         "</mujoco>", '<equality><joint joint1="lift" polycoef="0.1 0 0 0 0"/></equality></mujoco>'

@@ -63,16 +63,6 @@ def test_default_pose_is_within_the_limits_and_stands_one_foot_higher(model):
     assert right - left == pytest.approx(0.104, abs=0.01)  # about the height of the deck
 
 
-def test_soles_grip_and_their_lowest_point_is_sole_height_below_the_ankle(model):
-    soles = [i for i in range(model.ngeom) if "_foot" in model.geom(i).name]
-    assert len(soles) == 14
-    assert np.all(model.geom_condim[soles] == 3)
-    assert np.all(model.geom_friction[soles, 0] == g1.SOLE_FRICTION)
-    np.testing.assert_allclose(
-        model.geom_pos[soles, 2] - model.geom_size[soles, 0], -g1.SOLE_HEIGHT, atol=1e-9
-    )
-
-
 def test_missing_mjlab_is_said_in_words(monkeypatch):
     monkeypatch.setattr(g1, "find_spec", lambda name: None)
     with pytest.raises(SysidError, match=r"mjlab.*not installed.*pip install mjlab"):

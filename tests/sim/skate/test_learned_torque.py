@@ -13,7 +13,6 @@ from sim.board.bench import rig_spec
 from sim.board.learned import left_out, passive
 from sim.board.scene import TILT_JOINT
 from sim.skate.options import NOMINAL, SkateOptions
-from sim.skate.world.posterior import Spread, board_draws, draw_boards
 from sysid.board import Board, BoardEffect
 from sysid.effects import effect
 from sysid.effects._table import knots
@@ -70,40 +69,6 @@ def test_all_worlds_at_once_have_what_one_has_alone():
     expected = [left(tilt, rate) for tilt, rate in zip(tilts, rates, strict=True)]
     assert np.ptp(expected) > 0.3
     np.testing.assert_allclose(applied(model, tilts, rates), expected, atol=2e-6)
-
-
-def test_what_is_left_is_exact_by_the_law():
-    """Tendons, polynomial and what is left are the law, at points between the knots."""
-    board = one_sided()
-    part = effect("learned")
-    values = {name: q.value for name, q in board.effects[0].parameters.items()}
-    model = rig_spec(board).compile()
-    data = mujoco.MjData(model)
-    ((q, v, left),) = left_out(model)
-    from sysid.effects._algebra import NUMPY
-    from sysid.effects._base import JointState
-
-    rest = board.tilt["rest_angle"].value
-    for tilt, rate in ((0.05, 3.3), (-0.11, -0.4), (0.17, -6.9)):
-        data.qpos[q], data.qvel[v] = rest + tilt, rate
-        mujoco.mj_forward(model, data)
-        whole = part.torque(NUMPY, JointState(tilt, rate, tilt, 0.0), values, ())
-        linear = -board.stiffness * tilt - 0.06 * rate
-        assert data.qfrc_passive[v] + left(rest + tilt, rate) == pytest.approx(linear + whole, abs=2e-4)
-
-
-def test_worlds_whose_dampers_differ_have_the_same_table():
-    """Of drawn boards each has its own polynomial: that, with what is left, is one torque."""
-    boards = draw_boards(one_sided(), 3, Spread(relative=0.4), np.random.default_rng(2))
-    draws = board_draws(boards, 0.005)
-    dampers = draws.learned_dampers + np.arange(3)[:, None, None] * [0.01, 0.001, 0.0]
-    assert dampers.shape == (3, 1, 3)
-    model = rig_spec(one_sided()).compile()
-    rate = 5.0
-    found = applied(model, [0.1] * 6, [rate] * 6, dampers)
-    alone = found - dampers[np.arange(6) % 3, 0] @ [rate, rate**2, rate**3]
-    np.testing.assert_allclose(alone, alone[0], atol=1e-5)
-    assert np.ptp(found) > 0.01
 
 
 @pytest.mark.slow

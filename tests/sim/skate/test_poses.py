@@ -108,12 +108,6 @@ def test_steer_stands_side_on_over_both_markers_and_balances_over_the_axis(model
     assert np.degrees(np.arctan2(facing[1], facing[0])) == pytest.approx(80, abs=2)
 
 
-def test_steer_is_a_moderate_crouch():
-    joints = dict(zip(g1.JOINTS, load_poses()["steer"].joints, strict=True))
-    for side in ("left", "right"):
-        assert 0.6 <= joints[f"{side}_knee_joint"] <= 1.0
-
-
 def test_the_file_is_what_the_recipe_gives(model):
     path = shipped_data() / "motions" / "make_poses.py"
     spec = importlib.util.spec_from_file_location("make_poses", path)
@@ -125,18 +119,6 @@ def test_the_file_is_what_the_recipe_gives(model):
         start[7:] += 0.05  # another start finds the same pose
         np.testing.assert_allclose(ik.solve(model, start, tasks)[:3], pose.position, atol=2e-4)
         np.testing.assert_allclose(ik.solve(model, start, tasks)[7:], pose.joints, atol=2e-3)
-
-
-def test_inverse_kinematics_respects_limits_and_says_when_it_fails(model):
-    start = load_poses()["push"].qpos()
-    low, high = model.jnt_range[1:].T
-    far = ik.FrameTask(body="left_ankle_roll_link", position=np.array([2.0, 2.0, 2.0]))
-    posture = ik.PostureTask(joints=start[7:], weight=np.full(23, 0.1))
-    pelvis = ik.FrameTask(body="pelvis", position=start[:3], rotation=np.eye(3), weight=(10.0, 10.0, 10.0))
-    reached = ik.solve(model, start, [far, posture, pelvis], tolerance=1e-4)
-    assert np.all((low + 0.02 - 1e-9 <= reached[7:]) & (reached[7:] <= high - 0.02 + 1e-9))
-    with pytest.raises(SysidError, match="did not settle"):
-        ik.solve(model, start, [far, posture, pelvis], steps=2)
 
 
 @pytest.mark.parametrize(
@@ -151,12 +133,4 @@ def test_bad_pose_files_are_refused_in_words(tmp_path, text, message):
     path = tmp_path / "poses.toml"
     path.write_text(text)
     with pytest.raises(SysidError, match=message):
-        load_poses(path)
-
-
-def test_pose_file_with_nan_is_refused(tmp_path):
-    text = (shipped_data() / "motions" / "poses.toml").read_text()
-    path = tmp_path / "poses.toml"
-    path.write_text(text.replace("left_knee = 0.", "left_knee = nan #", 1))
-    with pytest.raises(SysidError, match=r"push\.joints.*23 finite numbers"):
         load_poses(path)

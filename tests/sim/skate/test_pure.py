@@ -7,11 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.skate import rotation
-from sim.skate.arrays import wrap_angle
 from sim.skate.cycle.clock import Clock
 from sim.skate.cycle.start import AT_REST, Start
 from sim.skate.cycle.tilt_guidance import TiltGuidance
-from sim.skate.cycle.transitions import KEY_BODIES, TransitionPath, bezier
+from sim.skate.cycle.transitions import KEY_BODIES, TransitionPath
 from sim.skate.mdp.actor_observation import (
     FRAME_SIZE,
     NOISE,
@@ -57,11 +56,6 @@ def test_slerp_goes_the_short_way_at_constant_rate():
     for fraction in (0.0, 0.25, 1.0):
         here = rotation.slerp(start, -end, np.float64(fraction))  # -end is the same orientation
         assert rotation.angle_between(start, here) == pytest.approx(fraction * whole, abs=1e-9)
-
-
-def test_slerp_between_equal_orientations_stays():
-    q = quaternions(1)[0]
-    np.testing.assert_allclose(rotation.slerp(q, q, np.float64(0.3)), q, atol=1e-12)
 
 
 def test_the_cycle_is_40_10_45_5_percent_of_six_seconds():
@@ -118,11 +112,6 @@ def test_guidance_asks_for_no_tilt_at_rest_and_for_the_other_tilt_backwards():
     assert guidance.reference(np.array(3.0), np.array(-3.0), np.array(1.0), np.array(1.0)) > 0  # through π
 
 
-def test_guidance_refuses_a_zero_wheelbase():
-    with pytest.raises(ValueError, match="wheelbase is 0"):
-        TiltGuidance(wheelbase=0.0, rake=1.0, limit=0.2)
-
-
 @pytest.mark.parametrize("order", [1, 2, 3, 5])
 def test_paths_of_any_order_start_and_end_where_they_shall(order):
     rng = np.random.default_rng(order)
@@ -137,17 +126,6 @@ def test_quadratic_path_peaks_at_half_the_lift_and_spares_what_stands():
     start = np.zeros((1, 2, 3))
     middle = TransitionPath(lift=0.2).positions(start, start, np.array([0.5]), np.array([1.0, 0.0]))
     np.testing.assert_allclose(middle[0, :, 2], [0.1, 0.0], atol=1e-12)
-
-
-def test_bezier_of_order_three_has_the_binomial_weights():
-    points = [np.array([x, 0.0, 0.0]) for x in (1.0, 10.0, 100.0, 1000.0)]
-    value = bezier(points, np.float64(0.5))[0]
-    assert value == pytest.approx((1 + 3 * 10 + 3 * 100 + 1000) / 8)
-
-
-def test_path_of_order_zero_is_refused():
-    with pytest.raises(ValueError, match="order is 0"):
-        TransitionPath(order=0)
 
 
 def test_frame_has_78_numbers_in_the_documented_order():
@@ -175,13 +153,6 @@ def test_history_is_filled_by_the_first_frame_and_then_oldest_first():
     assert history.push(second).reshape(5, 78)[:, 0].tolist() == [1, 1, 1, 1, 2]
     history.reset()
     assert history.push(second)[0] == 2
-
-
-@given(st.floats(-50, 50))
-def test_wrapped_angles_differ_by_whole_turns(angle):
-    wrapped = wrap_angle(angle)
-    assert -np.pi <= wrapped < np.pi + 1e-12
-    assert (angle - wrapped) / (2 * np.pi) == pytest.approx(round((angle - wrapped) / (2 * np.pi)), abs=1e-9)
 
 
 def test_torch_and_numpy_give_the_same():

@@ -90,37 +90,6 @@ def test_pushing_by_tracking_follows_the_clip_nearest_in_speed():
         pass
 
 
-def test_transitions_by_style_have_windows_of_every_phase_and_no_path():
-    import torch
-
-    from policy_runtime.learning.style_reference import style_reference
-    from sim.skate.mdp.observations import skate_command
-
-    with worlds(transition="style", start=PUSHING, speed=(1.0, 1.0)) as env:
-        terms = env.reward_manager.active_terms
-        assert not {"transition/positions", "transition/orientations"} & set(terms)
-        command, clock = skate_command(env), skate_command(env).clock
-        frames = []
-        # Worlds 0 to 3: about to mount, mounting, dismounting, steering; told to stand on the way up in world 4.
-        command.step[:5] = torch.tensor([clock.push - 3, clock.push + 8, clock.period - 8, 200, 125])
-        command._command[4, 0] = 0.0
-        for _ in range(6):
-            obs = step(env)[0]
-            frames.append(command.reading.joint_position().clone())
-            phase = command.step % clock.period
-            window, mask = obs["style"], obs["style_mask"][:, 0]
-        assert window.shape == (WORLDS, style_reference(SkateOptions(transition="style")).shape[1])
-        alive = env.episode_length_buf >= 6
-        assert alive[:5].all()
-        for world in range(5):
-            torch.testing.assert_close(
-                window[world, :115], torch.cat([frame[world] for frame in frames[-5:]])
-            )
-        kinds = torch.stack((clock.pushing(phase), clock.mounting(phase), clock.dismounting(phase)), dim=1)
-        torch.testing.assert_close(window[:, 115:], kinds.float())
-        assert mask[:5].tolist() == [0, 1, 1, 0, 1]  # the first has been mounting for fewer than five frames
-
-
 def write_yaw(env, world, yaw):
     """Turn the robot of a world about the vertical to a heading [rad]."""
     import torch
@@ -261,40 +230,6 @@ def test_who_begins_in_a_transition_is_where_the_clip_is(phase, before):
         assert measure(env).foot_on_deck[:, 1].all()
 
 
-def test_episodes_begin_where_the_shares_have_them():
-    import torch
-
-    from sim.skate.mdp.observations import skate_command
-
-    with worlds() as env:
-        clock, begin = skate_command(env).clock, env.event_manager.get_term_cfg("begin")
-        step = torch.stack([begin.func.draw().step for _ in range(1000)])
-        assert 0.47 < float((step == 0).float().mean()) < 0.53
-        for phase in (clock.pushing, clock.mounting, clock.steering, clock.dismounting):
-            assert 0.11 < float((phase(step) & (step > 0)).float().mean()) < 0.14
-
-
-def test_until_a_turn_is_told_the_course_is_straight_on_seen_and_paid_for():
-    import torch
-
-    from sim.skate.mdp.observations import skate_command
-
-    with worlds(start=AT_REST, speed=(0.5, 1.5), standing=0.0, slow=0.0, pushes=0.0) as env:
-        command = skate_command(env)
-        assert not command.seen()[:, 1].any()
-        torch.testing.assert_close(command.target_heading, command.reading.board_heading())
-        command.target_heading[0] += 0.1
-        torch.testing.assert_close(command.heading_reference(), command.target_heading)
-        step(env)
-        assert paid(env, "always/course") == pytest.approx([10 * math.exp(-1 / 3)] + [10.0] * 7, rel=0.05)
-        command.step[:] = command.clock.push + command.clock.mount - 1
-        step(env)
-        assert command.steering.all()
-        assert (paid(env, "always/course") > 0).all()  # the step before was of mounting
-        step(env)
-        assert not paid(env, "always/course").any()
-
-
 def test_ends_are_counted_a_minute_of_riding_and_told_to_stand_is_none():
     import torch
 
@@ -352,41 +287,6 @@ def test_a_world_that_breaks_down_is_ended_named_and_not_counted(capfd):
         assert torch.isfinite(env.reward_buf).all()  # mjlab says nothing
         with pytest.raises(SysidError, match=r"iteration 5: reward 'push/swing' is not finite in world 5"):
             check_rewards(env, 5)
-
-
-def test_everything_switched_off():
-    import torch
-
-    from sim.skate.mdp.actor_observation import SCALE
-    from sim.skate.mdp.observations import skate_command
-
-    with worlds(
-        tilt_guidance=False, transition="none", pushing="none", steered=False, noise=False, pushes=0.0,
-        turn_feedback=False, idle_patience=0.0, stance_patience=0, smoothness=0.1, speed_tolerance=0.1,
-        start=AT_REST, speed=(0.5, 0.5),
-    ) as env:  # fmt: skip
-        command, reading = skate_command(env), skate_command(env).reading
-        terms = env.reward_manager.active_terms
-        assert not [name for name in terms if name.startswith("transition/")]
-        assert not {"steer/tilt_guide", "steer/wrong_tilt"} & set(terms)
-        assert not {"idle_foot", "wrong_stance"} & set(env.termination_manager.active_terms)
-        assert "interval" not in env.event_manager.available_modes
-        assert env.reward_manager.get_term_cfg("always/action_rate").weight == -0.1
-        assert env.reward_manager.get_term_cfg("push/board_velocity").params["reward"].arguments == {
-            "tolerance": 0.1
-        }
-        assert not command.step.any()  # standing: all begin the cycle at rest
-        assert not env.sim.data.qvel.any()
-
-        write_yaw(env, 0, 0.7)
-        torch.testing.assert_close(command.seen(), command.command)  # the turn as it was told
-        env.reset()
-        for _ in range(20):
-            obs = step(env)[0]
-        assert reading.tilt().abs().max() > 0.03  # the robot's weight on one side of the deck
-        assert reading.trucks().abs().max() < 2e-3  # does not steer
-        frame = obs["actor"].reshape(WORLDS, 5, 78)[:, -1]
-        torch.testing.assert_close(frame[:, 2:5], reading.gyro() * torch.tensor(SCALE[2:5]))
 
 
 def test_perturbed_transitions_on_the_other_board():

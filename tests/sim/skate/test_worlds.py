@@ -1,13 +1,12 @@
 """How worlds differ: ranges, strength, and delays to the step."""
 
 import math
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from sim.skate.options import NOMINAL, SkateOptions, Variation
+from sim.skate.options import SkateOptions
 from sysid.workspace import shipped_data
 
 torch = pytest.importorskip("torch")
@@ -17,7 +16,6 @@ pytestmark = [
     pytest.mark.train,
     pytest.mark.filterwarnings("ignore"),
 ]  # the stack's own warnings, at its import too
-FULL = Variation()
 
 
 def test_steps_back_by_hand():
@@ -125,53 +123,6 @@ def test_ground_is_level_sloped_or_goes_down_ahead_for_a_while(env, worlds):
 
 
 @pytest.mark.slow
-def test_a_ledge_lies_ahead_of_who_wants_one_until_it_is_far_behind(env, worlds):
-    env.reset()
-    ledges, everyone = worlds.ledges, torch.ones(32, dtype=torch.bool)
-    here, heading = torch.tensor([[3.0, -2.0]]).expand(32, 2), torch.full((32,), 0.5)
-    ledges.roll_on(here, heading, ~everyone, 0.06)
-    assert not ledges.height.any()
-    ledges.roll_on(here, heading, everyone, 0.0)
-    assert (ledges.slab[:, 2] < -100).all()  # where worlds do not differ there is nothing to roll over
-    ledges.roll_on(here, heading, everyone, 0.06)
-    height, edge = ledges.height.clone(), ledges.edge.clone()
-    assert -0.06 <= height.min() < -0.055
-    assert -0.05 < height.mean() < -0.03
-    away = edge - (here * ledges.normal).sum(-1)
-    assert 0.6 <= away.min() < 0.65 < 0.95 < away.max() <= 1.0
-    aside = torch.atan2(ledges.normal[:, 1], ledges.normal[:, 0]) - 0.5
-    assert 1.1 < aside.abs().max() <= math.radians(70) + 1e-4
-    assert 0.7 < aside.abs().mean() < 0.95
-    # The slab's edge is there, its top level with the ground that was.
-    end = ledges.slab + 10.0 * ledges.axes[:, :, 0] + 0.5 * ledges.axes[:, :, 2]
-    torch.testing.assert_close((end[:, :2] * ledges.normal).sum(-1), edge)
-    torch.testing.assert_close(end[:, 2], torch.zeros(32), atol=1e-6, rtol=0)
-    beyond = here + (away + 0.99)[:, None] * ledges.normal
-    ledges.roll_on(beyond, heading, everyone, 0.06)
-    torch.testing.assert_close(ledges.height, height)  # one at a time
-    ledges.roll_on(here + (away + 1.01)[:, None] * ledges.normal, heading, everyone, 0.06)
-    assert (ledges.height <= height).all()
-    assert float(ledges.height.mean()) < 1.5 * float(height.mean())
-    env.reset()
-    assert not ledges.height.any()
-
-
-@pytest.mark.slow
-def test_a_ledge_comes_up_every_five_metres_of_the_way(env, worlds):
-    env.reset()
-    velocity, slab = env.sim.data.qvel, worlds.ledges.slab
-    came = 0
-    for speed, laid in ((0.0, 0), (1.0, 192)):  # 32 boards, 1,500 steps of 2 cm, 5 m
-        velocity[:, worlds._board_v : worlds._board_v + 2] = torch.tensor([0.0, speed])
-        for _ in range(1500):
-            worlds.roll_on()
-            came += int((slab[:, 2] > -100).sum())
-            worlds.ledges.clear(torch.arange(32))
-        assert came == pytest.approx(laid, abs=3 * math.sqrt(laid))
-    env.reset()
-
-
-@pytest.mark.slow
 def test_a_board_stands_on_the_slab_and_falls_when_it_is_gone(env, worlds):
     env.reset()
     ledges, board = worlds.ledges, env.sim.data.qpos[:, worlds._board_q + 2]
@@ -208,33 +159,6 @@ def test_one_in_six_is_told_to_stand_and_three_in_ten_to_go_slowly_by_the_streng
     slow = speed[:, ~rests] < 0.4
     assert 0.45 < float(slow.float().mean()) < 0.53  # 0.3 + 0.7 * 0.4 / 1.5
     assert float(speed.max()) > 1.48
-
-
-@pytest.mark.slow
-def test_the_ground_goes_over_to_the_next_segment_at_an_edge(env, worlds):
-    env.reset()
-    worlds.slope.zero_()
-    worlds._coming.zero_()
-    worlds._remaining.fill_(0.03)
-    down = torch.tensor([-0.1, 0.0]).expand(32, 2), torch.full((32,), 9.0)
-    velocity = env.sim.data.qvel
-    velocity[:, worlds._board_v : worlds._board_v + 2] = torch.tensor([0.6, -0.8])  # 2 cm a step
-    worlds._segment = lambda: down
-    try:
-        worlds.roll_on()
-        assert not worlds.slope.any()
-        worlds.roll_on()
-        torch.testing.assert_close(worlds.slope[:, 0], torch.full((32,), -0.1 * 0.02 / 0.1))
-        torch.testing.assert_close(worlds._remaining, torch.full((32,), 9.0))
-        for _ in range(100):
-            worlds.roll_on()
-    finally:
-        del worlds._segment
-    assert (worlds.slope[:, 0] < -0.099).all()
-    gravity = worlds._gravity
-    torch.testing.assert_close(
-        gravity[:, 0], torch.full((32,), 9.81 * 0.1), rtol=0.02, atol=0.0
-    )  # forward: downhill
 
 
 @pytest.mark.slow
@@ -281,19 +205,3 @@ def test_targets_arrive_late_by_each_worlds_own_delay(env, worlds):
         for n, m in [(k, 4 * k + lag) for k in range(3) if 4 * k + lag < 12]:
             assert int(answered[m, world]) == n + 1, (world, n)
             assert m == lag or int(answered[m - 1, world]) == n, (world, n)
-
-
-def test_a_nominal_task_has_worlds_that_do_not_differ():
-    options = SkateOptions.nominal(episode=5.0)
-    assert options.variation == NOMINAL
-    assert options.episode == 5.0
-    assert SkateOptions().variation == FULL
-
-
-@pytest.mark.slow
-def test_delays_beyond_the_memory_are_refused(env):
-    from sim.skate.mdp.worlds import Worlds
-
-    variation = replace(FULL, action_delay=0.05)
-    with pytest.raises(ValueError, match="at most 2 policy steps"):
-        Worlds(SimpleNamespace(params={"variation": variation}), env)
