@@ -66,3 +66,19 @@ def model() -> Any:
         return g1.g1_spec(visuals=False).compile()
     except SysidError as error:
         pytest.skip(str(error))
+
+
+@pytest.fixture(scope="session")
+def pink() -> Any:
+    """The shipped record of the compliant board."""
+    from sysid.board import Board
+
+    return Board.load("pink")
+
+
+@pytest.fixture(scope="session", params=["pink", "black"])
+def board(request: pytest.FixtureRequest) -> Any:
+    """Each shipped record."""
+    from sysid.board import Board
+
+    return Board.load(request.param)

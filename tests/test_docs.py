@@ -190,21 +190,6 @@ $ python3 -m venv .venv && .venv/bin/pip install -e . && .venv/bin/husky-sysid b
 """
 
 
-def test_which_lines_are_commands() -> None:
-    assert blocks(SAMPLE) == [
-        Block(
-            (
-                Command(3, "husky-sysid boards --json -     | grep pink", 0),
-                Command(8, "husky-sysid boards nobody", 1),
-            ),
-            ('"board": "pink",', "| unknown board |", "|---|", "'nobody'"),
-        ),
-        Block((Command(21, "husky-sysid boards > runs/boards.txt", 0),), ()),
-    ]
-    with pytest.raises(AssertionError, match="needs a reason"):
-        blocks("<!-- not run:  -->\n```console\n$ husky-sysid boards\n```\n")
-
-
 @pytest.mark.slow
 def test_the_runner_can_fail(tmp_path: Path) -> None:
     (tmp_path / "runs").mkdir()

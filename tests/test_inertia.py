@@ -31,17 +31,14 @@ def q(value: float, std: float, unit: str) -> Quantity:
 @pytest.mark.parametrize(
     ("text", "unit", "value", "half"),
     [
-        ("2.58", "kg", 2.58, 0.0),
         ("2.58±0.05", "kg", 2.58, 0.05),
         ("2.58+-0.05", "kg", 2.58, 0.05),
         ("2.58 +/- 0.05 kg", "kg", 2.58, 0.05),
         ("2580±50g", "kg", 2.58, 0.05),
         ("20±0.2cm", "m", 0.2, 0.002),
-        ("1.5e-1", "m", 0.15, 0.0),
         (".5ms", "s", 0.0005, 0.0),
         ("90deg", "rad", math.pi / 2, 0.0),
         ("6.5Hz", "rad/s", 13 * math.pi, 0.0),
-        ("0.0087±1e-4", "kg*m^2", 0.0087, 1e-4),
     ],
 )
 def test_quantity_text(text: str, unit: str, value: float, half: float) -> None:
@@ -163,16 +160,6 @@ def test_static_tilt_recovers_stiffness_and_its_interval_holds() -> None:
     assert np.mean([t.chi_square for t in tests]) == pytest.approx(4, rel=0.1)
 
 
-def test_static_tilt_refusals() -> None:
-    readings = weighings(14.0, 0.0, np.random.default_rng(0), 1e-3)
-    with pytest.raises(SysidError, match="at least 3"):
-        static_tilt(readings[:2])
-    with pytest.raises(SysidError, match="same torque"):
-        static_tilt([replace(readings[0], roll=q(0.0, 1e-3, "rad"))] * 3)
-    with pytest.raises(SysidError, match="does not grow"):
-        static_tilt([replace(r, offset=replace(r.offset, value=-r.offset.value)) for r in readings])
-
-
 METHODS: dict[str, tuple[Callable[..., Quantity], dict[str, Quantity]]] = {
     "cuboid": (
         inertia.cuboid,
@@ -233,20 +220,6 @@ def test_uncertainty_agrees_with_monte_carlo(name: str) -> None:
     assert result.value == pytest.approx(np.mean(draws), abs=0.1 * result.std)
 
 
-@pytest.mark.parametrize(
-    ("method", "change", "match"),
-    [
-        ("compound", {"period": q(0.5, 0.01, "s")}, "has a period of at least"),
-        ("added-mass", {"loaded": q(41.2, 0.1, "rad/s")}, "too little"),
-        ("added-mass", {"loaded": q(41.0, 0.1, "rad/s")}, "too little"),
-    ],
-)
-def test_measurements_that_hold_no_inertia_are_refused(method: str, change: dict, match: str) -> None:
-    function, inputs = METHODS[method]
-    with pytest.raises(SysidError, match=match):
-        function(**{**inputs, **change})
-
-
 # --- combination -------------------------------------------------------------------------------
 
 
@@ -272,11 +245,6 @@ def test_the_method_that_stands_out_is_named_and_widens() -> None:
 
 
 # --- into the record ---------------------------------------------------------------------------
-
-
-@pytest.fixture
-def pink() -> Board:
-    return Workspace(Path()).load_board("pink")
 
 
 def test_new_inertia_of_a_fitted_board_scales_torques_and_drops_the_check(pink: Board) -> None:
@@ -371,16 +339,9 @@ def test_two_synthetic_decays_and_a_known_mass_tell_the_true_inertia(tmp_path: P
     ("arguments", "code", "message"),
     [
         (("cuboid", "--mass", "2.58kg", "--width", "wide", "--height", "1"), 1, "--width is 'wide'"),
-        (("cuboid", "--mass", "2.58"), 2, "--width"),
-        (("parts",), 1, "no parts"),
-        (("parts", "--point", "1"), 1, "fields is 1; expected 2"),
         (("parts", "--cuboid", "1,2,3,4,5"), 1, "fields is 5; expected 3 or 4"),
-        (("combine", "0.1±0.1"), 1, "expected NAME=INERTIA"),
-        (("combine", "a=0.1±0.1", "a=0.1±0.1"), 1, "each name once"),
-        (("combine", "a=none.json", "b=1"), 1, "none.json: cannot read it"),
         (("combine", "a=list.json", "b=1"), 1, "holds no quantity 'inertia'"),
         (("combine", "a=unit.json", "b=1"), 1, "is in 'g'; expected 'kg*m^2'"),
-        (("static-tilt", "--reading", "1,0.1,1deg"), 1, "at least 3"),
         (("static-tilt", *COMMANDS["static-tilt"][:6], "--save", "pink"), 1, "give the natural frequency"),
         (("cubiod",), 2, "cuboid"),
     ],

@@ -245,40 +245,6 @@ MODEL = """<mujoco>
 </mujoco>"""
 
 
-def test_from_arrays_to_a_patched_model(tmp_path):
-    """A joint of a model, moved by MuJoCo with a damping that the file does not state; no command is called."""
-    import mujoco
-
-    source = tmp_path / "leg.xml"
-    source.write_text(MODEL)
-    truth = mujoco.MjModel.from_xml_string(MODEL.replace('0.02"/>', '0.05"/>', 1))
-    noise, parts = np.random.default_rng(0), []
-    for start in (0.5, -0.35, 0.2):
-        data = mujoco.MjData(truth)
-        data.qpos[0] = start
-        parts.append(np.full(400, start))
-        swing = np.empty(3600)
-        for i in range(len(swing)):
-            swing[i] = data.qpos[0]
-            mujoco.mj_step(truth, data)
-        parts.append(swing)
-    angle = np.concatenate(parts)
-    log = sysid.Recording.from_arrays(
-        0.001 * np.arange(len(angle)), angle=angle + 1e-3 * noise.normal(size=len(angle))
-    )
-    joint = sysid.Joint.from_mjcf(source, "knee")
-    assert not joint.check(log).passed
-    fit = sysid.fit(log, joint)
-    assert fit.quantities["damping"].ci95[0] < 0.0501
-    assert fit.quantities["damping"].value == pytest.approx(0.05, rel=0.03)
-    better = sysid.Joint.of(fit.board)
-    (path,) = better.to_mjcf(tmp_path / "leg_fitted.xml")
-    assert sysid.Joint.from_mjcf(path, "knee").check(log).passed
-    assert "a hinge with the wrong damping" in path.read_text()
-    page = sysid.report(better, log, tmp_path / "leg.html")
-    assert "leg_knee" in page.read_text()
-
-
 def test_every_result_prints_short_and_draws(swing):
     from matplotlib.figure import Figure
 

@@ -7,11 +7,9 @@ import pytest
 from command_line import husky
 from decay_truth import Recipe, make_roll
 
-from sysid.board import load_board
 from sysid.diagnosis.diagnose import diagnose
 from sysid.fitting.joint import fit_joint
 from sysid.recording import FOREIGN_ZERO_RATIO, Recording
-from sysid.workspace import shipped_data
 
 WIDEST = 0.2
 
@@ -19,11 +17,6 @@ WIDEST = 0.2
 @pytest.fixture(scope="module")
 def roll():
     return make_roll(Recipe(amplitudes=(WIDEST, -0.15, 0.1), sampling=200, noise=3e-4))
-
-
-@pytest.fixture(scope="module")
-def pink():
-    return load_board(shipped_data() / "boards" / "pink.toml")
 
 
 def raised(roll, angle):

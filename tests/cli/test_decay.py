@@ -5,22 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import called
 from decay_truth import Recipe, make_roll
 
-from sysid.cli import build_app
 from sysid.errors import SysidError
 from sysid.workspace import shipped_data
 
-NAMES = (
-    "log_decrement",
-    "damping_ratio",
-    "period_s",
-    "omega_d",
-    "omega_n",
-    "inertia",
-    "stiffness",
-    "damping",
-)
+NAMES = ["log_decrement", "damping_ratio", "period_s", "omega_d", "omega_n", "inertia", "stiffness", "damping"]
 
 
 @pytest.fixture(scope="module")
@@ -33,14 +24,8 @@ def log(tmp_path_factory):
     return path
 
 
-def run(*arguments):
-    return build_app()(
-        ["decay", *map(str, arguments)], result_action="return_value", exit_on_error=False, print_error=False
-    )
-
-
 def test_prints_releases_table_law_verdict_and_paths(log, tmp_path, capsys):
-    assert run(log, "--board", "pink", "--workspace", tmp_path) == 0
+    assert called("decay", log, "--board", "pink", "--workspace", tmp_path) == 0
     out, err = capsys.readouterr()
     assert out.startswith(f"{log} · ")
     for text in (
@@ -61,7 +46,9 @@ def test_prints_releases_table_law_verdict_and_paths(log, tmp_path, capsys):
 
 
 def test_result_file_is_what_the_design_says(log, tmp_path, capsys):
-    assert run(log, "--board", "pink", "--workspace", tmp_path, "--json", "-", "--no-picture") == 0
+    assert (
+        called("decay", log, "--board", "pink", "--workspace", tmp_path, "--json", "-", "--no-picture") == 0
+    )
     content = json.loads(capsys.readouterr().out)  # nothing else on stdout
     assert content == json.loads((tmp_path / "reports" / "pink" / "decay.json").read_text())
     assert not (tmp_path / "reports" / "pink" / "decay.png").exists()
@@ -85,7 +72,7 @@ def test_result_file_is_what_the_design_says(log, tmp_path, capsys):
 def test_json_to_a_file_and_a_given_release(log, tmp_path, capsys):
     target = tmp_path / "deep" / "result.json"
     arguments = ("--board", "black", "--workspace", tmp_path, "--json", target, "--no-picture")
-    assert run(log, *arguments, "--from", "2", "--to", "5", "--release", "2.28") == 0
+    assert called("decay", log, *arguments, "--from", "2", "--to", "5", "--release", "2.28") == 0
     content = json.loads(target.read_text())
     assert [round(release["t_start_s"], 2) for release in content["releases"]] == [2.28]
     assert "2.2" in capsys.readouterr().out
@@ -97,18 +84,20 @@ def test_json_to_a_file_and_a_given_release(log, tmp_path, capsys):
 )
 def test_expected_failures_write_nothing(log, tmp_path, arguments, text):
     with pytest.raises(SysidError, match=text):
-        run(log, *arguments, "--workspace", tmp_path)
+        called("decay", log, *arguments, "--workspace", tmp_path)
     assert not (tmp_path / "reports").exists()
 
 
 def test_friction_in_the_rest_levels_is_no_linear_decay(tmp_path, capsys):
     """The log with hidden friction: k from a linear decay is 80 % too stiff, and is not handed out as good."""
     log = shipped_data() / "decays" / "pink_hidden.csv"
-    assert run(log, "--board", "pink", "--workspace", tmp_path, "--json", "-", "--no-picture") == 0
+    assert (
+        called("decay", log, "--board", "pink", "--workspace", tmp_path, "--json", "-", "--no-picture") == 0
+    )
     content = json.loads(capsys.readouterr().out)
     assert content["residual"]["linear"] is False
     assert content["warnings"]
-    assert run(log, "--board", "pink", "--workspace", tmp_path, "--no-picture") == 0
+    assert called("decay", log, "--board", "pink", "--workspace", tmp_path, "--no-picture") == 0
     out = capsys.readouterr().out
     assert "husky-sysid diagnose" in out
     assert "✓" not in out

@@ -4,17 +4,13 @@ import json
 from dataclasses import replace
 
 import pytest
+from command_line import called
 
-from sysid.cli import build_app
 from sysid.errors import SysidError
 from sysid.quantity import Quantity
 from sysid.workspace import Workspace, shipped_data
 
 SHIPPED = shipped_data() / "boards" / "pink.toml"
-
-
-def run(*arguments):
-    return build_app()(list(arguments), result_action="return_value", exit_on_error=False, print_error=False)
 
 
 def stiffer(space, value):
@@ -34,13 +30,13 @@ def test_undo_goes_back_one_change_after_the_other(tmp_path, capsys):
     space = Workspace(tmp_path)
     stiffer(space, 20.0)
     stiffer(space, 30.0)
-    run("undo", "-b", "pink", "--workspace", str(tmp_path))
+    called("undo", "-b", "pink", "--workspace", tmp_path)
     assert space.load_board("pink").stiffness == 20.0
     assert "1 step more to go back" in capsys.readouterr().out
-    run("undo", "-b", "pink", "--workspace", str(tmp_path))
+    called("undo", "-b", "pink", "--workspace", tmp_path)
     assert (space.boards / "pink.toml").read_bytes() == SHIPPED.read_bytes()
     with pytest.raises(SysidError, match="never changed in this workspace"):
-        run("undo", "-b", "pink", "--workspace", str(tmp_path))
+        called("undo", "-b", "pink", "--workspace", tmp_path)
 
 
 def test_undo_shows_what_it_takes_back_and_only_that(tmp_path, capsys):
@@ -48,19 +44,19 @@ def test_undo_shows_what_it_takes_back_and_only_that(tmp_path, capsys):
     board = space.load_board("pink")
     space.save_board(replace(board, last_check={}))
     space.save_board(board.checked({"passed": True, "nrmse": 0.01}))
-    run("undo", "-b", "pink", "--workspace", str(tmp_path))
+    called("undo", "-b", "pink", "--workspace", tmp_path)
     out = capsys.readouterr().out
     assert "passed (nrmse 1 %)" in out
     assert "not run" in out
     assert "stiffness" not in out
     stiffer(space, 20.0)
-    run("undo", "-b", "pink", "--workspace", str(tmp_path))
+    called("undo", "-b", "pink", "--workspace", tmp_path)
     assert "stiffness" in capsys.readouterr().out
 
 
 def test_history_shows_a_line_a_fit(tmp_path, capsys):
     stiffer(Workspace(tmp_path), 20.0)
-    run("history", "-b", "pink", "--workspace", str(tmp_path), "--json", str(tmp_path / "h.json"))
+    called("history", "-b", "pink", "--workspace", tmp_path, "--json", tmp_path / "h.json")
     out = capsys.readouterr().out
     assert "pink: 1 fit; `undo` can go back 1 step" in out
     assert "coulomb" in out
@@ -71,5 +67,5 @@ def test_history_shows_a_line_a_fit(tmp_path, capsys):
 
 def test_a_record_that_only_ships_has_nothing_to_take_back(tmp_path):
     with pytest.raises(SysidError, match="never changed"):
-        run("undo", "-b", "pink", "--workspace", str(tmp_path))
+        called("undo", "-b", "pink", "--workspace", tmp_path)
     assert not (tmp_path / "data" / "boards" / "pink.toml").exists()

@@ -18,22 +18,21 @@ def shell(*arguments, **options):
     return subprocess.run(command, stderr=subprocess.PIPE, timeout=60, **options)
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
-def test_any_encoding_of_the_output_will_do(encoding, tmp_path):
+def test_any_encoding_of_the_output_will_do(tmp_path):
     done = shell(
         *("decay", LOG, "--board", "pink", "--workspace", tmp_path, "--no-picture"),
         stdout=subprocess.PIPE,
-        env={**os.environ, "PYTHONIOENCODING": encoding},
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
     )
     assert done.returncode == 0, done.stderr.decode()
-    text = done.stdout.decode(encoding)
+    text = done.stdout.decode("ascii")
     assert "natural frequency omega_n" in text
     assert "8.70e-3 phi'' + 0.404 phi' + 14.77 phi = 0" in text
     assert "?" not in text
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="a device of Linux")  # noqa: PTH110
-@pytest.mark.parametrize("arguments", [["boards"], ["boards", "--json", "-"], ["--help"]])
+@pytest.mark.parametrize("arguments", [["boards", "--json", "-"], ["--help"]])
 def test_a_full_disk_is_one_line(arguments, tmp_path):
     with open("/dev/full", "w") as full:  # noqa: PTH123
         done = shell(*arguments, stdout=full)
@@ -41,11 +40,10 @@ def test_a_full_disk_is_one_line(arguments, tmp_path):
     assert done.stderr.decode().splitlines() == ["error: standard output: No space left on device."]
 
 
-@pytest.mark.parametrize("blocks", [1, 100])
-def test_a_disk_without_room_for_a_recording_is_one_line(tmp_path, blocks):
+def test_a_disk_without_room_for_a_recording_is_one_line(tmp_path):
     arguments = f"view {LOG} --board pink --workspace {tmp_path} -o {tmp_path / 'view.rrd'}"
     done = subprocess.run(
-        ["bash", "-c", f"ulimit -f {blocks}; {sys.executable} -m sysid.cli {arguments}"],
+        ["bash", "-c", f"ulimit -f 100; {sys.executable} -m sysid.cli {arguments}"],
         capture_output=True,
         text=True,
         timeout=60,
@@ -80,8 +78,7 @@ def test_another_projects_package_of_the_same_name_is_told(name, tmp_path):
     assert len(done.stderr.splitlines()) == 1
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
-@pytest.mark.parametrize("wait", [None, 0.5])
+@pytest.mark.parametrize(("number", "code", "wait"), [(signal.SIGTERM, 143, 0.5), (signal.SIGINT, 130, None)])
 def test_a_signal_ends_a_command_in_one_line_and_leaves_nothing(number, code, wait, tmp_path):
     """As soon as it has been able to listen, or amid the search."""
     workspace, temporary = tmp_path / "workspace", tmp_path / "temporary"

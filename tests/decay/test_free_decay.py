@@ -4,6 +4,7 @@ import math
 import re
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
 from decay_truth import DEGREE, Recipe, linear_decay, make_roll
@@ -17,7 +18,7 @@ from sysid.free_decay import decay_from_peaks, fit_decay, log_decrement_two_peak
 from sysid.quantity import Quantity
 from sysid.recording import Recording
 from sysid.releases import find_releases
-from sysid.roll import Release, Roll
+from sysid.roll import Roll
 
 INERTIA = Quantity(8.70e-3, 0.0, "kg*m^2", "known")
 PINK, BLACK = (41.083, 0.56265), (69.815, 0.54088)
@@ -32,9 +33,7 @@ def clean_release(omega, zeta, *, start=0.2, duration=1.0, sampling=500, noise=1
     time = np.arange(0, duration, 1 / sampling)
     roll, _ = linear_decay(time, omega, zeta, start)
     roll = roll + np.random.default_rng(seed).normal(0, noise, len(time))
-    return Release(
-        log="x", number=1, time=time, roll=roll, std=np.full(len(time), noise), origin="angle", rest=0.0, hold=hold, end="log"
-    )  # fmt: skip
+    return made.release(time, roll, noise, hold=hold)
 
 
 @pytest.mark.parametrize(
@@ -59,7 +58,7 @@ def test_appendix_h_to_the_last_printed_digit(inertia, period, first, second, st
     assert numbers.damping.value == pytest.approx(2 * inertia * delta / period)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(omega=st.floats(1, 200), zeta=st.floats(0.005, 0.9), inertia=st.floats(1e-4, 10))
 def test_numbers_agree_with_each_other_and_carry_their_errors(omega, zeta, inertia):
     covariance = np.array([[(0.01 * omega) ** 2, 1e-6 * omega], [1e-6 * omega, (0.02 * zeta) ** 2]])
@@ -89,8 +88,9 @@ def test_numbers_agree_with_each_other_and_carry_their_errors(omega, zeta, inert
         assert getattr(numbers, name).std == pytest.approx(math.sqrt(gradient @ full @ gradient), rel=1e-4)
 
 
-@pytest.mark.parametrize("zeta", [0.02, 0.1, 0.3, 0.5626, 0.8, 0.95])
-@pytest.mark.parametrize("omega", [2.5, 41.083, 69.815])
+@pytest.mark.parametrize(
+    ("omega", "zeta"), [(2.5, 0.02), (41.083, 0.1), (41.083, 0.5626), (69.815, 0.8), (2.5, 0.95)]
+)
 def test_noise_free_truth_is_recovered(zeta, omega):
     release = clean_release(omega, zeta, duration=60 / omega, sampling=40 * omega, noise=0.0)
     numbers = fit_decay([release], INERTIA).numbers
@@ -101,12 +101,9 @@ def test_noise_free_truth_is_recovered(zeta, omega):
 
 def test_both_boards_within_their_intervals():
     for omega, zeta in (PINK, BLACK):
-        for m in (1, 6):
-            decay = decay_of(
-                Recipe(
-                    omega=omega, zeta=zeta, sampling=1000, amplitudes=tuple(0.2 * (-1) ** i for i in range(m))
-                )
-            )
+        for m in (1, 4):
+            amplitudes = tuple(0.2 * (-1) ** i for i in range(m))
+            decay = decay_of(Recipe(omega=omega, zeta=zeta, sampling=1000, amplitudes=amplitudes))
             truth = {"omega_n": omega, "damping_ratio": zeta, "stiffness": INERTIA.value * omega**2}
             for name, value in truth.items():
                 quantity = getattr(decay.numbers, name)
@@ -154,10 +151,8 @@ def test_a_gyro_is_fitted_as_a_rate_with_its_bias():
     _, rate = linear_decay(time, 15.0, 0.05, 0.2)
     measured = rate + 0.3 + rng.normal(0, 0.02, len(time))
     roll = np.concatenate([[0], np.cumsum((measured[1:] + measured[:-1]) / 2) * 0.002])
-    release = Release(
-        log="g", number=1, time=time, roll=roll, std=np.full(len(time), 1e-3), origin="gyro", zero="drifting", measured="rate",
-        rate=measured, rate_std=np.full(len(time), 0.02), rest=-0.2, hold=0.0, end="log",
-    )  # fmt: skip
+    gyro = {"origin": "gyro", "zero": "drifting", "measured": "rate", "rate": measured}
+    release = made.release(time, roll, 1e-3, rate_std=np.full(len(time), 0.02), rest=-0.2, hold=0.0, **gyro)
     decay = fit_decay([release], INERTIA)
     assert decay.trace.signal == "rate"
     assert decay.trace.releases[0].level == pytest.approx(0.3, abs=0.005)
@@ -183,8 +178,7 @@ def test_peaks_are_timed_between_samples():
         assert (peak.roll > 0) == (peak.number % 2 == 0)
 
 
-@pytest.mark.parametrize("zeta", [0.004, 0.05, 0.3])
-@pytest.mark.parametrize("late", [0.0, 0.015, 0.03])
+@pytest.mark.parametrize(("zeta", "late"), [(0.004, 0.03), (0.05, 0.0), (0.05, 0.015), (0.3, 0.03)])
 def test_first_peak_of_a_release_that_is_found_late_is_that_of_the_release(zeta: float, late: float):
     """3 % of a period is 6.6 ms here, less than a sample at 100 Hz: the deck has fallen by 1.8 % by then."""
     omega, noise = 28.87, 1e-4
@@ -258,11 +252,14 @@ def test_a_joint_without_a_spring_has_damping_and_friction_alone():
     rng, time = np.random.default_rng(1), np.arange(0, 6, 0.01)
     speed = np.maximum((20 + 0.8 / 0.5) * np.exp(-0.5 * time) - 0.8 / 0.5, 0.0)
     roll = np.cumsum(speed) * 0.01
-    release = Release(
-        log="spun", number=1, time=time, roll=roll, std=np.full(len(time), 1e-3), origin="gyro", zero="drifting", measured="rate",
-        rate=speed + rng.normal(0, 0.05, len(time)), rate_std=np.full(len(time), 0.05), rest=float(roll[-1]), hold=0.0,
-        end="rest",
-    )  # fmt: skip
+    gyro = {
+        "origin": "gyro",
+        "zero": "drifting",
+        "measured": "rate",
+        "rate": speed + rng.normal(0, 0.05, len(time)),
+    }
+    spun = {"rate_std": np.full(len(time), 0.05), "rest": float(roll[-1]), "hold": 0.0, "end": "rest"}
+    release = made.release(time, roll, 1e-3, **gyro, **spun)
     decay = fit_decay([release], INERTIA)
     damping, friction = decay.others["damping_over_inertia"], decay.others["friction_over_inertia"]
     assert abs(damping.value - 0.5) < 4 * damping.std < 0.05
@@ -281,7 +278,7 @@ def test_swings_that_grow_are_refused():
 
 def test_a_linear_decay_gets_no_warning():
     warned = 0
-    for seed in range(40):
+    for seed in range(20):
         rng = np.random.default_rng(100 + seed)
         omega, _ = PINK if seed % 2 else BLACK
         zeta = float(rng.choice([0.02, 0.1, 0.3, 0.55]))
@@ -292,7 +289,7 @@ def test_a_linear_decay_gets_no_warning():
         decay = decay_of(recipe)
         assert decay.linear
         warned += bool(decay.warnings)
-    assert warned <= 3
+    assert warned <= 2
 
 
 def test_overdamped_has_k_and_d_but_no_decrement():
@@ -313,7 +310,7 @@ def test_overdamped_has_k_and_d_but_no_decrement():
 
 def test_noise_alone_is_refused():
     time = np.arange(5000) / 500
-    for seed in range(12):
+    for seed in range(6):
         roll = np.random.default_rng(seed).normal(0, 0.003, 5000)
         with pytest.raises(SysidError):
             fit_decay(
@@ -333,21 +330,6 @@ def test_too_little_is_refused():
     short = clean_release(41.0, 0.5, duration=0.025, sampling=1000, noise=0.002)
     with pytest.raises(SysidError, match="too short to tell its frequency"):
         fit_decay([short], INERTIA)
-
-
-def test_saturated_samples_count_for_little(tmp_path):
-    """A sensor that ends at 7° flattens the first swings; the reader says so and the fit is not pulled."""
-    from sysid.logs import read_roll
-
-    roll = make_roll(Recipe(zeta=0.04, free=3.0, sampling=500, noise=0.02 * DEGREE))
-    flat = np.clip(roll.roll, -0.12, 0.12)
-    path = tmp_path / "flat.csv"
-    np.savetxt(path, np.column_stack([roll.time, flat]), delimiter=",", header="time_s,roll_rad", comments="")
-    read = read_roll(path)
-    assert any("saturated" in warning for warning in read.warnings)
-    decay = fit_decay(find_releases(read), INERTIA)
-    assert decay.numbers.omega_n.value == pytest.approx(41.083, rel=5e-3)
-    assert decay.numbers.damping_ratio.value == pytest.approx(0.04, rel=0.1)
 
 
 def coverage(omega, zeta, sampling, noise, m, *, seeds, inertia_std=0.0, correlation=0.0):
@@ -377,29 +359,27 @@ def coverage(omega, zeta, sampling, noise, m, *, seeds, inertia_std=0.0, correla
     return hits / count, errors / count
 
 
-COVERAGE = {
-    "pink, three releases": (*PINK, 500.0, 0.1, 3),
-    "black, six releases": (*BLACK, 1000.0, 0.2, 6),
-    "light, one release": (41.083, 0.02, 200.0, 0.1, 1),
-    "strong damping": (41.083, 0.8, 1000.0, 0.05, 3),
-}
+COVERAGE = (
+    (*PINK, 500.0, 0.1, 3), (*BLACK, 500.0, 0.2, 4), (41.083, 0.02, 200.0, 0.1, 1), (41.083, 0.8, 500.0, 0.05, 3)
+)  # fmt: skip
+"""ω_n, ζ, samples/s, noise [deg] and number of releases."""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", COVERAGE)
-def test_intervals_hold_the_truth_19_times_in_20(case):
-    """400 seeds: three standard deviations of a count about 95 % are ±3.3 %."""
-    share, bias = coverage(*COVERAGE[case], seeds=400, inertia_std=0.01 * INERTIA.value)
-    assert np.all((share > 0.917) & (share < 0.983)), share
-    assert abs(share.mean() - 0.95) < 0.02, share
-    assert np.abs(bias).max() < 0.01, bias
+def test_intervals_hold_the_truth_19_times_in_20():
+    """Of each joint 80 logs: a count about 95 % of 80 has a standard deviation of 2.4 %, of all 320 one of 1.2 %."""
+    found = [coverage(*case, seeds=80, inertia_std=0.01 * INERTIA.value) for case in COVERAGE]
+    share, bias = (np.array(part) for part in zip(*found, strict=True))
+    assert np.all(np.abs(share.mean(axis=0) - 0.95) < 3 * 0.012), share
+    assert share.min() > 0.95 - 4 * 0.024, share
+    assert np.abs(bias).max() < 0.02, bias
 
 
 @pytest.mark.slow
 def test_intervals_hold_in_correlated_noise():
     """An AR(1) sensor: the plain formula's intervals are 2.4 times too narrow here and hold 59 %."""
-    share, _ = coverage(*PINK, 500.0, 0.1, 3, seeds=200, correlation=0.7)
-    assert np.all(share > 0.9), share
+    share, _ = coverage(*PINK, 500.0, 0.1, 3, seeds=80, correlation=0.7)
+    assert np.all(share > 0.95 - 3 * 0.024), share
 
 
 STATED = {
@@ -427,7 +407,7 @@ def test_swings_of_one_pendulum_from_several_angles_have_one_frequency(real_logs
     assert max(found) < 1.01 * min(found)
 
 
-@pytest.mark.parametrize("gain", [100, 200, 400, 800])
+@pytest.mark.parametrize("gain", [100, 800])
 def test_a_servo_with_dry_friction_gets_no_tick(real_logs, gain):
     from sysid.logs import read_roll
 
@@ -441,7 +421,7 @@ def rubbed(torque):
     return lambda x, v: -(41.083**2) * (x + angle * math.tanh(v / 1e-3)) - 2 * 0.5627 * 41.083 * v
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_dry_friction_that_a_level_for_each_release_takes_up_is_not_approved(seed):
     """k comes out 60 to 90 % too stiff, in a residual of 1.1 times the noise: the rest levels tell."""
     decay = decay_of(

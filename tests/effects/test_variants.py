@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made import release
 from scipy.integrate import solve_ivp
 
 from sysid.effects import effect
@@ -51,13 +52,7 @@ def releases(law: Inner, held: Callable[[float], list[float]]) -> list[Release]:
         path = solve_ivp(
             slope, (0.0, 2.0), [angle, 0.0, *held(angle)], t_eval=time, rtol=1e-8, atol=1e-10, max_step=2e-3
         )
-        roll = path.y[0] + NOISE * rng.standard_normal(len(time))
-        made.append(
-            Release(
-                log="made", number=number, time=time, roll=roll, std=np.full(len(time), NOISE), origin="angle",
-                rest=0.0, hold=1.0, end="log",
-            )
-        )  # fmt: skip
+        made.append(release(time, path.y[0], NOISE, rng=rng, number=number))
     return made
 
 
@@ -89,12 +84,9 @@ def test_a_soft_stop_that_shows_after_many_swings_is_found_on_its_own_side():
     )
     rng, time = np.random.default_rng(1), np.arange(0.0, 3.5, 2e-3)
     made = [
-        Release(
-            log="made", number=number, time=time, roll=simulate(law, time, angle).roll + 7e-4 * rng.standard_normal(len(time)),
-            std=np.full(len(time), 7e-4), origin="angle", rest=0.0, hold=1.0, end="log",
-        )
+        release(time, simulate(law, time, angle).roll, 7e-4, rng=rng, number=number)
         for number, angle in enumerate((0.132, -0.106), start=1)
-    ]  # fmt: skip
+    ]
     fit = fit_joint(made, Workspace(Path()).load_board("pink"), ["one-sided-stop"])
     assert fit.quantities["one-sided-stop.angle"].value == pytest.approx(-0.0885, abs=0.004)
 

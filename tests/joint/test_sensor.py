@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from made import release
 
 from sysid.fitting.initial_state import fit_initial_states
 from sysid.fitting.records import make_records
@@ -17,13 +18,8 @@ SENSORS = {
 
 
 def measured(law: JointLaw, *, begin: float) -> Release:
-    roll = simulate(law, TIME, 0.2, begin=begin).roll + 1e-6 * np.random.default_rng(1).standard_normal(
-        len(TIME)
-    )
-    return Release(
-        log="made", number=1, time=begin + TIME, roll=roll, std=np.full(len(TIME), 1e-6), origin="angle", rest=0.01,
-        hold=1.0, end="log",
-    )  # fmt: skip
+    roll = simulate(law, TIME, 0.2, begin=begin).roll
+    return release(begin + TIME, roll, 1e-6, rng=np.random.default_rng(1), rest=0.01)
 
 
 def test_drift_grows_with_the_log_and_not_with_the_release():
@@ -36,8 +32,8 @@ def test_drift_grows_with_the_log_and_not_with_the_release():
 def test_a_fit_sees_what_the_simulation_shows(name):
     """Only roll and rate at release are fitted, so the residual is the noise if both have the same sensor."""
     law = LAW.with_effect(name, *SENSORS[name])
-    release = measured(law, begin=7.0)
-    residuals, starts = fit_initial_states(law, make_records([release], 1e-6, rate=False))
+    made = measured(law, begin=7.0)
+    residuals, starts = fit_initial_states(law, make_records([made], 1e-6, rate=False))
     assert np.std(residuals[0]) < 1.2e-6
     assert starts[0][0] == pytest.approx(0.2, abs=1e-4)
 

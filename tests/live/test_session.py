@@ -6,18 +6,11 @@ import numpy as np
 import pytest
 from decay_truth import Recipe, make_roll
 
-from sysid.board import load_board
 from sysid.live.session import EACH_SIDE, Session, next_release
 from sysid.recording import Recording
 from sysid.releases import find_releases
-from sysid.workspace import shipped_data
 
 AMPLITUDES = (0.2, -0.15, 0.05)
-
-
-@pytest.fixture(scope="module")
-def pink():
-    return load_board(shipped_data() / "boards" / "pink.toml")
 
 
 @pytest.fixture(scope="module")

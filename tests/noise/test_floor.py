@@ -4,18 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made import release
 
 from sysid.noise.floor import held_noise, noise_floor
-from sysid.roll import Release
 
 NOISE = 1e-4
 TIME = np.arange(0.0, 4.0, 5e-3)
 
 
 def at_rest(roll, time=TIME):
-    return Release(
-        log="x", number=1, time=time, roll=roll, rest=0.0, hold=1.0, std=np.full(len(time), NOISE), origin="angle", end="rest",
-    )  # fmt: skip
+    return release(time, roll, NOISE, end="rest")
 
 
 def noise(seed, memory=0.0):

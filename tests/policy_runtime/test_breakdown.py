@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from rides import made_rides
 
 from policy_runtime.evaluation.breakdown import add_up, break_down
 from policy_runtime.evaluation.metrics import Rides, episode_errors
@@ -17,33 +18,7 @@ STEPS = CYCLES * CLOCK.period
 def rides(**changes):
     """Two cycles of two episodes, told 0.5 m/s and 1 m/s, in which everything is as asked for."""
     step = np.arange(STEPS)
-    shape = (STEPS, 2)
-    both = np.ones((1, 2), bool)
-    speed = np.broadcast_to([0.5, 1.0], shape).copy()
-    deck = np.zeros((*shape, 2), bool)
-    deck[..., 1] = True
-    deck[CLOCK.steering(step)] = True
-    values = {
-        "alive": np.ones(shape, bool),
-        "pushing": CLOCK.pushing(step)[:, None] & both,
-        "steering": CLOCK.steering(step)[:, None] & both,
-        "waiting": np.zeros(shape, bool),
-        "power": np.zeros(shape),
-        "ground_load": np.zeros(shape),
-        "slip": np.zeros(shape),
-        "foot_place": np.zeros(shape),
-        "commanded_speed": speed,
-        "target_heading": np.zeros(shape),
-        "course": np.zeros(shape),
-        "speed": speed.copy(),
-        "heading": np.zeros(shape),
-        "tilt": np.zeros(shape),
-        "joints": np.zeros((*shape, 23)),
-        "foot_on_ground": np.zeros((*shape, 2), bool),
-        "foot_on_deck": deck,
-        "succeeded": np.ones(2, bool),
-    }
-    return Rides(**(values | changes))
+    return made_rides(CLOCK.pushing(step), CLOCK.steering(step), (0.5, 1.0), **changes)
 
 
 def table(tables, start):

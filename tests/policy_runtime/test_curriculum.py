@@ -1,7 +1,6 @@
 """The curriculum that leads itself: its rule by hand, what hangs on it, and its way through a checkpoint."""
 
 import math
-from dataclasses import asdict
 
 import pytest
 
@@ -32,17 +31,6 @@ pytestmark = pytest.mark.train
 )
 def test_step_follows_the_logarithm_of_the_ends_within_its_bounds(ends, expected):
     assert step(ends, 8.0) == pytest.approx(expected)
-
-
-def test_strength_begins_where_the_patience_ends_and_goes_first_when_it_gets_too_hard():
-    level = Level(patience=20.0).after(1.0, own=20)
-    assert asdict(level) == {"patience": 20.0, "strength": pytest.approx(0.03), "ends": 1.0}
-    assert level.after(4.5, own=20).strength == level.strength
-    easier = level.after(60.0, own=20)
-    assert asdict(easier) == {"patience": 20.0, "strength": pytest.approx(0.02), "ends": 60.0}
-    gone = Level(patience=20.0, strength=0.005).after(60.0, own=20)
-    assert asdict(gone) == {"patience": pytest.approx(20 * math.exp(0.01)), "strength": 0.0, "ends": 60.0}
-    assert Level(patience=20.0, strength=0.99).after(0.1, own=20).strength == 1.0
 
 
 @pytest.mark.parametrize(

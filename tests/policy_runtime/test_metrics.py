@@ -2,8 +2,9 @@ import math
 
 import numpy as np
 import pytest
+from rides import made_rides
 
-from policy_runtime.evaluation.metrics import Rides, episode_errors, reachable_headings
+from policy_runtime.evaluation.metrics import episode_errors, reachable_headings
 from policy_runtime.evaluation.statistics import mean_over, proportion
 from policy_runtime.evaluation.strides import clip_distances, stride_metrics
 from sysid.errors import SysidError
@@ -13,32 +14,8 @@ STEPS, PUSH, STEER = 40, slice(0, 20), slice(25, 35)
 
 def rides(**changes):
     """One episode: 20 steps of pushing, 10 of steering, everything as told."""
-    shape = (STEPS, 1)
-    values = {
-        "alive": np.ones(shape, bool),
-        "pushing": np.zeros(shape, bool),
-        "steering": np.zeros(shape, bool),
-        "waiting": np.zeros(shape, bool),
-        "power": np.zeros(shape),
-        "ground_load": np.zeros(shape),
-        "slip": np.zeros(shape),
-        "foot_place": np.zeros(shape),
-        "commanded_speed": np.full(shape, 1.0),
-        "target_heading": np.zeros(shape),
-        "course": np.zeros(shape),
-        "speed": np.full(shape, 1.0),
-        "heading": np.zeros(shape),
-        "tilt": np.zeros(shape),
-        "joints": np.zeros((*shape, 23)),
-        "foot_on_ground": np.zeros((*shape, 2), bool),
-        "foot_on_deck": np.zeros((*shape, 2), bool),
-        "succeeded": np.array([True]),
-    }
-    values["pushing"][PUSH] = True
-    values["steering"][STEER] = True
-    values["foot_on_deck"][..., 1] = True
-    values["foot_on_deck"][STEER, :, 0] = True
-    return Rides(**(values | changes))
+    step = np.arange(STEPS)
+    return made_rides(step < 20, (step >= 25) & (step < 35), **changes)
 
 
 def test_a_perfect_ride_has_no_error():
@@ -53,18 +30,11 @@ def test_a_perfect_ride_has_no_error():
 
 def long_ride(**changes):
     """One episode of 12 s in pushing, and told to move unless said otherwise."""
-    steps, shape = 600, (600, 1)
-    values = {
-        name: np.repeat(getattr(rides(), name)[:1], steps, axis=0)
-        for name in Rides.__slots__
-        if name != "succeeded"
-    }
-    values |= {
-        "pushing": np.ones(shape, bool),
-        "steering": np.zeros(shape, bool),
-        "succeeded": np.array([True]),
-    }
-    return Rides(**(values | changes))
+    return made_rides(
+        np.ones(600, bool),
+        np.zeros(600, bool),
+        **{"foot_on_deck": np.array([[[False, True]]] * 600), **changes},
+    )
 
 
 def test_strides_are_counted_from_touchdown_to_touchdown():

@@ -109,9 +109,7 @@ def bad(change):
         (good_table()[:, :30], r"shape \(10, 30\); expected \(frames, 36\)"),
         (good_table(3), "has 3 frames"),
         (bad(lambda t: t.__setitem__((4, 9), np.nan)), "frame 4, column 9 is nan"),
-        (bad(lambda t: t.__setitem__((4, 9), np.inf)), "frame 4, column 9 is inf"),
         (bad(lambda t: t.__setitem__((slice(None), 3), 0.0)), "quaternion of frame 0 .* length 0"),
-        (np.zeros((2, 3, 4)), r"float64 of shape \(2, 3, 4\)"),
         (np.zeros((10, 36), dtype=int), "int64"),
     ],
 )
@@ -123,18 +121,12 @@ def test_wrong_content_is_refused_in_words(tmp_path, content, message):
 
 
 def test_files_that_are_not_arrays_are_refused_in_words(tmp_path):
-    text = tmp_path / "text.npy"
-    text.write_text("hello")
-    with pytest.raises(SysidError, match="not a NumPy array file"):
-        motions.load_motion(text)
-    empty = tmp_path / "empty.npy"
-    empty.touch()
-    with pytest.raises(SysidError, match="not a NumPy array file"):
-        motions.load_motion(empty)
-    pickled = tmp_path / "object.npy"
-    np.save(pickled, np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    with pytest.raises(SysidError, match="not a NumPy array file"):
-        motions.load_motion(pickled)
+    path = tmp_path / "clip.npy"
+    np.save(path, np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    for content in (path.read_bytes(), b"hello", b""):
+        path.write_bytes(content)
+        with pytest.raises(SysidError, match="not a NumPy array file"):
+            motions.load_motion(path)
     with pytest.raises(SysidError, match="cannot be read"):
         motions.load_motion(tmp_path / "missing.npy")
 

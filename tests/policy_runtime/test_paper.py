@@ -113,22 +113,3 @@ def test_command_writes_page_and_numbers(tmp_path, capsys):
     assert np.isclose(
         content["sections"]["Learning curves, and where they end"]["rows"]["a"]["survival"], 0.5
     )
-
-
-def test_what_has_been_ridden_is_not_ridden_again(tmp_path, result, monkeypatch):
-    asked = []
-
-    def ridden(policy, board, **others):
-        asked.append(policy)
-        return result
-
-    monkeypatch.setattr("policy_runtime.evaluation.plain.evaluate_policy", ridden)
-    manifest, policy = tmp_path / "runs.toml", tmp_path / "a.onnx"
-    manifest.write_text("[[run]]\nname='a'\nrow='husky'\nboard='pink'\ncommand='c'\npolicy='a.onnx'")
-    pages = []
-    for weights in (b"one", b"one", b"two"):
-        policy.write_bytes(weights)
-        assert paper("main", runs=manifest, output=tmp_path / "out") == 0
-        pages.append((tmp_path / "out" / "paper.md").read_text())
-    assert len(asked) == 2  # other weights are another policy
-    assert pages[0] == pages[1]

@@ -1,28 +1,22 @@
 """Worlds, scripts, evaluation, export, and the commands around them."""
 
 import json
-import sys
 from dataclasses import replace
-from types import SimpleNamespace
 
-import mujoco
 import numpy as np
 import pytest
+from command_line import called
 from riding import HoldStill, make_onnx, our_metadata, pink, published_metadata, world_or_skip
 
-from policy_runtime.evaluation.plain import Protocol, _Episode, evaluate_policy, run_episode
+from policy_runtime.evaluation.plain import Protocol, evaluate_policy, run_episode
 from policy_runtime.evaluation.recording import Recorder
 from policy_runtime.export import export_folder, load_folder
 from policy_runtime.loop.commands import Command, Constant
-from policy_runtime.loop.gravity_load import GravityLoad
 from policy_runtime.loop.scripted import scripted, scripted_push, standing
 from policy_runtime.loop.world import joint_limits, make_world
 from policy_runtime.robots.simulated import Gantry
 from policy_runtime.runtime import Runtime
-from sim.skate.robot.g1 import servos
-from sim.skate.robot.poses import load_poses
 from sysid.board import save_board
-from sysid.cli import build_app
 from sysid.errors import SysidError
 from sysid.progress import listening
 
@@ -97,31 +91,6 @@ def test_unknown_script_is_refused_in_words():
         scripted("pusch")
 
 
-@pytest.mark.parametrize("name", ["push", "steer"])
-def test_asked_for_targets_come_to_rest_in_the_pose(name):
-    """Hold the pose by its feet: the weight must sag the servos exactly into it."""
-    load = GravityLoad() if world_or_skip() else None
-    pose = load_poses()[name]
-    feet = (name == "steer", True)
-    torque = load.torques(pose.joints, pose.quaternion, feet)
-    asked = load.asked(pose.joints, pose.quaternion, feet)
-    np.testing.assert_allclose(servos().stiffness * (asked - pose.joints), torque, atol=1e-9)
-    # Statics by virtual work: what raises the centre of mass over the foot costs the weight times the height.
-    model, data = load.model, mujoco.MjData(load.model)
-    data.qpos[3:7], data.qpos[7:] = pose.quaternion, pose.joints
-    mujoco.mj_forward(model, data)
-    if name == "push":  # all weight on the right foot, under the centre of mass
-        right = model.body("right_ankle_roll_link").id
-        pressure = data.subtree_com[1].copy()
-        pressure[2] = data.xpos[right, 2] - 0.035
-        com, foot = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-        mujoco.mj_jacSubtreeCom(model, data, com, 1)
-        mujoco.mj_jac(model, data, foot, None, pressure, right)
-        weight = model.body_subtreemass[1] * 9.81
-        np.testing.assert_allclose(torque, weight * (com[2] - foot[2])[6:], atol=1e-6)
-        np.testing.assert_allclose((com[2] - foot[2])[:6], 0.0, atol=1e-9)  # nothing tips it over
-
-
 def test_direct_coupling_sets_the_trucks():
     world = world_or_skip(coupling="direct")
     world.reset()
@@ -140,41 +109,6 @@ def test_episode_ends_when_the_robot_falls_and_is_repeatable():
     np.testing.assert_array_equal(first.qpos, again.qpos)
     other, _ = run_episode(world, scripted("zero"), Protocol(), np.random.default_rng([1, 3]))
     assert first.command[0, 0] != other.command[0, 0]
-
-
-def endings(truths):
-    """Return after which tick an episode ends and how, for a series of what the simulator says."""
-
-    class World:
-        class robot:
-            pass
-
-    class Recorded:
-        def __len__(self):
-            return 1
-
-    episode = _Episode(World, Recorded(), Protocol(), np.random.default_rng(0))
-    for i, truth in enumerate(truths):
-        World.robot.truth = staticmethod(lambda truth=truth: truth)
-        if episode.at(i * 0.02) is None:
-            return i, episode.ending
-    return None, episode.ending
-
-
-def truth(deck=(True, True), upright=1.0, other=0):
-    return SimpleNamespace(foot_on_deck=np.array(deck), upright=upright, other_contacts=other)
-
-
-def test_what_ends_an_episode():
-    off = truth(deck=(False, False))
-    assert endings([truth()] * 50) == (None, "time limit")
-    assert endings([off] * 3 + [truth()] * 20) == (None, "time limit")  # it has only just been set down
-    assert endings([truth()] * 20 + [off] + [truth()] * 20) == (None, "time limit")  # a hop
-    assert endings([truth()] * 20 + [off, off]) == (21, "off the board")
-    assert endings([truth()] * 20 + [truth(deck=(False, True))] * 9) == (None, "time limit")
-    assert endings([truth()] * 20 + [truth(upright=0.3)]) == (20, "fallen")  # 72.5 degrees
-    assert endings([truth()] * 20 + [truth(upright=0.4)] * 5) == (None, "time limit")
-    assert endings([truth()] * 20 + [truth(other=1)]) == (20, "body contact")
 
 
 def test_turns_are_drawn_anew_in_every_cycle():
@@ -240,10 +174,7 @@ def test_exported_folder_runs_without_mjlab(folder, monkeypatch, capsys, tmp_pat
     monkeypatch.setattr(g1, "find_spec", lambda name: None)
     with pytest.raises(SysidError, match="mjlab"):
         make_world(pink())
-    code = build_app()(
-        ["play", str(folder), "--duration", "0.2", "-o", str(tmp_path)], result_action="return_value"
-    )
-    assert code == 0
+    assert called("play", folder, "--duration", "0.2", "-o", tmp_path) == 0
     assert "policy rode pink for 0.20 s" in capsys.readouterr().out
     assert (tmp_path / "ride-policy.rrd").stat().st_size > 100_000
 
@@ -279,8 +210,7 @@ def test_export_keeps_its_hands_off_other_folders(tmp_path):
 
 
 def call(capsys, *arguments):
-    code = build_app()([str(argument) for argument in arguments], result_action="return_value")
-    return code, capsys.readouterr()
+    return called(*arguments), capsys.readouterr()
 
 
 @pytest.mark.slow
@@ -355,29 +285,6 @@ def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
     assert (tmp_path / "evaluate-zero-mujoco.png").stat().st_size > 10_000
 
 
-def test_policies_stand_beside_each_other_in_one_table(capsys, tmp_path):
-    world_or_skip()
-    code, said = call(
-        capsys, "evaluate", "zero", "stand", "-b", "pink", "--episodes", 2, "--seeds", 1, "--workers", 1,
-        "--duration", 0.2, "--board-scale", "k=4", "-o", tmp_path, "--json", tmp_path / "e.json",
-    )  # fmt: skip
-    assert code == 0
-    assert "zero, stand on pink in mujoco" in said.out
-    result = json.loads((tmp_path / "e.json").read_text())
-    assert [one["policy"] for one in result["conditions"]] == result["policies"] == ["zero", "stand"]
-    assert all("E_course" in one for one in result["conditions"])
-    assert (tmp_path / "suite-zero-stand.png").stat().st_size > 5_000
-
-
-def test_export_command_says_what_it_wrote(capsys, tmp_path):
-    world_or_skip()
-    code, said = call(capsys, "export", "-b", "pink", "-o", tmp_path / "x", "--json", "-")
-    assert code == 0
-    assert json.loads(said.out)["policy"] is None
-    with pytest.raises(SysidError, match="holds no policy"):
-        call(capsys, "play", tmp_path / "x")
-
-
 def test_motions_lists_plots_and_plays(capsys, tmp_path):
     world_or_skip()
     code, said = call(
@@ -397,46 +304,19 @@ def test_motions_lists_plots_and_plays(capsys, tmp_path):
     [
         (("play", "zero"), "zero: no exported folder.* --board"),
         (("play", "zero", "-b", "pinck"), "Did you mean 'pink'"),
-        (("play", "nothing.onnx", "-b", "pink"), "no such policy"),
-        (("run", "zero", "-b", "pink", "--robot", "rehearsal", "--viewer"), "belong to --robot simulated"),
-        (("run", "zero", "-b", "pink", "--dry-run"), "Add --robot rehearsal or unitree"),
         (("run", "zero", "-b", "pink", "--dry-run", "--robot", "rehearsal"), "was not trained on anything"),
         (("run", "zero", "-b", "pink", "--joint-margin", "-1"), "--joint-margin -1: must not be negative"),
         (("play", "zero", "-b", "pink", "--speed", "9"), "--speed 9: policies are trained for 0 to 1.5"),
-        (("play", "zero", "-b", "pink", "--turn-deg", "60"), "--turn-deg 60"),
-        (("play", "zero", "-b", "pink", "--duration", "0"), "longer than 0"),
         (("play", "zero", "-b", "pink", "--commands", "none.csv"), "none.csv: cannot be read"),
         (("evaluate", "zero", "-b", "pink", "--episodes", "0"), "at least 1"),
-        (("evaluate", "zero", "-b", "pink", "--duration", "-1"), "longer than 0"),
         (("evaluate", "zero", "-b", "pink", "--board-scale", "k:4"), "expected factors like k=4"),
-        (("evaluate", "zero", "-b", "pink", "--turn-deg", "60"), "--turn-deg 60"),
         (("evaluate", "zero", "-b", "pink", "--pushes", "-1"), "--pushes -1: must not be negative"),
-        (("evaluate", "zero", "-b", "pink", "--suite", "--mass", "1.1"), "--suite has conditions of its own"),
-        (("evaluate", "zero", "-b", "pink", "--randomised"), "Add --simulator mjlab"),
-        (("motions", "none.npy"), "no such motion"),
     ],
 )
 def test_wrong_use_is_refused_in_words(capsys, arguments, message):
-    if "nothing.onnx" in arguments:
-        pytest.importorskip("onnxruntime", reason="policies need onnxruntime (extra 'run')")
     world_or_skip()
     with pytest.raises(SysidError, match=message):
         call(capsys, *arguments)
-
-
-def test_mjlab_without_torch_is_refused_in_words(capsys, monkeypatch):
-    monkeypatch.setitem(sys.modules, "torch", None)
-    monkeypatch.delitem(sys.modules, "sim.skate.mdp.measuring", raising=False)
-    with pytest.raises(SysidError, match=r"needs an extra.*\[train\].*torch"):
-        call(capsys, "evaluate", "zero", "-b", "pink", "--simulator", "mjlab", "--force")
-
-
-def test_viewer_without_a_display_is_refused_in_words(capsys, monkeypatch, tmp_path):
-    world_or_skip()
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(SysidError, match="needs a display"):
-        call(capsys, "play", "zero", "-b", "pink", "--viewer", "-o", tmp_path)
 
 
 def test_a_policy_for_another_board_is_refused(capsys, tmp_path):

@@ -36,15 +36,6 @@ def test_fifty_decisions_a_second_over_five_hundred_servo_steps():
     assert len(result.timing.decide) == 100
 
 
-def test_targets_go_out_with_the_robots_gains():
-    target = default_pose() + 0.1
-    _, robot = run(policy=HoldStill(target), duration=0.1)
-    command = robot.sent[0]
-    np.testing.assert_array_equal(command.position, target)
-    np.testing.assert_array_equal(command.stiffness, servos().stiffness)
-    np.testing.assert_array_equal(command.damping, servos().damping)
-
-
 def test_told_to_stand_while_pushing_the_cycle_waits_at_the_beginning_of_the_next():
     policy = HoldStill()
     script = Script((0.0, 0.1, 0.2), (Command(1.0, 0), Command(0.05, 0), Command(1.0, 0)))

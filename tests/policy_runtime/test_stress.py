@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from riding import HoldStill, pink, world_or_skip
 
-from policy_runtime.evaluation.plain import Protocol, evaluate_policy, protocol_world, run_episode
+from policy_runtime.evaluation.plain import Protocol, evaluate_policy, run_episode
 from policy_runtime.evaluation.stress import Stress, StressedRobot
 from policy_runtime.loop.world import World
 from policy_runtime.robots import JointCommand
 from sim.skate.robot.g1 import servos
-from sim.skate.rotation import rotate_back
 from sysid.errors import SysidError
 
 pytestmark = pytest.mark.train
@@ -76,14 +75,6 @@ def test_a_board_gathers_speed_downhill_by_g_sin_of_the_slope():
     )
 
 
-def test_on_a_slope_the_imu_knows_the_vertical():
-    world = stressed(slope=math.radians(3))
-    world.reset()
-    down = rotate_back(world.robot.read().quaternion, np.array([0.0, 0.0, -1.0]))
-    gravity = world.robot.model.opt.gravity  # the pelvis stands upright on the ground
-    np.testing.assert_allclose(down, gravity / np.linalg.norm(gravity), atol=1e-6)
-
-
 def test_noise_is_the_trainings_and_each_rides_own():
     world = stressed(noise=1.0)
     world.reset()
@@ -121,23 +112,3 @@ def test_standing_is_counted_apart():
     assert math.isnan(result.success.value)
     assert result.standing.value == 1.0
     assert math.isnan(result.median_duration)
-
-
-def test_board_and_coupling_of_a_protocol_reach_the_world():
-    world_or_skip()
-    board = pink()
-    plain = protocol_world(board, Protocol()).robot.model
-    assert plain.eq_data[0, 1] == pytest.approx(math.tan(math.radians(60)), rel=1e-2)
-    steeper = protocol_world(board, Protocol(board_scale={"rake": 0.9})).robot.model
-    assert steeper.eq_data[0, 1] == pytest.approx(math.tan(math.radians(54)), rel=1e-2)
-    straight = protocol_world(board, Protocol(coupling="none", stress=Stress(delay=0.02))).robot.model
-    assert not np.any(straight.eq_data[0, :5])
-    for stress in (Stress(), Stress(delay=0.02)):
-        world = protocol_world(board, Protocol(coupling="direct", stress=stress))
-        world.reset()
-        robot = world.robot
-        robot.data.qpos[robot.ids.tilt] = 0.05
-        robot.step()
-        tilt = robot.data.qpos[robot.ids.tilt]
-        trucks = np.abs(robot.data.qpos[robot.ids.trucks])
-        np.testing.assert_allclose(trucks, abs(math.atan(math.tan(math.radians(60)) * math.sin(tilt))))

@@ -96,18 +96,6 @@ def test_names_and_slots_are_the_robots_own():
     assert POLICY_MOTORS[19:] == (22, 23, 24, 25)  # right arm; wrists at 19 to 21 and 26 to 28
 
 
-def test_state_arrives_as_simulated(robot_pair):
-    _, robot, world = robot_pair
-    state = robot.read()
-    own = world.robot.read()
-    assert state.age < 0.5
-    np.testing.assert_allclose(state.quaternion, own.quaternion, atol=0.05)
-    np.testing.assert_allclose(state.joint_position, own.joint_position, atol=0.1)
-    first = state.time
-    time.sleep(0.1)
-    assert robot.read().time > first
-
-
 def test_command_moves_the_right_joints(robot_pair):
     simulated, robot, _ = robot_pair
     target = default_pose()
@@ -202,30 +190,3 @@ def test_buttons_travel_and_wrists_are_led_slowly_to_where_the_model_has_them(ro
     assert not np.any(simulated.wrists)
     assert seen[-1][0] - begin > 0.2 / 0.5 - 0.1  # the furthest, at half a radian a second
     assert np.abs(np.diff([wrists for _, wrists in seen], axis=0)).max() < 0.1
-
-
-def test_a_rehearsal_goes_through_handset_ramp_and_delay_over_the_network():
-    from policy_runtime.loop.preparation import Preparation
-
-    world = world_or_skip()
-    world.reset()
-    with SimulatedG1(world.robot, interface=LOOPBACK, domain=DOMAIN, hoisted=True) as simulated:
-        world.robot.data.qpos[world.robot.base_q + 7 + 18] -= 0.5  # the left elbow hangs
-        robot = UnitreeG1(LOOPBACK, DOMAIN)
-        try:
-            result = Runtime(
-                robot=robot,
-                policy=HoldStill(),
-                commands=Constant(Command(0.0, 0.0)),
-                limits=joint_limits(world.robot.model, link_timeout=5.0, stale_timeout=5.0),
-                preparation=Preparation(pose=world.start_joints, ramp=0.5),
-                on_event=lambda event: simulated.assist(event.kind),
-                stop_time=0.0,
-            ).run(0.1)
-        finally:
-            robot.close()
-    kinds = [event.kind for event in result.events]
-    assert kinds[:5] == ["wait", "ramp", "delay", "ready", "start"]
-    assert float(result.events[1].text.split()[0]) > 0.3
-    assert not simulated.hoisted
-    assert min(result.delay.times) <= 0.02

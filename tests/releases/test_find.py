@@ -23,18 +23,13 @@ def starts(recipe, **options):
     return [release.start for release in find_releases(make_roll(recipe), **options)]
 
 
-@pytest.mark.parametrize("zeta", [0.02, 0.1, 0.3, 0.54, 0.5626, 0.8])
-@pytest.mark.parametrize("sampling", [100, 1000])
+@pytest.mark.parametrize(
+    ("zeta", "sampling"), [(0.02, 100), (0.1, 1000), (0.3, 100), (0.5626, 1000), (0.8, 100)]
+)
 def test_every_release_of_both_sides_is_found(zeta, sampling):
-    recipe = Recipe(
-        zeta=zeta,
-        sampling=sampling,
-        amplitudes=(0.2, -0.18, -0.15, 0.22),
-        free=max(1.0, 5 / (zeta * 41)),
-        seed=3,
-    )
-    roll = make_roll(recipe)
-    found = find_releases(roll)
+    amplitudes, free = (0.2, -0.18, -0.15, 0.22), max(1.0, 5 / (zeta * 41))
+    recipe = Recipe(zeta=zeta, sampling=sampling, amplitudes=amplitudes, free=free, seed=3)
+    found = find_releases(make_roll(recipe))
     period = 2 * np.pi / recipe.omega
     np.testing.assert_allclose([r.start for r in found], recipe.truth, atol=0.1 * period + 1 / sampling)
     assert [r.side for r in found] == ["right", "left", "left", "right"]
@@ -50,10 +45,10 @@ def test_release_time_is_right_to_one_percent_of_a_period():
 
 
 def test_rough_logs_are_read_nearly_always():
-    """Hand tremor, 0.3° noise, 9 samples a swing, encoders, hands at the end: 120 logs, most of them hard."""
+    """Hand tremor, 0.3° noise, 9 samples a swing, encoders, hands at the end: 60 logs, most of them hard."""
     rng = np.random.default_rng(5)
     wrong = 0
-    for _ in range(120):
+    for _ in range(60):
         zeta, omega = rng.choice([0.02, 0.1, 0.3, 0.45, 0.5626, 0.8]), rng.choice([15.0, 41.08, 69.8])
         period = 2 * np.pi / omega
         sampling = rng.choice([100.0, 400.0, 1000.0])
@@ -77,7 +72,7 @@ def test_rough_logs_are_read_nearly_always():
             [r.start for r in found], recipe.truth, atol=0.12 * period + 1.5 / recipe.sampling
         )
         wrong += not (good and all(r.end == "rest" for r in found))
-    assert wrong <= 12
+    assert wrong <= 6
 
 
 def test_the_first_sample_may_be_in_the_decay():
@@ -173,16 +168,7 @@ def test_phases_cover_the_log_without_gaps_and_name_what_happens():
     recipe = Recipe(amplitudes=(0.2, -0.2), hand_at_end=True)
     roll = make_roll(recipe)
     phases = log_phases(roll, find_releases(roll))
-    assert [phase.kind for phase in phases] == [
-        "rest",
-        "held",
-        "free",
-        "rest",
-        "held",
-        "free",
-        "rest",
-        "held",
-    ]
+    assert [phase.kind for phase in phases] == [*["rest", "held", "free"] * 2, "rest", "held"]
     assert phases[0].start == roll.time[0]
     assert phases[-1].end == roll.time[-1]
     assert all(one.end == other.start for one, other in pairwise(phases))
@@ -199,12 +185,12 @@ def test_a_deck_that_friction_stops_off_zero_is_at_rest_and_not_held():
         assert 0.9 < held.end - held.start < 1.2, "a hand takes a second; the deck lies still for two"
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
     offset=st.floats(-3, 3),
     side=st.sampled_from([-1.0, 1.0]),
     scale=st.floats(0.3, 3),
-    seed=st.integers(0, 1000),
+    seed=st.integers(0, 99),
 )
 def test_offset_mirror_and_size_change_nothing(offset, side, scale, seed):
     recipe = Recipe(amplitudes=(0.2, -0.17), seed=seed, zeta=0.3, noise=0.05 * DEGREE)
@@ -251,9 +237,15 @@ def lightly_damped(zeta, period, rate, noise, wander):
     return Roll(log="made", time=time, roll=roll, std=np.full(len(time), noise), origin="angle")
 
 
-@pytest.mark.parametrize("zeta", [0.002, 0.005])
-@pytest.mark.parametrize(("period", "rate"), [(0.185, 50.0), (0.185, 1000.0), (1.0, 50.0), (5.0, 15.0)])
-@pytest.mark.parametrize("wander", [0.0, 0.01])
+@pytest.mark.parametrize(
+    ("zeta", "period", "rate", "wander"),
+    [
+        (0.002, 0.185, 50.0, 0.01),
+        (0.005, 0.185, 1000.0, 0.0),
+        (0.002, 1.0, 50.0, 0.0),
+        (0.005, 5.0, 15.0, 0.01),
+    ],
+)
 def test_an_untouched_decay_stays_whole(zeta, period, rate, wander):
     """Few samples a period, or a zero that wanders by a twentieth of the swing, are no hand."""
     roll = lightly_damped(zeta, period, rate, 2e-4, wander)
@@ -276,7 +268,7 @@ def test_a_release_given_in_the_hold_is_the_one_that_follows():
     assert given[0].hold > 0.9
 
 
-@pytest.mark.parametrize("late", [0.012, 0.02, 0.05])
+@pytest.mark.parametrize("late", [0.012, 0.05])
 def test_a_release_given_late_keeps_its_decay(late):
     """The swing that it cuts is shorter than the next one, which no hand has made."""
     recipe = Recipe(zeta=0.05, sampling=500, free=2.0, noise=0.05 * DEGREE)
@@ -299,9 +291,10 @@ def test_a_release_given_while_a_hand_is_on_the_deck_is_refused_or_said():
             find_releases(roll, releases=[lifted])
 
 
-@pytest.mark.parametrize("rate", [100.0, 200.0, 1000.0])
-@pytest.mark.parametrize("noise", [0.0, 0.02 * DEGREE, 0.1 * DEGREE])
-@pytest.mark.parametrize("zeta", [0.04, 0.4])
+@pytest.mark.parametrize(
+    ("rate", "noise", "zeta"),
+    [(100.0, 0.0, 0.04), (100.0, 0.1 * DEGREE, 0.4), (200.0, 0.02 * DEGREE, 0.04), (1000.0, 0.0, 0.4)],
+)
 def test_a_deck_that_is_lifted_between_two_samples(rate, noise, zeta):
     """At rest in one sample, held at 8° in the next: the lift is no swing, and hides none of the three decays."""
     omega, count = 2 * np.pi / 0.185, int(rate)
@@ -310,9 +303,8 @@ def test_a_deck_that_is_lifted_between_two_samples(rate, noise, zeta):
     angle = np.concatenate([np.zeros(count), *[np.full(count, 8 * DEGREE), decay] * 3])
     angle += noise * np.random.default_rng(1).standard_normal(len(angle))
     time = np.arange(len(angle)) / rate
-    found = find_releases(
-        Roll(time=time, roll=angle, std=np.full(len(angle), noise), log="lifted", origin="angle")
-    )
+    std = np.full(len(angle), noise)
+    found = find_releases(Roll(time=time, roll=angle, std=std, log="lifted", origin="angle"))
     np.testing.assert_allclose([release.start for release in found], [2.0, 5.0, 8.0], atol=0.015)
     np.testing.assert_allclose([release.hold for release in found], 1.0, atol=0.05)
 
@@ -325,21 +317,15 @@ def test_a_pendulum_whose_log_begins_held():
     )
     angle = np.concatenate([np.full(400, 30 * DEGREE), swing] * 2)
     angle += 1e-3 * np.random.default_rng(1).standard_normal(len(angle))
-    found = find_releases(
-        Roll(
-            time=np.arange(len(angle)) / 200,
-            roll=angle,
-            std=np.full(len(angle), 1e-3),
-            log="pendulum",
-            origin="angle",
-        )
-    )
+    time, std = np.arange(len(angle)) / 200, np.full(len(angle), 1e-3)
+    found = find_releases(Roll(time=time, roll=angle, std=std, log="pendulum", origin="angle"))
     np.testing.assert_allclose([release.start for release in found], [2.0, 34.0], atol=0.02)
     np.testing.assert_allclose([release.hold for release in found], 2.0, atol=0.05)
 
 
-@pytest.mark.parametrize("zeta", [0.95, 1.0, 1.16, 1.4])
-@pytest.mark.parametrize("angles", [(1.2, 0.8, 1.4), (1.2, 1.2, 1.2)])
+@pytest.mark.parametrize(
+    ("zeta", "angles"), [(0.95, (1.2, 0.8, 1.4)), (1.0, (1.2, 1.2, 1.2)), (1.4, (1.2, 0.8, 1.4))]
+)
 def test_a_joint_slower_than_the_hand_that_opens_it_rests_where_it_comes_to_most_often(zeta, angles):
     """A door with a closer: opened in a second and a half, held, and closed by itself in three times as long."""
     omega, step = 1.25, 0.02
@@ -353,9 +339,8 @@ def test_a_joint_slower_than_the_hand_that_opens_it_rests_where_it_comes_to_most
     roll = np.concatenate([angle * opened * closing for angle in (*angles, 0.0)])
     noisy = roll + np.random.default_rng(2).normal(0, 0.2 * DEGREE, len(roll))
     std = np.full(len(roll), 0.2 * DEGREE)
-    found = find_releases(
-        Roll(log="door", time=step * np.arange(len(roll)), roll=noisy, std=std, origin="angle")
-    )
+    whole = Roll(log="door", time=step * np.arange(len(roll)), roll=noisy, std=std, origin="angle")
+    found = find_releases(whole)
     assert [r.start for r in found] == pytest.approx([5, 25, 45], abs=0.15)
     assert [r.rest for r in found] == pytest.approx([0, 0, 0], abs=0.1)
     assert fit_traces(found).damping_ratio == pytest.approx(zeta, rel=0.06)

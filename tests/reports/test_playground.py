@@ -9,20 +9,14 @@ from decay_truth import Recipe, make_roll
 from reports.evidence import Evidence, LastDiagnosis, gather
 from reports.page.page import Page, sliders
 from reports.playground import playground
-from sysid.board import BoardEffect, load_board
+from sysid.board import BoardEffect
 from sysid.comparison.compare import compare
 from sysid.effects import effect
 from sysid.joint import JointLaw
 from sysid.quantity import Quantity
 from sysid.recording import Recording
-from sysid.workspace import shipped_data
 
 STIFF, DAMP = 14.68, 0.06
-
-
-@pytest.fixture(scope="module")
-def pink():
-    return load_board(shipped_data() / "boards" / "pink.toml")
 
 
 @pytest.fixture(scope="module")

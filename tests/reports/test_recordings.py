@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import called
 from decay_truth import Recipe, make_roll
 
 from reports.evidence import gather
@@ -14,7 +15,6 @@ from reports.rerun.decay import MILLI, comparison_recording, decay_recording
 from reports.rerun.film_frames import FilmFrames
 from reports.screenshots import headless_viewer, recording_picture
 from sysid.board import BoardEffect
-from sysid.cli import build_app
 from sysid.errors import SysidError
 from sysid.fitting.ladder import PLAIN
 from sysid.free_decay import fit_decay
@@ -180,12 +180,6 @@ def test_a_viewer_shows_both_curves_on_the_right_scale(compared, evidence):
     assert abs(int(rows["real"].max()) - int(rows["sim"].max())) < 0.1 * len(panel)
 
 
-def run(*arguments):
-    return build_app()(
-        list(map(str, arguments)), result_action="return_value", exit_on_error=False, print_error=False
-    )
-
-
 @pytest.fixture
 def log(tmp_path):
     roll = make_roll(Recipe(sampling=300, amplitudes=(0.2, -0.15)))
@@ -198,17 +192,17 @@ def log(tmp_path):
 def test_commands_write_recordings(log, tmp_path):
     for command in ("decay", "compare"):
         path = tmp_path / f"{command}.rrd"
-        assert run(command, log, "--board", "pink", "--workspace", tmp_path, "--rerun", path) == 0
+        assert called(command, log, "--board", "pink", "--workspace", tmp_path, "--rerun", path) == 0
         assert series(path)
     path = tmp_path / "view.rrd"
-    assert run("view", log, "--board", "pink", "--workspace", tmp_path, "-o", path) == 0
+    assert called("view", log, "--board", "pink", "--workspace", tmp_path, "-o", path) == 0
     assert "/release2/signal/simulated" in series(path)
 
 
 def test_without_rerun_the_message_says_what_to_install(log, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(SysidError, match="pip install rerun-sdk"):
-        run("view", log, "--board", "pink", "--workspace", tmp_path, "-o", tmp_path / "v.rrd")
+        called("view", log, "--board", "pink", "--workspace", tmp_path, "-o", tmp_path / "v.rrd")
     assert not (tmp_path / "v.rrd").exists()
 
 

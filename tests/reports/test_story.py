@@ -9,19 +9,12 @@ from decay_truth import Recipe, make_roll
 
 from reports.figures.story import panels, story_figure
 from reports.story import STOOD, Step, law_of_candidate, ranked, tell
-from sysid.board import load_board
 from sysid.diagnosis.diagnose import diagnose
 from sysid.joint import JointLaw
 from sysid.releases import find_releases
-from sysid.workspace import shipped_data
 
 STIFF, DAMP, FRICTION = 14.68, 0.06, 0.15
 """Of the truth [N*m/rad, N*m*s/rad, N*m]."""
-
-
-@pytest.fixture(scope="module")
-def pink():
-    return load_board(shipped_data() / "boards" / "pink.toml")
 
 
 @pytest.fixture(scope="module")

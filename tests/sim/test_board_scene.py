@@ -9,16 +9,10 @@ import pytest
 from sim.board import scene as board_scene
 from sim.board.bodies import FREE_JOINT, TRUCK_JOINTS
 from sim.board.scene import board_spec, coupling_polynomial, roll_inertia, set_trucks
-from sysid.board import Board, load_board
+from sysid.board import Board
 from sysid.errors import SysidError
-from sysid.workspace import shipped_data
 
 pytestmark = pytest.mark.train
-
-
-@pytest.fixture(params=["pink", "black"])
-def board(request: pytest.FixtureRequest) -> Board:
-    return load_board(shipped_data() / "boards" / f"{request.param}.toml")
 
 
 def test_compiled_mass_and_roll_inertia_are_the_records(board: Board):

@@ -7,6 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from made import release, with_effect
 
 from sim.check.decays import check_scene
 from sim.compensation.scene import scene_from_file
@@ -25,22 +26,19 @@ from sysid.workspace import shipped_data
 pytestmark = pytest.mark.train
 
 
-@pytest.fixture(params=["pink", "black"])
-def board(request: pytest.FixtureRequest) -> Board:
-    return load_board(shipped_data() / "boards" / f"{request.param}.toml")
-
-
 def decay_of(board: Board, angle: float = 0.17) -> Release:
     time = np.arange(0.0, 0.5, 0.002)
-    return Release(
-        log="made", number=1, time=time, roll=simulate(JointLaw.from_board(board), time, angle).roll,
-        std=np.zeros(len(time)), origin="angle", rest=0.0, hold=0.5, end="rest",
-    )  # fmt: skip
+    return release(time, simulate(JointLaw.from_board(board), time, angle).roll, end="rest")
 
 
-@pytest.mark.parametrize("kind", ["bench", "scene"])
 @pytest.mark.parametrize(
-    ("integrator", "timestep"), [("implicitfast", 0.005), ("Euler", 0.002), ("RK4", 0.002)]
+    ("kind", "integrator", "timestep"),
+    [
+        ("bench", "implicitfast", 0.005),
+        ("bench", "RK4", 0.002),
+        ("scene", "implicitfast", 0.005),
+        ("scene", "Euler", 0.002),
+    ],
 )
 def test_the_file_decays_like_the_board(
     board: Board, kind: str, integrator: str, timestep: float, tmp_path: Path
@@ -56,17 +54,10 @@ def test_the_file_decays_like_the_board(
     )
 
 
-def with_example(name: str) -> Board:
-    board = load_board(shipped_data() / "boards" / "pink.toml")
-    found = catalogue()[name]
-    pairs = zip(found.parameters, found.example, strict=True)
-    return replace(board, effects=(BoardEffect(name, {p.name: Quantity(v, 0.0, p.unit) for p, v in pairs}),))
-
-
 @pytest.mark.parametrize("name", ["bouc-wen", "dahl", "hysteresis", "stribeck", "viscoelastic"])
 def test_a_file_needs_nothing_newer_than_mujoco_3_11(name: str):
     """What MuJoCo 3.12 (`input`) and 4.0 (`springyield`) have stands in no file; this test runs in both."""
-    xml = board_mjcf(with_example(name), "bench", timestep=0.001).xml
+    xml = board_mjcf(with_effect(Board.load("pink"), name), "bench", timestep=0.001).xml
     assert catalogue()[name].mujoco.means in xml
     assert " input=" not in xml
     assert "springyield=" not in xml
@@ -76,7 +67,7 @@ def test_what_mujoco_cannot_hold_is_said_with_its_cost(tmp_path: Path, capsys: p
     from sysid.cli.check import check
     from sysid.errors import QualityGateError
 
-    save_board(with_example("bouc-wen"), tmp_path / "data" / "boards" / "pink.toml")
+    save_board(with_effect(Board.load("pink"), "bouc-wen"), tmp_path / "data" / "boards" / "pink.toml")
     common = Common(json=str(tmp_path / "out.json"), workspace=tmp_path)
     path = tmp_path / "board.xml"
     assert mjcf(board="pink", output=path, bench=True, timestep=0.001, common=common) == 0

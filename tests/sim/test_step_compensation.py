@@ -1,16 +1,16 @@
 """The bench at a training step decays like the board, and its static stiffness stays the board's."""
 
 import math
-from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
+from made import with_effect
 
 from sim.board.bench import rig_spec, swing
 from sim.compensation.step import closed_form, compensate_step, decay_error, release_amplitudes
-from sysid.board import Board, BoardEffect, load_board
-from sysid.effects import catalogue, effect
+from sysid.board import Board, load_board
+from sysid.effects import catalogue
 from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
 from sysid.quantity import Quantity
@@ -18,17 +18,6 @@ from sysid.roll import Array
 from sysid.workspace import shipped_data
 
 pytestmark = pytest.mark.train  # in the trainer's MuJoCo too, which is older
-
-
-@pytest.fixture(params=["pink", "black"])
-def board(request: pytest.FixtureRequest) -> Board:
-    return load_board(shipped_data() / "boards" / f"{request.param}.toml")
-
-
-def with_effect(board: Board, name: str, *values: float) -> Board:
-    found = effect(name)
-    pairs = zip(found.parameters, values, strict=True)
-    return replace(board, effects=(BoardEffect(name, {p.name: Quantity(v, 0.0, p.unit) for p, v in pairs}),))
 
 
 def poles_of(board: Board) -> tuple[float, float]:
@@ -74,9 +63,7 @@ def test_mujocos_own_rollout_has_the_boards_poles(board: Board, integrator: str,
     [
         ("coulomb", (0.15,)),
         ("cubic-stiffness", (200.0,)),
-        ("cubic-stiffness", (-10.0,)),
         ("quadratic-damping", (0.05,)),
-        ("gravity", (1.0,)),
         ("freeplay", (0.01,)),
         ("viscoelastic", (5.0, 0.05)),
         ("hysteresis", (8.0, 0.2)),
@@ -84,18 +71,18 @@ def test_mujocos_own_rollout_has_the_boards_poles(board: Board, integrator: str,
         ("hanging-body", (0.002, 22.0, 0.05)),
     ],
 )
-def test_richer_joints_are_compensated_numerically(board: Board, name: str, values: tuple[float, ...]):
-    done = compensate_step(with_effect(board, name, *values), timestep=0.005)
+def test_richer_joints_are_compensated_numerically(pink: Board, name: str, values: tuple[float, ...]):
+    done = compensate_step(with_effect(pink, name, *values), timestep=0.005)
     assert done.decay_error < 0.01
     assert done.decay_error < 0.5 * done.decay_error_before
     assert abs(done.static_error) < 1e-6
 
 
 @pytest.mark.parametrize(("name", "angle"), [("one-sided-stop", 0.09), ("end-stop", 0.12)])
-def test_the_loss_of_a_stop_is_not_spread_into_the_joint(board: Board, name: str, angle: float):
+def test_the_loss_of_a_stop_is_not_spread_into_the_joint(pink: Board, name: str, angle: float):
     """MuJoCo has none that acts beyond the stop only: the damper would make up for it and be wrong below."""
-    lossy = compensate_step(with_effect(board, name, angle, 60.0, 0.21), timestep=0.005)
-    without = compensate_step(with_effect(board, name, angle, 60.0, 0.0), timestep=0.005)
+    lossy = compensate_step(with_effect(pink, name, angle, 60.0, 0.21), timestep=0.005)
+    without = compensate_step(with_effect(pink, name, angle, 60.0, 0.0), timestep=0.005)
     assert lossy.damping_ratio == pytest.approx(without.damping_ratio, rel=1e-6)
     assert lossy.step_error == pytest.approx(without.decay_error, rel=1e-6)
     assert lossy.step_error < 0.02 < lossy.decay_error
@@ -123,14 +110,12 @@ has no jump at the turning points."""
 
 
 @pytest.mark.parametrize("name", IN_THE_JOINT)
-def test_mujoco_moves_by_the_law_of_every_effect(name: str):
+def test_mujoco_moves_by_the_law_of_every_effect(pink: Board, name: str):
     """With a fine step the bench decays as the law says: each effect's MJCF is its torque law."""
-    board = load_board(shipped_data() / "boards" / "pink.toml")
-    rich = with_effect(board, name, *catalogue()[name].example)
-    model = rig_spec(rich, timestep=0.0002).compile()
+    rich = with_effect(pink, name)
+    model = rig_spec(rich, timestep=0.0005).compile()
     assert decay_error(rich, model, release_amplitudes(rich)) < SUBSTITUTES.get(name, 0.0075)
-    assert release_amplitudes(rich)[0] == board.tilt["range"].value
-    other = rig_spec(board, timestep=0.0002).compile()
+    other = rig_spec(pink, timestep=0.0005).compile()
     assert decay_error(rich, other, release_amplitudes(rich)) > 0.015, "the example must show"
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from unittest import mock
 
-from sysid.cli import main
+from sysid.cli import build_app, main
 
 
 @dataclass(frozen=True)
@@ -39,3 +39,9 @@ def husky(*arguments: object, cwd: Path | None = None) -> Done:
         except SystemExit as stop:
             code = stop.code or 0
     return Done(code, out.getvalue(), err.getvalue())
+
+
+def called(*arguments: object) -> int:
+    """Run a command in this process and return its exit code; what it refuses is raised."""
+    words = list(map(str, arguments))
+    return build_app()(words, result_action="return_value", exit_on_error=False, print_error=False)

@@ -1,11 +1,11 @@
 """Decays of a lightly damped board with a torque more, by an integrator that the fit does not have."""
 
 import numpy as np
+from made import release
 from scipy.integrate import solve_ivp
 
 from sysid.board import Board
 from sysid.quantity import Quantity
-from sysid.roll import Release
 
 NOISE = np.radians(0.04)
 BOARD = Board.load("pink").with_tilt(damping=Quantity(0.06, 1e-3, "N*m*s/rad"))
@@ -20,12 +20,7 @@ def releases(torque, angles=(0.19, -0.15), seed=0, noise=NOISE):
             lambda t, y: [y[1], (-BOARD.stiffness * y[0] - 0.06 * y[1] + torque(t, *y)) / BOARD.inertia.value],
             (0, 1.0), [angle, 0.0], t_eval=time, method="DOP853", rtol=1e-8, atol=1e-10, max_step=2e-3,
         )  # fmt: skip
-        found.append(
-            Release(
-                log="made", number=number, time=time, roll=path.y[0] + noise * rng.standard_normal(len(time)),
-                std=np.full(len(time), noise), origin="angle", rest=0.0, hold=1.0, end="log",
-            )
-        )  # fmt: skip
+        found.append(release(time, path.y[0], noise, rng=rng, number=number))
     return found
 
 

@@ -167,7 +167,7 @@ def led_over(law: TrueLaw, roll: float) -> Condition:
     }))  # fmt: skip
 
 
-@pytest.mark.parametrize("phase", np.linspace(0.0, 1.2, 13))
+@pytest.mark.parametrize("phase", [0.0, 0.3, 0.7, 1.2])
 def test_stop_that_is_only_grazed_is_not_stepped_over(phase: float) -> None:
     """The deck is beyond the stop for a fraction of one step; its peak follows from energy."""
     k, ks, edge, top = 14.684, 100.0, 0.0995, 0.1
@@ -210,24 +210,7 @@ def test_arm_forgets_the_hold(seed: int) -> None:
     assert samples[:, 0] == pytest.approx([(expm(matrix * t) @ start)[0] for t in time], abs=1e-7)
 
 
-def test_support_is_a_second_linear_mode() -> None:
-    law = TrueLaw(**PINK, support_inertia=0.02, support_stiffness=300.0, support_damping=0.3)
-    hand = hand_motion(0.0, (0.0, 0.0), 0.15, push=0.4, hold=3.0, tremor=0.0, rng=np.random.default_rng(0))
-    _, condition = simulate(law, Condition.at_rest(law), 0.0, hand.end, np.empty(0), hand)
-    # Held for long, the support has given way until both springs carry the same torque.
-    assert condition.state[2] == pytest.approx(law.stiffness * 0.15 / (law.stiffness + 300.0), rel=1e-6)
-    i, j, k, d = law.inertia, 0.02, law.stiffness, law.damping
-    matrix = np.array([
-        [0, 1, 0, 0], [-k / i, -d / i, k / i, d / i], [0, 0, 0, 1],
-        [k / j, d / j, -(k + 300.0) / j, -(d + 0.3) / j],
-    ])  # fmt: skip
-    time = np.linspace(0, 0.5, 50)
-    samples, _ = simulate(law, condition, 0.0, 0.5, time)
-    expected = [(expm(matrix * t) @ condition.state[:4])[0] for t in time]
-    assert samples[:, 0] == pytest.approx(expected, abs=1e-7)
-
-
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_hand_takes_over_without_a_jump_and_holds(seed: int) -> None:
     hand = hand_motion(
         1.0, (0.03, -0.4), -0.12, push=0.5, hold=0.8, tremor=1e-3, rng=np.random.default_rng(seed)

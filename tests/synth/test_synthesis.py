@@ -28,11 +28,6 @@ def with_options(**changes: object) -> SynthOptions:
     return replace(QUIET, **changes, sensor=replace(QUIET.sensor, **sensor))
 
 
-@pytest.fixture(scope="module")
-def pink() -> Board:
-    return Workspace(Path()).load_board("pink")
-
-
 def test_timeline_is_rest_hand_and_free_decay_in_turn(pink: Board) -> None:
     log = synthesise(pink, {}, with_options(angles=(0.17, -0.1, 0.05)))
     roll = log.channels[:, 0]
@@ -91,28 +86,14 @@ def test_discretisation_is_what_mujoco_does(pink: Board) -> None:
         ({"discretisation": (0.005,)}, {"rate": 200.0, "jitter": 0.1}, "jitter"),
         ({"colomb": (0.1,)}, {}, "Did you mean 'coulomb'"),
         ({"coulomb": ()}, {}, r"got 0 value\(s\); it takes torque"),
-        ({"coulomb": (1.0, 2.0)}, {}, r"got 2 value\(s\); it takes torque"),
         ({"coulomb": (-0.1,)}, {}, "torque is -0.1; expected 0 or more"),
-        ({"gravity": (math.nan,)}, {}, "moment is nan; expected a finite"),
         ({"stribeck": (0.3, 0.1, 1.0)}, {}, "static_torque is below"),
-        ({}, {"angles": ()}, "at least one"),
         ({}, {"angles": (0.0,)}, "release angle is 0"),
-        ({}, {"angles": (2.0,)}, "release angle"),
         ({}, {"rate": 0.0}, "rate is 0"),
-        ({}, {"duration": -1.0}, "duration is -1"),
-        ({}, {"hold": -1.0}, "hold is -1"),
         ({}, {"noise": -1.0}, "noise is -1"),
-        ({}, {"jitter": 2.0}, "jitter"),
-        ({}, {"gyro_noise": math.nan}, "gyro noise is nan"),
-        ({}, {"lever_arm": (0.0, math.inf, 0.0)}, "lever arm"),
-        ({}, {"seed": -1}, "seed is -1"),
         ({}, {"rate": 1e9}, "number of samples"),
-        ({}, {"duration": math.inf}, "duration is inf"),
-        ({"cubic-damping": (-1.0,)}, {}, "expected 0 or more"),
         ({"preload": (100.0,)}, {}, "tips over"),
         ({"discretisation": (0.1,)}, {"rate": 10.0, "duration": 20.0}, "use a shorter one"),
-        ({"discretisation": (1e-9,)}, {}, "use a longer one"),
-        ({}, {"dropout": 1.0}, "dropout"),
         ({}, {"hand": False, "angles": (0.1, 0.2)}, "without a hand"),
     ],
 )
@@ -238,15 +219,12 @@ def test_command_writes_log_and_truth(tmp_path: Path) -> None:
         (("--board", "pnk", "-o", "a.csv"), 1, "Did you mean 'pink'"),
         (("--board", "pink", "-o", "a.csv", "--effect", "x=1"), 1, "unknown effect 'x'"),
         (("--board", "pink", "-o", "a.csv", "--effect", "coulomb=1", "--effect", "coulomb=2"), 1, "twice"),
-        (("--board", "pink", "-o", "a.csv", "--release-angle", "much"), 1, "not an angle"),
         (
             ("--board", "pink", "-o", "a.csv", "--release-angle", "5", "--releases", "2"),
             1,
             "one or the other",
         ),
-        (("--board", "pink", "-o", "a.csv", "--releases", "0"), 1, "at least 1"),
         (("--board", "pink", "-o", "file/a.csv"), 1, "cannot write there"),
-        (("--board", "pink", "-o", "a.csv", "--dialect", "phone"), 2, "phone"),
         (("-o", "a.csv"), 2, "--board"),
     ],
 )
@@ -305,22 +283,3 @@ def test_a_slide_of_a_model_is_made_in_its_own_units(tmp_path: Path) -> None:
     ):
         assert match in husky("synth", *joint, *options, "-o", tmp_path / "x.csv").stderr
         assert not (tmp_path / "x.csv").exists()
-
-
-@pytest.mark.parametrize(
-    ("body", "match"),
-    [
-        ('<joint name="j" axis="0 0 1"/><geom size="0.1" mass="1"/>', "nothing pulls 'm_j' back to its rest"),
-        (
-            '<joint name="j" axis="0 1 0"/><geom size="0.1" mass="0"/>',
-            "MuJoCo cannot compile it (mass and inertia of moving bodies",
-        ),
-    ],
-)
-def test_joints_that_cannot_swing_are_refused(tmp_path: Path, body: str, match: str) -> None:
-    model, log = tmp_path / "m.xml", tmp_path / "x.csv"
-    model.write_text(f"<mujoco><worldbody><body>{body}</body></worldbody></mujoco>")
-    done = husky("synth", "--model", model, "--joint", "j", "-o", log)
-    assert done.returncode == 1
-    assert match in done.stderr
-    assert not log.exists()

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sysid.video.film.pace import frames_per_period
 from sysid.video.film.shake import still
 from sysid.video.film.track import Track
 from sysid.video.pose.angle import fit_angle
@@ -108,14 +107,6 @@ def test_texture_on_a_slanted_side_of_the_deck_tells_how_far_it_turns(slope, yaw
     assert np.sqrt(np.mean(np.square(scores))) < 2.0
 
 
-def test_shifts_of_the_body_are_no_angle():
-    angle = swing()
-    shift = 0.01 * np.sin(np.arange(150))[:, None]
-    turning = fit_angle(view(picture(angle, 0.0, 0.0, shift=shift)), MATRIX, known(), SQUARE_BODY)
-    error = turning.angle - angle
-    assert np.abs(error - np.median(error)).max() < 1e-3
-
-
 @pytest.mark.parametrize("noise", [0.05, 0.3])
 def test_stated_deviations_are_true(noise):
     angle = swing()
@@ -188,22 +179,6 @@ def test_an_unknown_shutter_is_found():
     after = fit_angle(view(rows, fps), MATRIX, before, SQUARE_BODY).camera_state
     assert after.std[3] < 0.5 * std[3]
     assert abs(after.readout - readout) < 3 * after.std[3] + 2e-4
-
-
-@pytest.mark.parametrize("fps", [24, 30])
-def test_a_second_release_hides_no_swing_that_is_too_fast(fps):
-    """6.4 Hz; the window of a slow film holds both releases, which no single swing explains."""
-    time = np.arange(3 * fps) / fps
-    first, second = (
-        0.3 * np.exp(-7 * np.maximum(time - at, 0)) * np.cos(40 * np.maximum(time - at, 0))
-        for at in (0.5, 1.8)
-    )
-    hand = np.clip((time - 1.5) / 0.2, 0, 1)
-    roll = np.where(time < 1.8, first * (1 - hand) - 0.3 * hand, -second)
-    roll += np.random.default_rng(0).normal(0, 3e-4, len(time))
-    assert frames_per_period(time, roll, np.full(len(time), 1e-3)) == pytest.approx(
-        2 * np.pi / 40 * fps, rel=0.05
-    )
 
 
 def test_what_is_level_stays_level_for_a_camera_that_pans_and_tilts():

@@ -1,19 +1,12 @@
 """The printed page: both markers are found in a picture of it, in the size that it states."""
 
-import subprocess
-import sys
-
 import cv2
 import numpy as np
 import pytest
+from command_line import husky
 from frames import frame_of
 
 from sysid.video.trackers.marker import find_marker
-
-
-def husky(*arguments, cwd):
-    command = [sys.executable, "-m", "sysid.cli", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, check=False)
 
 
 def test_both_markers_of_the_page_are_found_in_true_size(tmp_path):

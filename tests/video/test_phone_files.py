@@ -16,7 +16,6 @@ from drawn_films import decay, draw_film, marked, plate
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.video.film.frames import open_clip
-from sysid.video.film.pace import speed_ramp
 from sysid.video.options import is_film
 from sysid.video.overlay import SEEN_COLOUR
 from sysid.video_roll import VideoOptions, roll_from_video
@@ -150,19 +149,6 @@ def test_an_edit_that_plays_faster_is_refused(film, tmp_path):
     (tmp_path / "ramp.mp4").write_bytes(data)
     with pytest.raises(SysidError, match="speed ramp"):
         roll_from_video(tmp_path / "ramp.mp4")
-
-
-def test_a_change_of_pace_is_seen_in_the_swing():
-    true = np.arange(300) / 240
-    roll = 0.3 * np.exp(-2 * true) * np.cos(40 * true)
-    noise = 1e-3 * np.random.default_rng(0).normal(size=300)
-    std = np.full(300, 1e-3)
-    played = true + 3 * np.maximum(true - 0.45, 0)  # slowed to a quarter from then on
-    assert speed_ramp(true, roll + noise, std) is None
-    assert speed_ramp(played, roll + noise, std) == pytest.approx(0.45, abs=0.1)
-    # A joint with play swings more and more slowly, but never at once.
-    phase = np.cumsum(25 + 30 * np.exp(-3 * true)) / 240
-    assert speed_ramp(true, 0.3 * np.exp(-2 * true) * np.cos(phase) + noise, std) is None
 
 
 def test_a_preview_shows_what_will_be_followed(film, tmp_path, monkeypatch):

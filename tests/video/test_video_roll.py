@@ -165,22 +165,6 @@ def test_clock_offset_refuses_different_motions(marker_roll):
         clock_offset(marker_roll, other)
 
 
-def test_lens_distortion_is_taken_out(tmp_path):
-    clip = _blank(tmp_path / "blank.avi", frames=3)
-    matrix = np.array([[400.0, 0, 159.5], [0, 400, 119.5], [0, 0, 1]])
-    lens = Lens(matrix, np.array([-0.2, 0.03, 0, 0, 0]), True, "")
-    file = tmp_path / "camera.json"
-    file.write_text(write_calibration(lens, (320, 240)))
-    read = lens_of(open_clip(clip), file)
-    straight = np.array([[20.0, 30.0], [300.0, 200.0], [160.0, 120.0]])
-    ray = (straight - matrix[:2, 2]) / 400
-    bent = cv2.projectPoints(np.c_[ray, np.ones(3)], np.zeros(3), np.zeros(3), matrix, lens.distortion)[0][
-        :, 0
-    ]
-    assert np.abs(bent - straight).max() > 1
-    np.testing.assert_allclose(read.straighten(bent), straight, atol=1e-3)
-
-
 def test_calibration_from_a_chessboard_film(tmp_path):
     matrix = np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]])
     squares = (np.indices((7, 10)).sum(axis=0) % 2 * 200 + 30).astype(np.uint8)

@@ -52,17 +52,6 @@ def test_servos_in_the_model_pull_with_kp_and_stop_at_the_limit(model):
     np.testing.assert_allclose(data.actuator_force, servos.effort)
 
 
-def test_default_pose_is_within_the_limits_and_stands_one_foot_higher(model):
-    pose = g1.default_pose()
-    low, high = model.jnt_range[1:].T
-    assert np.all((low < pose) & (pose < high))
-    data = mujoco.MjData(model)
-    data.qpos[2], data.qpos[7:] = 0.78, pose
-    mujoco.mj_kinematics(model, data)
-    left, right = (data.body(name).xpos[2] for name in g1.FOOT_BODIES)
-    assert right - left == pytest.approx(0.104, abs=0.01)  # about the height of the deck
-
-
 def test_missing_mjlab_is_said_in_words(monkeypatch):
     monkeypatch.setattr(g1, "find_spec", lambda name: None)
     with pytest.raises(SysidError, match=r"mjlab.*not installed.*pip install mjlab"):

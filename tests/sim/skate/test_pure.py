@@ -3,8 +3,6 @@
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from sim.skate import rotation
 from sim.skate.cycle.clock import Clock
@@ -12,13 +10,7 @@ from sim.skate.cycle.start import AT_REST, Start
 from sim.skate.cycle.tilt_guidance import TiltGuidance
 from sim.skate.cycle.transitions import KEY_BODIES, TransitionPath
 from sim.skate.mdp.actor_observation import (
-    FRAME_SIZE,
-    NOISE,
-    PARTS,
-    SCALE,
-    History,
     projected_gravity,
-    raw_frame,
     scale_frame,
 )
 
@@ -39,13 +31,6 @@ def test_rotations_agree_with_mujoco():
     np.testing.assert_allclose(rotation.rotate(q, v), turned, atol=1e-14)
     np.testing.assert_allclose(rotation.rotate_back(q, turned), v, atol=1e-14)
     np.testing.assert_allclose(rotation.multiply(q, p), product, atol=1e-14)
-
-
-@given(st.floats(-3.1, 3.1))
-def test_yaw_is_read_back(angle):
-    assert rotation.yaw(np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])) == pytest.approx(
-        angle, abs=1e-12
-    )
 
 
 def test_slerp_goes_the_short_way_at_constant_rate():
@@ -128,31 +113,11 @@ def test_quadratic_path_peaks_at_half_the_lift_and_spares_what_stands():
     np.testing.assert_allclose(middle[0, :, 2], [0.1, 0.0], atol=1e-12)
 
 
-def test_frame_has_78_numbers_in_the_documented_order():
-    assert sum(size for _, size, _, _ in PARTS) == FRAME_SIZE == len(SCALE) == len(NOISE)
-    parts = [np.full(size, i + 1.0) for i, (_, size, _, _) in enumerate(PARTS)]
-    frame = scale_frame(raw_frame(*parts))
-    assert frame[0] == 2.0  # speed is doubled
-    assert frame[1] == 1.0
-    assert frame[2] == 2 * 0.25  # gyro
-    assert frame[31] == 5 * 0.05  # first joint velocity
-    assert frame[77] == 7.0  # phase
-
-
 def test_gravity_points_down_in_the_bodys_frame():
     q = quaternions(3)
     np.testing.assert_allclose(
         projected_gravity(q), rotation.rotate_back(q, np.array([0.0, 0.0, -1.0])), atol=1e-12
     )
-
-
-def test_history_is_filled_by_the_first_frame_and_then_oldest_first():
-    history = History()
-    first, second = np.full(78, 1.0), np.full(78, 2.0)
-    assert history.push(first).reshape(5, 78)[:, 0].tolist() == [1, 1, 1, 1, 1]
-    assert history.push(second).reshape(5, 78)[:, 0].tolist() == [1, 1, 1, 1, 2]
-    history.reset()
-    assert history.push(second)[0] == 2
 
 
 def test_torch_and_numpy_give_the_same():

@@ -6,7 +6,6 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from riding import pink
 
 from sim.skate.cycle.push_clips import PushClip, PushReference
 from sim.skate.mdp import rewards, terminations
@@ -20,7 +19,7 @@ from sim.skate.mdp.rewards import (
     transitions,
 )
 from sim.skate.mdp.state import SkateState
-from sim.skate.options import NOMINAL, Guidance, Pushing, SkateOptions
+from sim.skate.options import Guidance, Pushing, SkateOptions
 
 pytestmark = pytest.mark.train
 
@@ -214,33 +213,6 @@ def test_a_reward_is_one_file(state):
     last = rewards.rewards(task)[-1]
     assert (last.name, last.when, last.weight) == ("always/slow_turn", "always", -2.0)
     assert last.value(replace(state, tilt_rate=np.array([-0.8])), **last.arguments)[0] == pytest.approx(0.3)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("toy")
-@pytest.mark.filterwarnings("ignore")
-def test_a_reward_of_one_file_is_paid_in_training():
-    for module in ("torch", "mjlab", "warp"):
-        pytest.importorskip(module, reason="needs the training stack")
-    import torch
-
-    from policy_runtime.learning.fused_rewards import SkateEnv
-    from sim.skate.mdp.measuring import measure
-    from sim.skate.task import skate_env_cfg
-
-    options = SkateOptions(boards=0, variation=NOMINAL, turn=0.1)
-    env = SkateEnv(skate_env_cfg(pink(), options, environments=2, seed=3), device="cpu")
-    try:
-        env.reset()
-        for _ in range(3):
-            env.step(torch.ones(2, 23))
-        place = env.reward_manager.active_terms.index("always/slow_turn")
-        paid = env.reward_manager._step_reward[:, place]
-        excess = measure(env).tilt_rate.abs() - 0.1
-        assert excess.max() > 0
-        assert torch.allclose(paid, -2 * excess.clip(0.0))
-    finally:
-        env.close()
 
 
 def test_fallen_beyond_70_degrees(state):

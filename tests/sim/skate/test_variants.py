@@ -4,7 +4,6 @@ import contextlib
 import math
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from riding import pink
 
 from sim.skate.cycle.start import AT_REST
 from sim.skate.options import NOMINAL, SkateOptions
-from sysid.workspace import Workspace
 
 pytestmark = [
     pytest.mark.train,
@@ -287,63 +285,3 @@ def test_a_world_that_breaks_down_is_ended_named_and_not_counted(capfd):
         assert torch.isfinite(env.reward_buf).all()  # mjlab says nothing
         with pytest.raises(SysidError, match=r"iteration 5: reward 'push/swing' is not finite in world 5"):
             check_rewards(env, 5)
-
-
-def test_perturbed_transitions_on_the_other_board():
-    import torch
-
-    from sim.skate.cycle.transitions import TransitionPath
-    from sim.skate.mdp.observations import skate_command
-    from sim.skate.robot.poses import load_poses
-
-    steering = replace(AT_REST, mounting=0.5, steering=0.5)
-    black = Workspace(Path("/nonexistent")).load_board("black")
-    with worlds(
-        black, transition="translation", speed=(1.0, 1.0), mount_steps=20, bezier_order=3, lift=0.3, pose_offset=0.05,
-        kinematics="single-truck", start=steering, pushes=0.0,
-    ) as env:  # fmt: skip
-        command, reading = skate_command(env), skate_command(env).reading
-        data, clock = env.sim.data, command.clock
-        assert "transition/positions" in env.reward_manager.active_terms
-        assert "transition/orientations" not in env.reward_manager.active_terms
-        joint = env.sim.mj_model.joint("board/board_tilt_joint")
-        assert env.sim.mj_model.jnt_stiffness[joint.id] == pytest.approx(black.stiffness, rel=0.02)
-
-        # All begin within mounting or steering, these in the perturbed pose, and everything rolls along.
-        steers = command.steering
-        assert (steers | command.phases[1]).all()
-        offset = reading.joint_position()[steers].numpy() - load_poses()["steer"].joints
-        assert np.abs(offset - 0.05).max() <= 0.01 + 1e-6
-        speed = reading.board_velocity()[:, 0]
-        assert 0.2 <= speed.min() < speed.max() <= 1.6
-        wheel = env.sim.mj_model.joint("board/front_left_wheel_joint").dofadr[0]
-        torch.testing.assert_close(data.qvel[:, wheel], speed / reading.wheel_radius)
-
-        # The paper's formula asks for the tilt that turns one axle: twice the sine.
-        two = replace(command.cfg.guidance, kinematics="two-truck")
-        heading, zero = reading.board_heading(), torch.zeros(WORLDS)
-        few = dict(speed=torch.full((WORLDS,), 1.5), time_left=torch.ones(WORLDS))
-        double = command.cfg.guidance.reference(zero, zero + 0.1, **few)
-        single = two.reference(zero, zero + 0.1, **few)
-        torch.testing.assert_close(torch.sin(double), 2 * torch.sin(single))
-        assert heading.abs().max() < 1e-3
-
-        # Mounting takes 20 steps and goes along a cubic with its own lift.
-        command.step[:] = clock.push - 1
-        step(env)
-        start = [tensor.clone() for tensor in command.key_bodies]
-        for _ in range(10):
-            step(env)
-        going = (env.episode_length_buf == 11).numpy()
-        assert going.any()
-        assert clock.mount == 20
-        assert clock.period == 290
-        fraction = np.full(WORLDS, 11 / 20)
-        end = np.array(command.cfg.steer_pose.key_positions)
-        lifted = np.ones(14)
-        lifted[6] = 0.0  # the right foot carries
-        path = TransitionPath(order=3, lift=0.3).positions(start[0].numpy(), end, fraction, lifted)
-        np.testing.assert_allclose(command.key_positions.numpy()[going], path[going], atol=1e-5)
-        for _ in range(10):
-            step(env)
-        assert not (command.transition & (env.episode_length_buf >= 21)).any()

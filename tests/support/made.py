@@ -1,0 +1,33 @@
+"""Releases and records as tests make them: what matters is given, the rest is as of a faultless log."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sysid.board import Board, BoardEffect
+from sysid.effects import effect
+from sysid.quantity import Quantity
+from sysid.roll import Array, Release
+
+
+def release(time: Array, roll: Array, noise: float = 0.0, *, rng: np.random.Generator | None = None, **given: Any) -> Release:
+    """Return a decay of an angle.
+
+    Args:
+        time: Time [s], shape (n,).
+        roll: Angle [rad], shape (n,).
+        noise: Standard deviation that the log states [rad].
+        rng: Adds noise of that size to the angle.
+        given: Further fields of the release.
+    """
+    noisy = roll if rng is None else roll + noise * rng.standard_normal(len(time))
+    usual: dict[str, Any] = {"log": "made", "number": 1, "origin": "angle", "rest": 0.0, "hold": 1.0, "end": "log"}
+    return Release(**(usual | {"time": time, "roll": noisy, "std": np.full(len(time), noise)} | given))
+
+
+def with_effect(board: Board, name: str, *values: float) -> Board:
+    """Return a record whose only effect has these values, or those of its example."""
+    part = effect(name)
+    pairs = zip(part.parameters, values or part.example, strict=True)
+    return replace(board, effects=(BoardEffect(name, {p.name: Quantity(v, 0.0, p.unit) for p, v in pairs}),))
