@@ -11,7 +11,16 @@ from decay_truth import Recipe, make_roll
 from sysid.errors import SysidError
 from sysid.workspace import shipped_data
 
-NAMES = ["log_decrement", "damping_ratio", "period_s", "omega_d", "omega_n", "inertia", "stiffness", "damping"]
+NAMES = [
+    "log_decrement",
+    "damping_ratio",
+    "period_s",
+    "omega_d",
+    "omega_n",
+    "inertia",
+    "stiffness",
+    "damping",
+]
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,9 @@ from sysid.quantity import Quantity
 from sysid.roll import Array, Release
 
 
-def release(time: Array, roll: Array, noise: float = 0.0, *, rng: np.random.Generator | None = None, **given: Any) -> Release:
+def release(
+    time: Array, roll: Array, noise: float = 0.0, *, rng: np.random.Generator | None = None, **given: Any
+) -> Release:
     """Return a decay of an angle.
 
     Args:
@@ -22,7 +24,14 @@ def release(time: Array, roll: Array, noise: float = 0.0, *, rng: np.random.Gene
         given: Further fields of the release.
     """
     noisy = roll if rng is None else roll + noise * rng.standard_normal(len(time))
-    usual: dict[str, Any] = {"log": "made", "number": 1, "origin": "angle", "rest": 0.0, "hold": 1.0, "end": "log"}
+    usual: dict[str, Any] = {
+        "log": "made",
+        "number": 1,
+        "origin": "angle",
+        "rest": 0.0,
+        "hold": 1.0,
+        "end": "log",
+    }
     return Release(**(usual | {"time": time, "roll": noisy, "std": np.full(len(time), noise)} | given))
 
 
