@@ -164,56 +164,6 @@ def test_commands_of_the_documentation_work(document: Path, tmp_path: Path) -> N
     assert not found, "\n".join(found)
 
 
-SAMPLE = """\
-Text.
-```console
-$ husky-sysid boards --json - \\
-    | grep pink
-"board": "pink",
-$ ls
-table
-$ husky-sysid boards nobody  # exit 1
-```
-> | unknown board |
-> |---|
-> 'nobody'
-```bash
-$ husky-sysid nothing
-```
-<!-- not run: takes twenty hours -->
-```console
-$ husky-sysid train
-```
-```console
-$ python3 -m venv .venv && .venv/bin/pip install -e . && .venv/bin/husky-sysid boards > runs/boards.txt
-```
-"""
-
-
-@pytest.mark.slow
-def test_the_runner_can_fail(tmp_path: Path) -> None:
-    (tmp_path / "runs").mkdir()
-    assert faults(SAMPLE, tmp_path) == []
-    wrong = SAMPLE
-    for right, other in (
-        ("grep pink", "grep purple"),
-        ("# exit 1", ""),
-        ("unknown board |\n> |---|\n> 'nobody'", "'nobody' |\n> |---|\n> unknown board"),
-        ("runs/boards.txt", "boards.txt"),
-    ):
-        assert right in wrong
-        wrong = wrong.replace(right, other)
-    first, second, quotes, file = faults(wrong, tmp_path, named=False)
-    assert first.startswith("line 3: ")
-    assert "exit 1, expected 0" in first
-    assert second.startswith("line 8: ")
-    assert quotes == 'line 3: quoted but not printed:\n  "board": "pink",\n  unknown board'
-    assert file.startswith("line 21: ")
-    assert file.endswith("writes boards.txt")
-    (tmp_path / "boards.txt").unlink()
-    assert "boards.txt" not in "".join(faults(wrong, tmp_path))
-
-
 PAGES = sorted(
     {ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "SKILL.md", *(ROOT / "docs").glob("**/*.md")}
 )

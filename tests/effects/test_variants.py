@@ -10,7 +10,6 @@ from scipy.integrate import solve_ivp
 
 from sysid.effects import effect
 from sysid.effects._base import JointState
-from sysid.errors import SysidError
 from sysid.fitting.joint import fit_joint
 from sysid.joint import JointLaw, simulate
 from sysid.roll import Release
@@ -129,25 +128,3 @@ def test_friction_that_grows_with_the_load_holds_a_tilted_deck_and_takes_the_sam
     # Of the way out the friction helps the spring, of the way home it holds it back.
     assert turns[1:5] / turns[:4] == pytest.approx(np.sqrt((K - 1.2) / (K + 1.2)), rel=1e-3)
     assert simulate(stuck, time, 0.15).roll == pytest.approx(0.15)
-
-
-def test_a_model_gets_a_damper_that_takes_as_much_of_a_swing_as_friction_that_grows():
-    import mujoco
-
-    spec = mujoco.MjSpec()
-    body = spec.worldbody.add_body()
-    body.inertia = [INERTIA] * 3
-    joint = body.add_joint()
-    joint.stiffness[0] = K
-    effect("load-friction").to_mjcf(spec, joint, {"torque": 0.04, "growth": 1.2})
-    damped = JointLaw(inertia=INERTIA, stiffness=K, damping=float(joint.damping[0]))
-    law = PLAIN_WITHOUT_DAMPER.with_effect("load-friction", 0.0, 1.2)
-    time = np.arange(0.0, 1.0, 1e-3)
-    one, other = (simulate(each, time, 0.15).roll for each in (law, damped))
-    assert joint.frictionloss == 0.04
-    assert np.sqrt(np.mean((one - other) ** 2)) < 0.1 * np.sqrt(np.mean(one**2))
-    last = time > 0.8
-    assert np.abs(other[last]).max() == pytest.approx(np.abs(one[last]).max(), rel=0.02)
-    joint.stiffness[0] = 0.0
-    with pytest.raises(SysidError, match="joint of stiffness 0"):
-        effect("load-friction").to_mjcf(spec, joint, {"torque": 0.04, "growth": 1.2})

@@ -1,6 +1,6 @@
 """The CasADi step against MuJoCo itself, over random joints, every integrator and step."""
 
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import casadi as ca
 import mujoco
@@ -21,83 +21,63 @@ DURATION = 0.5
 """Of a rollout [s]: one to six periods."""
 
 
-@dataclass(frozen=True)
-class Case:
-    """A random joint: made of sizes that real joints have, so that no step is unstable."""
-
-    frequency: float
-    damping_ratio: float
-    inertia: float
-    armature: float
-    even: float
-    cubic: float
-    quadratic: float
-    cubic_damping: float
-    rest: float
-    friction: float
-    friction_solver: int
-    limit: float
-    limit_solver: int
-    start: float
-    rate: float
-
-    def spec(self, integrator: str, timestep: float, *, friction: bool, limit: bool) -> mujoco.MjSpec:
-        spec = mujoco.MjSpec()
-        spec.compiler.degree = False
-        spec.option.timestep = timestep
-        spec.option.gravity = [0.0, 0.0, 0.0]
-        spec.option.integrator = mujoco.mjtIntegrator.__members__[f"mjINT_{integrator.upper()}"]
-        body = spec.worldbody.add_body(name="deck", mass=1.0, ipos=[0.0, 0.0, 0.0])
-        body.inertia, body.explicitinertial = [self.inertia] * 3, True
-        joint = body.add_joint(name="tilt", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1.0, 0.0, 0.0])
-        stiffness = self.frequency**2 * self.inertia
-        joint.armature = self.armature * self.inertia
-        joint.stiffness[0] = stiffness
-        joint.stiffness[1] = self.even * stiffness
-        joint.stiffness[2] = self.cubic * stiffness
-        joint.damping[0] = 2 * self.damping_ratio * self.frequency * self.inertia
-        joint.damping[1] = self.quadratic * self.inertia
-        joint.damping[2] = self.cubic_damping * self.inertia
-        joint.springref = self.rest
-        if friction:
-            joint.frictionloss = self.friction * stiffness
-            joint.solref_friction, joint.solimp_friction = (
-                ([0.02, 1.0], [0.9, 0.95, 0.001, 0.5, 2.0]),
-                ([0.002, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0]),
-                ([-100.0, -50.0], [0.95, 0.99, 0.001, 0.5, 2.0]),
-            )[self.friction_solver]
-        if limit:
-            joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
-            joint.range = [-self.limit, 1.1 * self.limit]
-            joint.solref_limit, joint.solimp_limit = (
-                ([0.02, 1.0], [0.9, 0.95, 0.001, 0.5, 2.0]),
-                ([-3000.0, -20.0], [0.9, 0.95, 0.001, 0.5, 2.0]),
-                ([0.01, 0.5], [0.5, 0.99, 0.02, 0.3, 3.0]),
-                ([0.02, 1.0], [0.0, 0.95, 0.01, 0.5, 1.0]),
-            )[self.limit_solver]
-        return spec
+SIZES = {
+    "frequency": (10, 80), "damping_ratio": (0.005, 0.9), "inertia": (0.003, 0.1), "armature": (0, 0.3), "even": (-1, 1),
+    "cubic": (-1, 30), "quadratic": (0, 0.3), "cubic_damping": (0, 0.05), "rest": (-0.05, 0.05), "friction": (0.001, 0.05),
+    "limit": (0.05, 0.15), "start": (-0.2, 0.2), "rate": (-2, 2),
+}  # fmt: skip
+CASES = st.fixed_dictionaries(
+    {name: st.floats(*ends) for name, ends in SIZES.items()}
+    | {"friction_solver": st.integers(0, 2), "limit_solver": st.integers(0, 3)}
+)
+PLAIN = dict.fromkeys(SIZES, 0.0) | {
+    "frequency": 30.0,
+    "inertia": 0.01,
+    "friction_solver": 0,
+    "limit_solver": 0,
+    "limit": 0.1,
+}
 
 
-def cases() -> st.SearchStrategy[Case]:
-    number = st.floats
-    return st.builds(
-        Case,
-        frequency=number(10, 80),
-        damping_ratio=number(0.005, 0.9),
-        inertia=number(0.003, 0.1),
-        armature=number(0, 0.3),
-        even=number(-1, 1),
-        cubic=number(-1, 30),
-        quadratic=number(0, 0.3),
-        cubic_damping=number(0, 0.05),
-        rest=number(-0.05, 0.05),
-        friction=number(0.001, 0.05),
-        friction_solver=st.integers(0, 2),
-        limit=number(0.05, 0.15),
-        limit_solver=st.integers(0, 3),
-        start=number(-0.2, 0.2),
-        rate=number(-2, 2),
-    )
+def spec_of(
+    case: dict[str, float], integrator: str, timestep: float, *, friction: bool, limit: bool
+) -> mujoco.MjSpec:
+    """Return a joint made of sizes that real joints have, so that no step is unstable."""
+    part = SimpleNamespace(**case)
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.timestep = timestep
+    spec.option.gravity = [0.0, 0.0, 0.0]
+    spec.option.integrator = mujoco.mjtIntegrator.__members__[f"mjINT_{integrator.upper()}"]
+    body = spec.worldbody.add_body(name="deck", mass=1.0, ipos=[0.0, 0.0, 0.0])
+    body.inertia, body.explicitinertial = [part.inertia] * 3, True
+    joint = body.add_joint(name="tilt", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1.0, 0.0, 0.0])
+    stiffness = part.frequency**2 * part.inertia
+    joint.armature = part.armature * part.inertia
+    joint.stiffness[0] = stiffness
+    joint.stiffness[1] = part.even * stiffness
+    joint.stiffness[2] = part.cubic * stiffness
+    joint.damping[0] = 2 * part.damping_ratio * part.frequency * part.inertia
+    joint.damping[1] = part.quadratic * part.inertia
+    joint.damping[2] = part.cubic_damping * part.inertia
+    joint.springref = part.rest
+    if friction:
+        joint.frictionloss = part.friction * stiffness
+        joint.solref_friction, joint.solimp_friction = (
+            ([0.02, 1.0], [0.9, 0.95, 0.001, 0.5, 2.0]),
+            ([0.002, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0]),
+            ([-100.0, -50.0], [0.95, 0.99, 0.001, 0.5, 2.0]),
+        )[part.friction_solver]
+    if limit:
+        joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+        joint.range = [-part.limit, 1.1 * part.limit]
+        joint.solref_limit, joint.solimp_limit = (
+            ([0.02, 1.0], [0.9, 0.95, 0.001, 0.5, 2.0]),
+            ([-3000.0, -20.0], [0.9, 0.95, 0.001, 0.5, 2.0]),
+            ([0.01, 0.5], [0.5, 0.99, 0.02, 0.3, 3.0]),
+            ([0.02, 1.0], [0.0, 0.95, 0.01, 0.5, 1.0]),
+        )[part.limit_solver]
+    return spec
 
 
 def largest_difference(spec: mujoco.MjSpec, start: tuple[float, float], integrator: str) -> float:
@@ -125,27 +105,29 @@ the modules loaded so far, so that a case may come up only after other tests."""
 
 @pytest.mark.parametrize("timestep", STEPS)
 @pytest.mark.parametrize("integrator", [*INTEGRATORS, "discrete"])
-@given(case=cases())
+@given(case=CASES)
 @EXACT
-def test_smooth_joints_equal_mujoco_to_rounding(integrator: str, timestep: float, case: Case):
+def test_smooth_joints_equal_mujoco_to_rounding(integrator: str, timestep: float, case: dict[str, float]):
     if integrator == "discrete" and "mjINT_DISCRETE" not in mujoco.mjtIntegrator.__members__:
         pytest.skip("this MuJoCo has no integrator 'discrete'")
-    spec = case.spec(integrator, timestep, friction=False, limit=False)
-    assert largest_difference(spec, (case.start, case.rate), integrator) < 1e-9
+    spec = spec_of(case, integrator, timestep, friction=False, limit=False)
+    assert largest_difference(spec, (case["start"], case["rate"]), integrator) < 1e-9
 
 
 @pytest.mark.parametrize("timestep", STEPS)
 @pytest.mark.parametrize("integrator", [*INTEGRATORS, "discrete"])
-@given(case=cases(), friction=st.booleans())
+@given(case=CASES, friction=st.booleans())
 @EXACT
-def test_friction_and_limits_equal_mujoco(integrator: str, timestep: float, case: Case, friction: bool):
+def test_friction_and_limits_equal_mujoco(
+    integrator: str, timestep: float, case: dict[str, float], friction: bool
+):
     """Through sticking, slipping and hits, for all forms of solref and solimp."""
     if integrator == "discrete" and "mjINT_DISCRETE" not in mujoco.mjtIntegrator.__members__:
         pytest.skip("this MuJoCo has no integrator 'discrete'")
-    spec = case.spec(integrator, timestep, friction=friction, limit=True)
-    assert largest_difference(spec, (case.start, case.rate), integrator) < 1e-7
-    spec = case.spec(integrator, timestep, friction=True, limit=not friction)
-    assert largest_difference(spec, (case.start, case.rate), integrator) < 1e-7
+    spec = spec_of(case, integrator, timestep, friction=friction, limit=True)
+    assert largest_difference(spec, (case["start"], case["rate"]), integrator) < 1e-7
+    spec = spec_of(case, integrator, timestep, friction=True, limit=not friction)
+    assert largest_difference(spec, (case["start"], case["rate"]), integrator) < 1e-7
 
 
 @pytest.mark.parametrize("integrator", ["implicitfast", "discrete"])
@@ -159,20 +141,19 @@ def test_rows_stiffer_than_the_step_allows_equal_mujoco(
 ):
     if integrator == "discrete" and "mjINT_DISCRETE" not in mujoco.mjtIntegrator.__members__:
         pytest.skip("this MuJoCo has no integrator 'discrete'")
-    case = Case(30, 0.1, 0.01, 0.1, 0.2, 1.0, 0.05, 0.01, 0.01, 0.02, 0, 0.1, 0, 0.18, 0.5)
-    spec = case.spec(integrator, 0.005, friction=True, limit=True)
+    case = PLAIN | {"damping_ratio": 0.1, "armature": 0.1, "even": 0.2, "cubic": 1.0, "quadratic": 0.05}
+    case |= {"cubic_damping": 0.01, "rest": 0.01, "friction": 0.02, "start": 0.18, "rate": 0.5}
+    spec = spec_of(case, integrator, 0.005, friction=True, limit=True)
     joint = spec.joint("tilt")
     joint.solref_limit = joint.solref_friction = solref
     joint.solimp_limit = joint.solimp_friction = solimp
-    assert largest_difference(spec, (case.start, case.rate), integrator) < 1e-7
+    assert largest_difference(spec, (case["start"], case["rate"]), integrator) < 1e-7
 
 
 @pytest.mark.parametrize("eulerdamp", [True, False])
 @pytest.mark.parametrize("damping", [0.2, -0.01])
 def test_euler_knows_the_flag_eulerdamp_and_negative_damping(eulerdamp: bool, damping: float):
-    spec = Case(30, 0.3, 0.01, 0, 0, 0, 0, 0, 0, 0.01, 0, 0.1, 0, 0.1, 0).spec(
-        "Euler", 0.005, friction=False, limit=False
-    )
+    spec = spec_of(PLAIN, "Euler", 0.005, friction=False, limit=False)
     spec.joint("tilt").damping[0] = damping
     if not eulerdamp:
         spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)

@@ -250,11 +250,11 @@ def test_ends_are_counted_a_minute_of_riding_and_told_to_stand_is_none():
         assert numbers["survival"] == 0.0
 
 
-def test_a_world_that_breaks_down_is_ended_named_and_not_counted(capfd):
+def test_a_world_that_breaks_down_is_ended_and_not_counted_and_its_reward_is_named():
     import torch
 
     from policy_runtime.learning.progress import Progress
-    from policy_runtime.train import Process, _say_broken, check_rewards
+    from policy_runtime.train import check_rewards
     from sim.skate.mdp.observations import skate_command
     from sysid.errors import SysidError
 
@@ -270,13 +270,6 @@ def test_a_world_that_breaks_down_is_ended_named_and_not_counted(capfd):
         numbers = progress.read()
         assert all(math.isfinite(value) for value in numbers.values())
         assert numbers["end/not_finite"] == pytest.approx(1 / (WORLDS * 0.02 / 60))
-        _say_broken(progress.broken(), Process(0, 1, "cpu"), 4)
-        assert (
-            "iteration 4: position or velocity was not finite in world 3 of process 0"
-            in capfd.readouterr().err
-        )
-        assert progress.broken() == []
-
         step(env)
         term = env.reward_manager.get_term_cfg("push/swing")
         right, wrong = term.func, torch.tensor([1.0] * 5 + [math.nan] + [1.0] * 2)
