@@ -33,6 +33,16 @@ def test_step_follows_the_logarithm_of_the_ends_within_its_bounds(ends, expected
     assert step(ends, 8.0) == pytest.approx(expected)
 
 
+def test_patience_is_led_by_a_few_percent_and_strength_begins_where_it_ends():
+    level = Level(patience=60.0)
+    assert level.after(0.5, own=20).patience == pytest.approx(60 * math.exp(-0.03))
+    assert level.after(60.0, own=20).patience == pytest.approx(60 * math.exp(0.01))
+    assert Level(patience=20.1).after(0.1, own=20).patience == 20.0
+    hard = Level(patience=20.0).after(1.0, own=20)
+    assert (hard.patience, hard.strength) == (20.0, pytest.approx(0.03))
+    assert hard.after(60.0, own=20).strength == pytest.approx(0.02)
+
+
 @pytest.mark.parametrize(
     ("ends", "weight"),
     [
@@ -72,7 +82,7 @@ def led(tmp_path_factory):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_the_level_is_in_curves_and_checkpoint(led):
-    folder, *_, level = led
+    folder, env, _, curriculum, level = led
     rows = folder.read_curves()
     assert rows[0]["patience"] == LONGEST
     assert rows[0]["entropy_weight"] == 0.005
@@ -80,6 +90,9 @@ def test_the_level_is_in_curves_and_checkpoint(led):
     for row in rows:
         expected = expected.after(row["falls_per_minute"], own=20)
     assert level == expected
+    curriculum.set(Level(patience=50.0, strength=0.2, ends=30.0))
+    assert float(env.termination_manager.get_term_cfg("wrong_stance").params["patience"]) == 50.0
+    assert env.event_manager.get_term_cfg("worlds").func.strength == 0.2
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from command_line import called
@@ -12,10 +13,13 @@ from policy_runtime.evaluation.plain import Protocol, evaluate_policy, run_episo
 from policy_runtime.evaluation.recording import Recorder
 from policy_runtime.export import export_folder, load_folder
 from policy_runtime.loop.commands import Command, Constant
+from policy_runtime.loop.gravity_load import GravityLoad, shares
 from policy_runtime.loop.scripted import scripted, scripted_push, standing
 from policy_runtime.loop.world import joint_limits, make_world
 from policy_runtime.robots.simulated import Gantry
 from policy_runtime.runtime import Runtime
+from sim.skate.robot.g1 import SOLE_CENTRE
+from sim.skate.robot.poses import load_poses
 from sysid.board import save_board
 from sysid.errors import SysidError
 from sysid.progress import listening
@@ -89,6 +93,30 @@ def test_pushing_script_pushes():
 def test_unknown_script_is_refused_in_words():
     with pytest.raises(SysidError, match=r"unknown script 'pusch'.*Did you mean 'push'"):
         scripted("pusch")
+
+
+def test_two_feet_share_the_weight_under_the_centre_of_mass():
+    if world_or_skip():
+        load = GravityLoad()
+    pose = load_poses()["steer"]
+    torque = load.torques(pose.joints, pose.quaternion, (True, True))
+    model, data = load.model, load.data
+    forces = shares(
+        [10, 11], [np.array([-0.2, 0.0, 0.0]), np.array([0.2, 0.05, 0.0])], np.array([0.1, 0.03, 0.7])
+    )
+    assert sum(share for *_, share in forces) == pytest.approx(1.0)
+    np.testing.assert_allclose(sum(share * point for _, point, share in forces)[:2], [0.1, 0.03])
+    # Weight and soles' forces leave nothing over that would move the pelvis.
+    mujoco.mj_inverse(model, data)
+    feet = [model.body(f"{side}_ankle_roll_link").id for side in ("left", "right")]
+    soles = [data.xpos[foot] + data.xmat[foot].reshape(3, 3) @ SOLE_CENTRE for foot in feet]
+    total = data.qfrc_bias.copy()
+    jacobian = np.zeros((3, model.nv))
+    for foot, point, share in shares(feet, soles, data.subtree_com[1]):
+        mujoco.mj_jac(model, data, jacobian, None, point, foot)
+        total -= jacobian[2] * share * model.body_subtreemass[1] * 9.81
+    np.testing.assert_allclose(total[:6], 0.0, atol=1e-6)
+    np.testing.assert_allclose(total[6:], torque, atol=1e-6)
 
 
 def test_direct_coupling_sets_the_trucks():

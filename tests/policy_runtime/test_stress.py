@@ -2,6 +2,7 @@
 
 import math
 
+import mujoco
 import numpy as np
 import pytest
 from riding import HoldStill, pink, world_or_skip
@@ -73,6 +74,21 @@ def test_a_board_gathers_speed_downhill_by_g_sin_of_the_slope():
     assert robot.truth().board_speed - begin == pytest.approx(
         9.81 * math.sin(math.radians(3)) * 0.4, rel=0.03
     )
+
+
+def test_a_push_is_a_force_of_a_tenth_of_a_second():
+    robot = stressed(push=100.0).robot
+    qpos = robot.model.qpos0.copy()
+    qpos[robot.base_q + 2] += 5.0  # in the air, nothing else pushes
+    robot.reset(qpos)
+    robot.push_with(np.array([0.0, 100.0]))
+    for _ in range(80):
+        robot.step()
+    mass = float(robot.model.body("robot/pelvis").subtreemass[0])
+    momentum = np.zeros(3)
+    mujoco.mj_subtreeVel(robot.model, robot.data)
+    momentum = mass * robot.data.subtree_linvel[robot.ids.pelvis]
+    assert momentum[1] == pytest.approx(100 * 0.1, rel=0.02)
 
 
 def test_noise_is_the_trainings_and_each_rides_own():

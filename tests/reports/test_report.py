@@ -159,9 +159,9 @@ def test_thinning_keeps_every_extreme():
 
 def test_texts_are_escaped():
     page = Page("a <b>", "c & d")
-    page.section("e", table(["<f>"], [["<g>"]]), choices([("<h>", "x"), ("i", "y")]))
+    page.section("<e>", table(["<f>"], [["<g>"]]), choices([("<h>", "x"), ("i", "y")]))
     text = page.render()
-    for raw in ("<b>", "<f>", "<g>", "<h>"):
+    for raw in ("<b>", "<e>", "<f>", "<g>", "<h>"):
         assert raw not in text.split("</style>")[1].split("<script>")[0]
 
 
