@@ -133,18 +133,6 @@ def test_the_whole_way(board, tmp_path):
     assert row["passed"]
 
 
-@pytest.mark.parametrize(
-    "options",
-    ["--bench", "--scene", "--export physical", "--coupling direct --integrator Euler --timestep 0.002"],
-)
-def test_every_export_compiles_and_says_what_it_costs(options, tmp_path):
-    path = tmp_path / "board.xml"
-    made = run("mjcf", "--board", "black", *options.split(), "-o", path, workspace=tmp_path)
-    assert mujoco.MjModel.from_xml_path(str(path)).njnt >= 1
-    assert ("physical" in options) == (made["decay_nrmse"] > 0.02)
-    assert abs(made["static_stiffness_error"]) < 0.02
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("film", ["marker", "dots"])
 def test_a_film_is_measured(film, film_of, tmp_path):

@@ -249,27 +249,6 @@ def test_boards_lists_the_derivation(tmp_path: Path) -> None:
     assert content["boards"][1]["shipped"] is True
 
 
-def test_boards_shows_a_fitted_board_whole(tmp_path: Path, pink: Board) -> None:
-    fitted = replace(
-        pink,
-        decay={},
-        published={},
-        effects=(BoardEffect("coulomb", {"torque": Quantity(0.11, 0.01, "N*m")}),),
-        fit={"timestep": 0.002, "logs": [{"path": "a.csv", "sha256": "00"}], "rmse": 0.0021},
-        history=({"effects": [], "rmse_before": 0.01}, {"effects": ["coulomb"], "rmse_after": 0.002}),
-    )
-    Workspace(tmp_path).save_board(fitted.checked({"passed": True, "nrmse": 0.012}))
-    result = husky("boards", "pink", "--json", "out.json", cwd=tmp_path)
-    assert result.returncode == 0, result.stderr
-    for text in ("fitted to 1 log, rmse 2.1 mrad", "coulomb: torque", "passed (nrmse 1.2 %)", "rmse_before"):
-        assert text in result.stdout
-    content = json.loads((tmp_path / "out.json").read_text())
-    assert content["passed"] is True
-    assert content["shipped"] is False
-    assert content["effect"][0]["parameters"]["torque"]["value"] == 0.11
-    assert content["derivation"] is None
-
-
 @pytest.mark.parametrize(
     ("parameters", "text"),
     [

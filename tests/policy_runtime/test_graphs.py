@@ -99,15 +99,6 @@ def test_a_graph_of_the_worlds_asks_nothing_of_the_host(env, part):
     assert asked_of_the_host(getattr(env, part)) == []
 
 
-def test_the_critic_sees_contacts(env):
-    import torch
-
-    wheels = slice(177, 181)
-    for _ in range(3):
-        seen, *_ = env.step(torch.zeros(WORLDS, 23))
-    assert seen["critic"][:, wheels].mean() > 0.5
-
-
 def test_drawing_how_episodes_begin_asks_nothing_of_the_host(env):
     begin, command = env.event_manager.get_term_cfg("begin").func, env.command_manager.get_term("skate")
     assert asked_of_the_host(begin.draw) == []

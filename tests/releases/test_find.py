@@ -261,13 +261,6 @@ def test_a_hand_that_adds_to_a_swing_ends_the_decay():
     assert first.end == "caught"
 
 
-def test_a_release_given_in_the_hold_is_the_one_that_follows():
-    roll = lightly_damped(0.05, 0.5, 500.0, 2e-4, 0.0)
-    given, found = find_releases(roll, releases=(0.6,)), find_releases(roll)
-    assert given[0].start == pytest.approx(found[0].start, abs=1e-6)
-    assert given[0].hold > 0.9
-
-
 @pytest.mark.parametrize("late", [0.012, 0.05])
 def test_a_release_given_late_keeps_its_decay(late):
     """The swing that it cuts is shorter than the next one, which no hand has made."""

@@ -13,7 +13,6 @@ from reports.evidence import gather
 from reports.page.summary import board_summary, decay_summary
 from reports.rerun.decay import MILLI, comparison_recording, decay_recording
 from reports.rerun.film_frames import FilmFrames
-from reports.screenshots import headless_viewer, recording_picture
 from sysid.board import BoardEffect
 from sysid.errors import SysidError
 from sysid.fitting.ladder import PLAIN
@@ -93,14 +92,6 @@ def test_the_reader_finds_the_very_numbers_of_the_comparison(compared, evidence)
     assert [rung.label for rung in evidence.ladder] == [PLAIN, "+ coulomb"]
 
 
-def test_peaks_are_where_the_measured_deck_turns(compared):
-    time, values = series(compared)["/release1/signal/peaks"]
-    half = np.pi / (41.083 * np.sqrt(1 - 0.56265**2))
-    np.testing.assert_allclose(time[1], half, atol=0.012)
-    overshoot = -0.2 * np.exp(-0.56265 * 41.083 * half)
-    np.testing.assert_allclose(values[:2], [0.2, overshoot], atol=0.004)
-
-
 def test_boards_move_as_simulated_and_as_measured(compared, evidence):
     release = evidence.comparison.releases[0]
     chunks = [c for c in rerun_chunk.RrdReader(compared).stream() if str(c.entity_path).endswith("/deck")]
@@ -154,30 +145,6 @@ def test_rerun_itself_verifies_the_recording(compared):
         [sys.executable, "-m", "rerun", "rrd", "verify", str(compared)], capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.slow
-def test_a_viewer_shows_both_curves_on_the_right_scale(compared, evidence):
-    import cv2
-
-    try:
-        with headless_viewer() as viewer:
-            png = recording_picture(viewer, compared, 0.05)
-    except SysidError as error:
-        pytest.skip(str(error))
-    picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR).astype(int)
-    height, width = picture.shape[:2]
-    # The plot of the first release, without its legend.
-    panel = picture[int(0.12 * height) : int(0.71 * height), int(0.03 * width) : int(0.48 * width)]
-    rows = {}
-    for name, colour in (("real", (0, 159, 230)), ("sim", (178, 114, 0))):
-        near = np.abs(panel - np.array(colour)).max(axis=2) < 40
-        assert near.sum() > 100, f"no {name} curve"
-        rows[name] = np.flatnonzero(near.any(axis=1))
-    # The range is given: data fill all but a pad of 8 % at either side.
-    assert np.ptp(rows["real"]) > 0.75 * len(panel)
-    assert np.ptp(rows["sim"]) > 0.75 * len(panel)
-    assert abs(int(rows["real"].max()) - int(rows["sim"].max())) < 0.1 * len(panel)
 
 
 @pytest.fixture

@@ -16,7 +16,6 @@ from film_container import turned
 from films import SMALL, TestFilm, make_film
 
 from sysid.errors import SysidError
-from sysid.logs.clock_offset import clock_offset
 from sysid.roll import Roll
 from sysid.video.film.camera import Lens, lens_of
 from sysid.video.film.frames import open_clip
@@ -151,20 +150,6 @@ def test_the_command_puts_a_film_on_the_clock_of_a_log(marker_film, tmp_path):
     assert table["time_s"][0] == pytest.approx(0.1, abs=0.002)
 
 
-def test_clock_offset_refuses_different_motions(marker_roll):
-    time = np.arange(0, 2, 0.005)
-    other = Roll(
-        log="other",
-        time=time,
-        roll=0.1 * np.sin(97 * time),
-        std=np.full(400, 1e-3),
-        origin="imu",
-        zero="drifting",
-    )
-    with pytest.raises(SysidError, match=r"do not show the same motion|nothing to align by"):
-        clock_offset(marker_roll, other)
-
-
 def test_calibration_from_a_chessboard_film(tmp_path):
     matrix = np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]])
     squares = (np.indices((7, 10)).sum(axis=0) % 2 * 200 + 30).astype(np.uint8)
@@ -289,11 +274,6 @@ def test_a_cut_is_refused(marker_film, tmp_path):
     writer.release()
     with pytest.raises(SysidError, match=r"changes at 0\.4\d s .* a cut"):
         roll_from_video(path)
-
-
-def test_a_wrong_region_is_refused(marker_film):
-    with pytest.raises(SysidError, match="--roi 600 0 100 100"):
-        roll_from_video(marker_film.path, VideoOptions(method="edge", roi=(600, 0, 100, 100)))
 
 
 def test_a_calibration_of_another_camera_is_refused(marker_film, tmp_path):

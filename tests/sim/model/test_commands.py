@@ -1,16 +1,13 @@
 """From a stranger's model to a mended one, by the commands; the truth is integrated by formulas of its own."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 import robots
 from command_line import husky
 
-from sim.model.scene import scene_of
 from sim.model.setup import Setup
 from sim.model.subject import board_of
 from sysid.synth import SynthOptions, synthesise
@@ -104,28 +101,6 @@ def test_a_slide_is_fitted_in_metres_with_its_weight_known(tmp_path):
         listed = husky(*command, "--workspace", tmp_path).stdout
         assert "mrad" not in listed
         assert "[rad]" not in listed
-
-
-def test_the_mended_slide_moves_as_the_truth(tmp_path):
-    """Patched with the truth itself, MuJoCo at the model's step and integrator is within 1 % of an exact solution."""
-    from sim.board.bench import swing
-    from sim.model.patch import patch
-
-    setup = Setup(file=robots.write(tmp_path)["slider"], joint="lift")
-    board = board_of(setup)[0].with_tilt(
-        **{name: replace(board_of(setup)[0].tilt[name], value=value) for name, value in LIFT.items()}
-    )
-    patch(setup, board).save(tmp_path / "mended.xml")
-    scene = scene_of(setup.with_(file=tmp_path / "mended.xml"))
-    assert scene.model.opt.integrator == int(mujoco.mjtIntegrator.mjINT_RK4)
-    time = np.linspace(0.0, 3.0, 1000)
-    moved = swing(scene.model, 0.1, 0.0, 3.0, joint="lift", begin=scene.begin).at(time)
-    rest = LIFT["rest_angle"] - 1.5 * 9.81 / LIFT["stiffness"]
-    decay, omega = LIFT["damping"] / 3.0, np.sqrt(LIFT["stiffness"] / 1.5 - (LIFT["damping"] / 3.0) ** 2)
-    exact = rest + (0.1 - rest) * np.exp(-decay * time) * (
-        np.cos(omega * time) + decay / omega * np.sin(omega * time)
-    )
-    assert np.sqrt(np.mean((moved - exact) ** 2) / np.mean((exact - rest) ** 2)) < 0.01
 
 
 @pytest.mark.parametrize(

@@ -228,28 +228,6 @@ def test_who_begins_in_a_transition_is_where_the_clip_is(phase, before):
         assert measure(env).foot_on_deck[:, 1].all()
 
 
-def test_ends_are_counted_a_minute_of_riding_and_told_to_stand_is_none():
-    import torch
-
-    from policy_runtime.learning.progress import Progress
-    from sim.skate.mdp.observations import skate_command
-
-    with worlds(start=AT_REST, speed=(0.5, 1.5), standing=0.0, slow=0.0) as env:
-        progress, command = Progress(env), skate_command(env)
-        command._command[:4, 0] = 0.0
-        lying = torch.tensor([0.0, 1.0, 0.0, 0.0])
-        fallen = [0, 1, 2, 6, 7]
-        env.sim.data.qpos[fallen, command.reading.robot_q + 3 : command.reading.robot_q + 7] = lying
-        env.sim.forward()
-        step(env)
-        assert env.termination_manager.get_term("fallen").nonzero().flatten().tolist() == fallen
-        progress.add(torch.zeros(()))
-        numbers = progress.read()
-        assert numbers["falls_per_minute"] == pytest.approx(2 / (4 * 0.02 / 60))
-        assert numbers["end/fallen"] == numbers["falls_per_minute"]
-        assert numbers["survival"] == 0.0
-
-
 def test_a_world_that_breaks_down_is_ended_and_not_counted_and_its_reward_is_named():
     import torch
 

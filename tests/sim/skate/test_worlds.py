@@ -140,28 +140,6 @@ def test_a_board_stands_on_the_slab_and_falls_when_it_is_gone(env, worlds):
 
 
 @pytest.mark.slow
-def test_one_in_six_is_told_to_stand_and_three_in_ten_to_go_slowly_by_the_strength(env, worlds):
-    from sim.skate.mdp.observations import skate_command
-
-    env.reset()
-    command = skate_command(env)
-    rests = command.step == 0
-    worlds.set_strength(0.0)
-    speed = torch.stack([command.draw()[0][:, 0] for _ in range(200)])
-    assert 0.05 < float((speed[:, rests] < 0.1).float().mean()) < 0.09  # 0.1 / 1.5: a beginner rides
-    assert 0.23 < float((speed[:, ~rests] < 0.4).float().mean()) < 0.30
-    worlds.set_strength(1.0)
-    speed = torch.stack([command.draw()[0][:, 0] for _ in range(200)])
-    still = speed < 0.1
-    assert not still[:, ~rests].any()
-    assert 0.30 < float(still[:, rests].float().mean()) < 0.38
-    assert 0.07 < float(speed[still].max()) < 0.1
-    slow = speed[:, ~rests] < 0.4
-    assert 0.45 < float(slow.float().mean()) < 0.53  # 0.3 + 0.7 * 0.4 / 1.5
-    assert float(speed.max()) > 1.48
-
-
-@pytest.mark.slow
 def test_strength_leads_from_the_nominal_world_to_the_drawn_one(env, worlds):
     full = {name: getattr(env.sim.model, name).clone() for name in ("body_mass", "geom_friction")}
     lag, bias = worlds.action_lag.clone(), worlds.bias.clone()
