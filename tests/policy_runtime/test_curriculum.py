@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from training import needs_training
 
 from policy_runtime.learning.curriculum import (
     EASIER,
@@ -58,8 +59,7 @@ def test_entropy_falls_with_the_ends(ends, weight):
 @pytest.fixture(scope="module")
 def led(tmp_path_factory):
     """A run of two iterations of eight worlds, and what it is built of, once more, restored."""
-    for module in ("torch", "mjlab"):
-        pytest.importorskip(module, reason="needs the training stack")
+    needs_training()
     from pathlib import Path
 
     from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder

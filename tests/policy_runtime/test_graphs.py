@@ -1,12 +1,7 @@
 """What CUDA graphs need, shown on the processor: memory that stays, nothing asked of the host, mjlab's numbers."""
 
-import contextlib
-import sys
-
 import pytest
-
-from sim.skate.options import SkateOptions
-from sysid.workspace import shipped_data
+from training import needs_training, worlds
 
 pytestmark = [
     pytest.mark.train,
@@ -21,52 +16,36 @@ WAITS = ("_local_scalar_dense", "nonzero", "lift_fresh", "masked_select", "is_no
 """Operations that wait for the device, or that copy from the host."""
 
 
-def environment(kind):
+def environment(kind=None):
+    needs_training()
     import torch
 
-    from sim.skate.task import skate_env_cfg
-    from sysid.board import load_board
-
     torch.manual_seed(4)
-    board = load_board(shipped_data() / "boards" / "pink.toml")
-    cfg = skate_env_cfg(board, SkateOptions(boards=2, episode=0.3), environments=WORLDS, seed=4)
-    with contextlib.redirect_stdout(sys.stderr):
-        env = kind(cfg, device="cpu")
-    env.reset()
-    return env
+    return worlds(WORLDS, kind=kind, seed=4, boards=2, episode=0.3)
 
 
 @pytest.fixture(scope="module")
 def env():
-    for module in ("torch", "mjlab"):
-        pytest.importorskip(module, reason="needs the training stack")
-    from policy_runtime.learning.fused_rewards import SkateEnv
-
-    env = environment(SkateEnv)
-    yield env
-    env.close()
+    with environment() as env:
+        yield env
 
 
 def test_a_step_is_mjlabs_step():
     import torch
     from mjlab.envs import ManagerBasedRlEnv
 
-    from policy_runtime.learning.fused_rewards import SkateEnv
-
-    ours, theirs = environment(SkateEnv), environment(ManagerBasedRlEnv)
     actions = 0.3 * torch.randn(25, WORLDS, 23, generator=torch.Generator().manual_seed(1))
     kept = []
-    for env in (ours, theirs):
-        torch.manual_seed(5)
+    for kind in (None, ManagerBasedRlEnv):
         rows = []
-        for action in actions:
-            seen, earned, ended, late, _ = env.step(action)
-            # Contact forces in the critic's vector may be of the instant before in mjlab's own step.
-            rows.append(
-                torch.cat((seen["actor"], seen["style"], earned[:, None], ended[:, None], late[:, None]), 1)
-            )
+        with environment(kind) as env:
+            torch.manual_seed(5)
+            for action in actions:
+                seen, earned, ended, late, _ = env.step(action)
+                # Contact forces in the critic's vector may be of the instant before in mjlab's own step.
+                ends = (earned[:, None], ended[:, None], late[:, None])
+                rows.append(torch.cat((seen["actor"], seen["style"], *ends), 1))
         kept.append(torch.stack(rows))
-        env.close()
     assert kept[0][..., -2:].any()  # episodes have ended on the way
     assert torch.equal(*kept)
 

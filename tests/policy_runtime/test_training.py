@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import called
+from training import needs_training
 
 from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder
 from sim.skate.cycle.start import Start
@@ -299,8 +300,7 @@ def assert_same_bits(first, second):
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
     """Two iterations of eight worlds, with a checkpoint after each."""
-    for module in ("torch", "mjlab"):
-        pytest.importorskip(module, reason="needs the training stack")
+    needs_training()
     from policy_runtime.train import train
 
     folder = RunFolder(tmp_path_factory.mktemp("trained") / "run")
@@ -404,8 +404,7 @@ def test_machines_that_do_not_fit_together_are_refused(options, message, monkeyp
 @pytest.mark.slow
 def test_two_machines_train_one_run(tmp_path):
     """Both on this computer, met at a port of its own; one begins the run, the other joins it."""
-    for module in ("torch", "mjlab"):
-        pytest.importorskip(module, reason="needs the training stack")
+    needs_training()
     import socket
 
     with socket.socket() as free:

@@ -1,12 +1,11 @@
 """Variants of the task inside the training's own simulator, each with a look at its physics."""
 
-import contextlib
 import math
-import sys
 
 import mujoco
 import numpy as np
 import pytest
+import training
 from riding import pink
 
 from sim.board.scene import TILT_JOINT, TRUCK_JOINTS, WHEELS
@@ -20,28 +19,23 @@ pytestmark = [
 ]  # the stack's own warnings
 
 
-@contextlib.contextmanager
 def task(**options):
-    """Two worlds of a variant of the task that begin at rest, on the processor."""
-    for module in ("torch", "mjlab", "warp"):
-        pytest.importorskip(module, reason="needs the training stack")
+    """Two worlds of a variant of the task that begin at rest, in mjlab's own environment."""
+    training.needs_training()
     from mjlab.envs import ManagerBasedRlEnv
 
     from sim.skate.cycle.start import AT_REST, STANDING_PLACE
-    from sim.skate.options import NOMINAL, SkateOptions
-    from sim.skate.task import skate_env_cfg
+    from sim.skate.options import NOMINAL
 
-    settings = SkateOptions(
-        start=AT_REST, foot_place=(STANDING_PLACE,) * 2, boards=0, pushes=0.0, noise=False, variation=NOMINAL,
-        speed=(0.5, 0.5), standing=0.0, slow=0.0, **options,
-    )  # fmt: skip
-    with contextlib.redirect_stdout(sys.stderr):
-        env = ManagerBasedRlEnv(skate_env_cfg(pink(), settings, environments=2, seed=0), device="cpu")
-    try:
-        env.reset()
-        yield env
-    finally:
-        env.close()
+    still = {
+        "start": AT_REST,
+        "foot_place": (STANDING_PLACE,) * 2,
+        "pushes": 0.0,
+        "noise": False,
+        "variation": NOMINAL,
+    }
+    alike = {"boards": 0, "speed": (0.5, 0.5), "standing": 0.0, "slow": 0.0}
+    return training.worlds(2, kind=ManagerBasedRlEnv, seed=0, **still, **alike, **options)
 
 
 def set_rolling(model, qpos, qvel, *, x, height, pitch, speed):

@@ -1,12 +1,11 @@
 """Every variant of the task, in worlds on the processor: what its option changes is there, and only then."""
 
-import contextlib
 import math
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import training
 from riding import pink
 
 from sim.skate.cycle.start import AT_REST
@@ -22,35 +21,9 @@ WORLDS = 8
 PUSHING = replace(AT_REST, pushing=1.0)
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _training_stack():
-    for module in ("torch", "mjlab", "warp"):
-        pytest.importorskip(module, reason="needs the training stack")
-
-
-@contextlib.contextmanager
-def worlds(board=None, *, clips=(), **options):
-    """Eight worlds of a variant of the task after their first reset."""
-    from policy_runtime.learning.fused_rewards import SkateEnv
-    from sim.skate.task import skate_env_cfg
-
-    alike = {
-        "boards": 0,
-        "variation": NOMINAL,
-        "foot_place": (0.0, 0.0),
-        "change": math.inf,
-        "standing": 0.0,
-        "slow": 0.0,
-    }
-    settings = SkateOptions(**(alike | options))
-    cfg = skate_env_cfg(board or pink(), settings, environments=WORLDS, seed=3, clips=clips)
-    with contextlib.redirect_stdout(sys.stderr):
-        env = SkateEnv(cfg, device="cpu")
-    try:
-        env.reset()
-        yield env
-    finally:
-        env.close()
+def worlds(**options):
+    """Eight worlds of a variant of the task that do not differ, after their first reset."""
+    return training.worlds(WORLDS, **({**training.ALIKE, "variation": NOMINAL} | options))
 
 
 def step(env):

@@ -5,9 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-from sim.skate.options import SkateOptions
-from sysid.workspace import shipped_data
+import training
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("mjlab")
@@ -50,16 +48,9 @@ def test_sensed_is_interpolated_between_the_frames_before(lag, expected):
 @pytest.fixture(scope="module")
 def env():
     """Thirty-two worlds that differ at full strength."""
-    from policy_runtime.learning.fused_rewards import SkateEnv
-    from sim.skate.task import skate_env_cfg
-    from sysid.board import load_board
-
     torch.manual_seed(0)
-    board = load_board(shipped_data() / "boards" / "pink.toml")
-    env = SkateEnv(skate_env_cfg(board, SkateOptions(boards=4), environments=32, seed=1), "cpu")
-    env.reset()
-    yield env
-    env.close()
+    with training.worlds(32, seed=1, boards=4) as env:
+        yield env
 
 
 @pytest.fixture
