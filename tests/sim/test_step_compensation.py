@@ -113,7 +113,7 @@ has no jump at the turning points."""
 def test_mujoco_moves_by_the_law_of_every_effect(pink: Board, name: str):
     """With a fine step the bench decays as the law says: each effect's MJCF is its torque law."""
     rich = with_effect(pink, name)
-    model = rig_spec(rich, timestep=0.0005).compile()
+    model = rig_spec(rich, timestep=0.0002).compile()
     assert decay_error(rich, model, release_amplitudes(rich)) < SUBSTITUTES.get(name, 0.0075)
     other = rig_spec(pink, timestep=0.0005).compile()
     assert decay_error(rich, other, release_amplitudes(rich)) > 0.015, "the example must show"
