@@ -114,7 +114,7 @@ def test_friction_in_the_rest_levels_is_no_linear_decay(tmp_path, capsys):
 
 def test_a_log_with_an_input_sends_to_driven_joints(tmp_path, capsys):
     examples = Path(__file__).parents[2] / "docs" / "examples"
-    run(examples / "driven_arm.csv", "--column", "q_shoulder_rad", "--workspace", tmp_path)
+    called("decay", examples / "driven_arm.csv", "--column", "q_shoulder_rad", "--workspace", tmp_path)
     (line,) = [line for line in capsys.readouterr().out.splitlines() if "docs/driven.md" in line]
     assert "'action_shoulder_rad' drove the joint" in line
     assert "--input action_shoulder_rad --input-is command" in line
