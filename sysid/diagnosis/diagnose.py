@@ -42,13 +42,13 @@ if TYPE_CHECKING:
 FITTED = 5
 """Sets of families that are fitted by output error."""
 BENDS = 0.2
-"""Share of the error beyond the noise that a parameter has to take away: where no law is exact, each may be off by a tenth of its torque."""
+"""Share by which a parameter has to lower the error beyond the noise. No law is exact: each may be off by a tenth of its torque."""
 EVEN = 0.5
 """Probability from which a family is taken to act."""
 SURE = 0.9
 """Probability of a set from which the equations decide."""
 STOP_LIKELY = 0.2
-"""Probability of a stop from which the motion is put on a grid twice as fine: a stiff stop is met and left within a few nodes."""
+"""Probability of a stop from which the grid is twice as fine: a stiff stop is met and left within a few nodes."""
 
 LONGEST = 2000
 """Characters of a diagnosis as an interpreter shows it."""
@@ -136,7 +136,7 @@ class Diagnosis:
 
     @property
     def explained(self) -> float:
-        """Share of the squared error beyond the noise that the best candidate takes away."""
+        """Share by which the best candidate lowers the squared error beyond the noise."""
         floor = self.noise.std**2
         before, after = (max(c.rmse**2 - floor, 0.0) for c in (self.baseline, self.best))
         return float(np.clip(1 - after / before, 0.0, 1.0)) if before > 0 else 0.0
@@ -151,7 +151,7 @@ class Diagnosis:
 
         Args:
             width: Characters of a line of a table.
-            space: Where the board is; the current folder, if left out.
+            space: Folder of the board; the current one, if left out.
             given: Logs as a command shall name them; those of the releases, if left out.
         """
         return diagnosis_report.report(
@@ -199,7 +199,7 @@ def diagnose(
     fixed: Mapping[str, float] | None = None,
     progress: Listener | None = None,
 ) -> Diagnosis:
-    """Name the physical effects that a record is missing, or say that nothing is, or that nothing known explains it.
+    """Name the physical effects that a record is missing.
 
     Args:
         data: Free decays of one joint: a recording, several, or releases.
@@ -265,8 +265,8 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
 def judge(releases: Sequence[Release], board: Board, noise: float, *, rate: bool) -> Posterior:
     """Return the posterior of sets of laws: by the equations, or by the slow flow where those say less about the damping.
 
-    The equations see a law of the damping only where their own unexplained torque, ε of the local one, is smaller than the torque that
-    takes the energy, 2 ζ of it. Where it is larger, and enough cycles stand clear of the noise, amplitude and phase speak.
+    Equations leave a share ε of the local torque unexplained. A damper takes 2 ζ of it. For ε < 2 ζ the equations see a law of the
+    damping. For a larger ε, and enough cycles above the noise, amplitude and phase decide.
 
     Args:
         releases: Free decays.
@@ -314,7 +314,7 @@ def _parts(best: Found) -> list[Found]:
     """Return a set without each of its laws."""
     pairs = list(zip(best.families, best.effects, strict=True))
     less = [pairs[:i] + pairs[i + 1 :] for i in range(len(pairs))]
-    return [_set(*zip(*part, strict=True)) for part in less if part]
+    return [_set([f for f, _ in part], [e for _, e in part]) for part in less if part]
 
 
 def _variants(best: Found, own: Sequence[str]) -> list[Found]:
@@ -333,8 +333,8 @@ def _weighed(
 ) -> tuple[Posterior, list[tuple[Found, Candidate]]]:
     """Return the posterior and the fits by output error, where one of these reaches the noise; else as they are.
 
-    Equations that need no torque noise, explain the log to its noise and are sure decide alone: they see all that the fits see, but for
-    the states at the release, which a fit has to assume.
+    Sure equations decide alone if they explain the log to its noise without torque noise. A fit sees no more, and has to assume the
+    states at the release.
 
     Each fit has a rest angle of its own, so that it says nothing of another rest angle: the equations do.
     """
@@ -416,7 +416,7 @@ class Fits:
             self.made[names] = one, Candidate(effects=names, score=score, fit=fit)
 
     def of(self, effects: Sequence[str], families: Sequence[str]) -> Candidate:
-        """Return the best fit of some families; that of the record's law where there is none."""
+        """Return the best fit of some families, or that of the record's law if they cannot be fitted."""
         want = frozenset(families) - {"rest"}
         if not any(frozenset(one.families) - {"rest"} == want for one in (one for one, _ in self.all())):
             self.add(_set(families, effects))
@@ -426,8 +426,8 @@ class Fits:
     def explore(self, found: Posterior) -> None:
         """Fit the likeliest sets.
 
-        Where none of them reaches the noise, other laws are fitted too: parts of the best set where the posterior is sure of it, else all
-        single laws and pairs with the best one. A short motion says more as a whole than its equations do.
+        If no fit reaches the noise, more laws are fitted. A sure posterior asks for the parts of its best set. An unsure one asks for all
+        single laws, and for pairs with the best of them: a short motion says more as a whole than its equations do.
         """
         best, top = found.sets[0], found.sets[0].probability
         for one in found.sets[:FITTED]:
@@ -462,8 +462,8 @@ def _cost(candidate: Candidate) -> float:
 def _by_fits(found: Posterior, fits: list[tuple[Found, Candidate]]) -> Posterior:
     """Return the posterior with that set first whose fit explains most for its number of parameters.
 
-    No law of the catalogue is exact here, so that another one may only bend the first. A parameter is worth it that takes away a share
-    `BENDS` of the error beyond the noise. Where the equations are sure of a set, and see the damping, only its parts compete with it.
+    No law of the catalogue is exact here, and a second one may only bend the first. So each parameter has to lower the error beyond the
+    noise by a share `BENDS`. If the posterior is sure of a set, only its parts compete with it.
     """
     best = found.sets[0]
     sure = _sure(found)

@@ -1,12 +1,12 @@
 """Evidence for sets of laws: closed form, from Gram matrices.
 
-The log is r = Σ c φ + white noise after whitening, with strengths c ~ N(0, λ²), of which some cannot be negative. For a set of laws
-with Gram matrix G and projections b, A = G + Λ⁻², μ = A⁻¹ b:
+The log is r = Σ c φ + white noise after whitening. Strengths are c ~ N(0, λ²); some cannot be negative. A set of laws has the Gram
+matrix G and the projections b. With A = G + Λ⁻² and μ = A⁻¹ b:
 
-    ln p(r | set) = ½ b'μ - ½ ln|A| - ln|Λ| + Σ ln 2 Φ(±μ/σ) + const
+    ln p(r | set) = ½ b'μ - ½ ln|A| - ln|Λ| + Σ ln 2 Φ(±μ/σ) + const.
 
-(MacKay, Information Theory, Inference, and Learning Algorithms, 2003, chapter 28; the last sum is the share of the posterior that
-keeps the signs, marginals taken as independent). Occam's factor is in ln|A|: nothing else penalises a richer set.
+Source: MacKay, Information Theory, Inference, and Learning Algorithms, 2003, chapter 28. The last sum is the share of the posterior that
+keeps the signs, with independent marginals. Occam's factor is ln|A|: nothing else penalises a richer set.
 """
 
 from collections.abc import Sequence
@@ -61,7 +61,7 @@ class Scored:
     log_evidence: float
     """With its prior, up to a constant of the hypothesis."""
     likelihood: float
-    """The same without the prior and what is known of the strengths."""
+    """The same without the priors of set and signs."""
     means: Array
     """Posterior means of base and strengths, shape (c,)."""
     covariance: Array
@@ -81,7 +81,7 @@ class Sets:
 
 
 class Problem:
-    """One hypothesis of the noise: what is left after the nuisances are marginalised."""
+    """One hypothesis of the noise, with the nuisances marginalised."""
 
     def __init__(
         self, gram: Array, wide: Array, items: Sequence[Item], damping: float, bend: float = 0.0

@@ -23,15 +23,19 @@ def reaches_noise(fit: JointFit) -> bool:
 
 
 def is_possible(fit: JointFit, names: Sequence[str]) -> bool:
-    """Return whether no effect's torque over the spring's, both RMS over the motion, is beyond what the evidence holds for possible."""
-    torques, spring = dict.fromkeys(names, 0.0), 1e-300
+    """Return whether no effect's torque is beyond a possible share of the torque of spring and effects together, both RMS over the motion.
+
+    Large torques that cancel each other are no explanation. The share is that of the evidence.
+    """
+    squares, whole = dict.fromkeys(names, 0.0), 1e-300
     for time, path in _paths(fit):
-        spring += float(np.mean(_spring(fit, path) ** 2))
+        total = -fit.law.stiffness * (path.roll - fit.law.rest_angle)
         for name in names:
-            torques[name] += float(
-                np.mean(effect_torque(fit.law.of_joint(), name, time, path.roll, path.rate) ** 2)
-            )
-    return max(torques.values()) <= (MOST_DEVIATIONS * STRENGTH) ** 2 * spring
+            torque = effect_torque(fit.law.of_joint(), name, time, path.roll, path.rate)
+            squares[name] += float(np.mean(torque**2))
+            total = total + torque
+        whole += float(np.mean(total**2))
+    return max(squares.values()) <= (MOST_DEVIATIONS * STRENGTH) ** 2 * whole
 
 
 def _paths(fit: JointFit) -> Iterator[tuple[Array, Trajectory]]:
@@ -47,10 +51,10 @@ def _spring(fit: JointFit, path: Trajectory) -> Array:
 
 
 def weigh(fits: Sequence[tuple[Found, JointFit]]) -> list[float] | None:
-    """Return the probability of each set among some fitted ones; None where none of them reaches the noise.
+    """Return the probability of each set among some fitted ones, or None if no fit reaches the noise.
 
-    With ε = 0 the evidence of a fit with p parameters and n samples is, by Laplace's method with a unit-information prior,
-    -χ²/2 - p/2 ln n (Schwarz 1978; Kass and Raftery, JASA 90, 1995). χ² counts the noise that the best fit leaves.
+    For ε = 0 Laplace's method with a unit-information prior gives the log evidence -χ²/2 - p/2 ln n, for p parameters and n samples.
+    χ² is in units of the error of the best fit. Source: Schwarz 1978; Kass and Raftery, JASA 90, 1995.
 
     Args:
         fits: Sets and their fits.

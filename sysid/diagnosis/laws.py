@@ -1,7 +1,7 @@
 """Every law of the catalogue as columns of a regression: its torque on the smoothed motion, for a grid of its shape parameters.
 
-Whatever has the unit of a torque or an inertia scales its law; all else shapes it. So a log is linear in the strengths of all laws,
-and any effect file becomes a candidate by being there. States of a law (a bristle, a Maxwell arm, a hanging body) are driven by the
+A parameter with the unit of a torque or an inertia scales its law; any other one shapes it. So a log is linear in the strengths of all
+laws, and any effect file becomes a candidate by being there. States of a law (a bristle, a Maxwell arm, a hanging body) are driven by the
 smoothed motion from the hold on.
 """
 
@@ -83,7 +83,7 @@ class Term:
 
 @dataclass(frozen=True, slots=True)
 class Split:
-    """Parameters of a law by what they do."""
+    """Parameters of a law by their role."""
 
     strengths: tuple[Parameter, ...]
     """Those that each scale a part of the law."""
@@ -115,7 +115,7 @@ def split(part: Effect, scales: Scales) -> Split:
 
 
 def _adds(part: Effect, force: Sequence[Parameter], shapes: Sequence[Parameter], scales: Scales) -> bool:
-    """Return whether the law is the sum of what each strength does alone."""
+    """Return whether the law is a sum with one term for each strength."""
     assert isinstance(part, TorqueEffect)
     tilt = np.linspace(-1, 1, 15) * scales.amplitude
     rate = np.cos(np.linspace(0, 6, 15)) * scales.rate

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -63,7 +63,7 @@ class Motion:
     releases: npt.NDArray[np.intp]
     """Place of each row's release among those given, shape (r,)."""
     free: npt.NDArray[np.intp]
-    """First node of each release at which no hand acts, and the node from which one may act, -1 where none, shape (r, 2)."""
+    """Free part of each release: first node, and the node from which a hand may act or -1, shape (r, 2)."""
 
     @property
     def inside(self) -> Mask:
@@ -116,40 +116,57 @@ def motion_of(
     nodes = int(np.clip(MOST_NODES * period / sum(seconds), FEWEST, nodes))
     step = period / nodes
     count = max(round(s / step) for s in seconds) + 1
-    shape = (len(used), count)
-    reading, lag, angle = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    variance, envelope = np.full(shape, np.inf), np.ones(shape)
-    length = np.zeros(len(used), dtype=np.intp)
-    hold, held, starts = np.zeros(len(used)), np.zeros(len(used)), np.zeros(len(used))
-    free = np.tile(np.array([0, -1], dtype=np.intp), (len(used), 1))
-    for row, i in enumerate(used):
-        release, part = releases[i], slice(*cuts[i][:2])
-        time = release.time[part]
-        after = time - time[0]
-        bins = np.rint(after / step).astype(np.intp)
-        values, stds = (release.roll - levels[i], release.std)
-        if rate and release.rate is not None and release.rate_std is not None:
-            values, stds = release.rate, release.rate_std
+    rows: list[_Row] = []
+    for i in used:
+        one, part = releases[i], slice(*cuts[i][:2])
+        values, stds = (one.roll - levels[i], one.std)
+        if rate and one.rate is not None and one.rate_std is not None:
+            values, stds = one.rate, one.rate_std
         stds = stds * (noise / np.median(stds[part]))
-        number = np.bincount(bins, minlength=count).astype(float)
-        some = number > 0
-        mean = np.bincount(bins, values[part], count)[some] / number[some]
-        reading[row, some] = mean / unit
-        lag[row, some] = np.bincount(bins, after - bins * step, count)[some] / number[some] * omega
-        variance[row, some] = np.bincount(bins, stds[part] ** 2, count)[some] / number[some] ** 2 / unit**2
-        length[row] = bins[-1] + 1
-        free[row, 1] = length[row] if cuts[i][2] else -1
-        angle[row] = np.interp(np.arange(count), bins, (release.roll[part] - levels[i]) / amplitude)
-        envelope[row] = _envelope(angle[row], nodes)
-        before = release.held.roll if release.held is not None else release.roll[:1]
-        hold[row] = (float(np.median(before)) - levels[i]) / amplitude
-        held[row] = release.hold * omega
-        starts[row] = time[0]
+        rows.append(_row(one.time[part], values[part], stds[part], step, count))
+    nodes_of = [row.place for row in rows]
+    angle = np.array([
+        np.interp(np.arange(count), place, (releases[i].roll[slice(*cuts[i][:2])] - levels[i]) / amplitude)
+        for i, place in zip(used, nodes_of, strict=True)
+    ])  # fmt: skip
+    length = np.array([place[-1] + 1 for place in nodes_of], dtype=np.intp)
+    held = [r.roll[:1] if r.held is None else r.held.roll for r in (releases[i] for i in used)]
+    free = [(0, n if cuts[i][2] else -1) for i, n in zip(used, length, strict=True)]
     return Motion(
-        amplitude=amplitude, frequency=omega, step=2 * np.pi / nodes, reading=reading, variance=variance, lag=lag,
-        length=length, envelope=np.maximum(envelope, QUIET / 2), hold=hold, held=held, rest=rest, is_rate=rate, zero=zero,
-        starts=starts, releases=np.array(used, dtype=np.intp), free=free,
+        amplitude=amplitude, frequency=omega, step=2 * np.pi / nodes, reading=np.array([row.mean for row in rows]) / unit,
+        variance=np.array([row.variance for row in rows]) / unit**2, lag=np.array([row.lag for row in rows]) * omega, length=length,
+        envelope=np.maximum([_envelope(one, nodes) for one in angle], QUIET / 2),
+        hold=np.array([float(np.median(h)) - levels[i] for i, h in zip(used, held, strict=True)]) / amplitude,
+        held=np.array([releases[i].hold for i in used]) * omega, rest=rest, is_rate=rate, zero=zero,
+        starts=np.array([releases[i].time[cuts[i][0]] for i in used]), releases=np.array(used, dtype=np.intp),
+        free=np.array(free, dtype=np.intp),
     )  # fmt: skip
+
+
+class _Row(NamedTuple):
+    """Samples of one release at the nodes of a grid."""
+
+    place: npt.NDArray[np.intp]
+    """Node of each sample, shape (s,)."""
+    mean: Array
+    """Mean reading at each node, shape (n,)."""
+    variance: Array
+    """Its variance, inf where no sample is, shape (n,)."""
+    lag: Array
+    """Mean time after the node [s], shape (n,)."""
+
+
+def _row(time: Array, values: Array, stds: Array, step: float, count: int) -> _Row:
+    """Put samples on a grid of some nodes, `step` [s] apart."""
+    after = time - time[0]
+    place = np.rint(after / step).astype(np.intp)
+    number = np.bincount(place, minlength=count).astype(float)
+    some = number > 0
+    mean, lag, variance = np.zeros(count), np.zeros(count), np.full(count, np.inf)
+    mean[some] = np.bincount(place, values, count)[some] / number[some]
+    lag[some] = np.bincount(place, after - place * step, count)[some] / number[some]
+    variance[some] = np.bincount(place, stds**2, count)[some] / number[some] ** 2
+    return _Row(place, mean, variance, lag)
 
 
 def judged_part(releases: Sequence[Release], motion: Motion) -> list[Release]:

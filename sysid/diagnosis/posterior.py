@@ -1,12 +1,13 @@
 """Which laws act: three passes of smoothing, regression and evidence.
 
-Each pass smooths the log with the torque that the last one found, evaluates all laws on that motion, and sums the evidence of every
-set of laws over two unknowns: ε, how much of the equations to believe, and τ, the size of a torque g without a name. g is a Gaussian
-process of angle and rate with a slow drift of stiffness and damping (O'Hagan and Kennedy, J. R. Stat. Soc. B 63, 2001).
+Each pass smooths the log with the torque of the pass before. It evaluates all laws on that motion. It sums the evidence of every set of
+laws over two unknowns: ε, the error of the equations, and τ, the size of a torque g without a name. g is a Gaussian process of angle and
+rate with a slow drift of stiffness and damping (O'Hagan and Kennedy, J. R. Stat. Soc. B 63, 2001).
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
@@ -76,7 +77,7 @@ class Found:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Posterior:
-    """What the log says about the laws that act."""
+    """Probabilities of the laws, from a log."""
 
     motion: Motion
     smoothed: Smoothed
@@ -135,7 +136,7 @@ class State:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subject:
-    """What is known of a joint before its log is read."""
+    """A joint as its record has it."""
 
     inertia: float
     """[kg*m^2]."""
@@ -360,6 +361,25 @@ def _found(
     return Found(families=families, effects=effects, probability=probability, parameters=parameters)
 
 
+class Solved(NamedTuple):
+    """Strengths of one hypothesis."""
+
+    strengths: Array
+    """Of base, laws, their bends, g, and the sensor, shape (f,)."""
+    covariance: Array
+    """Shape (f, f)."""
+    table: Array
+    """Torques of these, but for the sensor, shape (n, t)."""
+    misfit: float
+    """χ² over the number of samples."""
+    named: slice
+    """Places of laws and their bends."""
+    nameless: slice
+    """Places of g."""
+    parts: dict[int, slice]
+    """Places of each law by the number of its item."""
+
+
 class Pass:
     """One pass: columns, Gram matrices, evidence."""
 
@@ -477,74 +497,74 @@ class Pass:
     def _torques(
         self, sets: tuple[Found, ...], singles: tuple[Found, ...], inclusion: Mapping[str, float]
     ) -> Posterior:
-        """Return the posterior, with the torques of the best hypothesis: strengths with their signs, g and the sensor together."""
+        """Return the posterior, with the torques of the best hypothesis."""
+        one, base = self._solved(), self.base.shape[1]
+        c, table, named, nameless = one.strengths, one.table, one.named, one.nameless
+        k, d = self.state.stiffness + float(c[0]), self.state.damping + float(c[1])
+        laws, g = table[:, named] @ c[named], table[:, nameless] @ c[nameless]
+        self.strengths = {i: c[part] * self.sizes[i] for i, part in one.parts.items()}
+        alone = table[:, base : max((part.stop for part in one.parts.values()), default=base)]
+        known = np.linalg.qr(np.column_stack([self.base, alone]))[0]
+        g_beside, laws_beside = g - known @ (known.T @ g), laws - self.frame @ (self.frame.T @ laws)
+        spread = np.einsum(
+            "ij,jk,ik->i", table[:, nameless], one.covariance[nameless, nameless], table[:, nameless]
+        )
+        grid = self.smoother.grid
+        return Posterior(
+            motion=self.motion, smoothed=self.smoothed, stiffness=k, damping=d, loss=self.state.damping, sets=sets, singles=singles,
+            inclusion=inclusion, sizes=self._sizes(one, laws, k, d), share=self.cell.share,
+            nameless=float(np.sqrt(np.mean(g_beside**2)) / self.linear), named=float(np.sqrt(np.mean(laws_beside**2)) / self.linear),
+            torque=grid(laws + g + self.base @ c[:base]), g=grid(g), g_std=grid(np.sqrt(np.maximum(spread, 0.0))),
+            misfit=one.misfit, grids=self.state.grids,
+        )  # fmt: skip
+
+    def _solved(self) -> "Solved":
+        """Return all strengths of the best hypothesis within their signs: of laws, g and the sensor together."""
         base, gram, tau = self.base.shape[1], self.cell.gram, self.cell.tau
         at = [c for i in self.chosen for c in self.items[i].columns]
         loose = [c for i in self.chosen for c in self.items[i].bends]
         first = 1 + base + self.columns.shape[1]
-        of_g = np.arange(first, first + self.g.shape[1]) if tau else np.arange(0)
-        free = np.r_[
-            np.arange(1, 1 + base), at, loose, of_g, np.arange(first + self.g.shape[1], len(gram))
-        ].astype(np.intp)
-        strengths = solve(self.cell.problem, self.chosen).means[base:]
-        bend = BEND * np.repeat(np.abs(strengths), BENDS) if loose else []
+        last = first + self.g.shape[1]
+        of_g = range(first, last) if tau else range(0)
+        free = np.array([*range(1, 1 + base), *at, *loose, *of_g, *range(last, len(gram))], dtype=np.intp)
+        means = solve(self.cell.problem, self.chosen).means[base:]
+        bend = BEND * np.repeat(np.abs(means), BENDS) if loose else []
         prior = np.r_[self.wide, [STRENGTH] * len(at), np.maximum(bend, 1e-9), [tau] * len(of_g), self.loose]
-        inner = gram[np.ix_(free, free)] + np.diag(prior**-2.0)
-        root, right = np.linalg.cholesky(inner), gram[free, 0]
-        low = np.full(len(free), -np.inf)
+        inner, right = gram[np.ix_(free, free)] + np.diag(prior**-2.0), gram[free, 0]
+        root, low = np.linalg.cholesky(inner), np.full(len(free), -np.inf)
         low[base : base + len(at)] = [0.0 if s else -np.inf for i in self.chosen for s in self.items[i].signs]
         low[1] = 1e-3 - self.state.damping
-        c = lsq_linear(
-            root.T, np.linalg.solve(root, right), (low, np.full(len(free), np.inf)), method="bvls"
-        ).x
-        covariance = np.linalg.inv(inner)
-        table = np.column_stack([self.base, self.columns, self.g])
-        use = free[free < 1 + table.shape[1]]
-        table = table[:, use - 1]
-        named = slice(base, base + len(at) + len(loose))
-        nameless = slice(base + len(at) + len(loose), len(use))
-        k, d = self.state.stiffness + c[0], self.state.damping + c[1]
-        laws, g = table[:, named] @ c[named], table[:, nameless] @ c[nameless]
-        rest = table[:, 2:base] @ c[2:base]
-        self.strengths = {
-            i: c[base + at.index(self.items[i].columns[0]) :][: len(self.items[i].columns)] * self.sizes[i]
-            for i in self.chosen
-        }
-        known = np.linalg.qr(np.column_stack([self.base, table[:, base : base + len(at)]]))[0]
-        g_beside = g - known @ (known.T @ g)
-        laws_beside = laws - self.frame @ (self.frame.T @ laws)
-        g_std = np.sqrt(
-            np.maximum(
-                np.einsum(
-                    "ij,jk,ik->i", table[:, nameless], covariance[nameless, nameless], table[:, nameless]
-                ),
-                0,
-            )
-        )
-        x, v = self.base[:, 0], self.base[:, 1]
-        loss = float(np.sum((d * v + lost(laws[:, None], x)[:, 0]) * v))
-        peak = float(k * np.abs(x).max())
-        sizes: dict[str, Size] = {}
-        for i in self.chosen:
-            begin = base + at.index(self.items[i].columns[0])
-            part = slice(begin, begin + len(self.items[i].columns))
-            torque, work = table[:, part] @ c[part], lost(table[:, part], x).T @ v
-            where, own = int(np.abs(torque).argmax()), covariance[part, part]
-            sizes[self._family(self.terms[i])] = Size(
-                torque_share=float(np.abs(torque[where]) / peak),
-                torque_std=float(np.sqrt(max(table[where, part] @ own @ table[where, part], 0.0)) / peak),
-                energy_share=float(work @ c[part] / (loss or 1e-12)),
-                energy_std=float(np.sqrt(max(work @ own @ work, 0.0)) / abs(loss or 1e-12)),
-            )
+        bounds = low, np.full(len(free), np.inf)
+        c = lsq_linear(root.T, np.linalg.solve(root, right), bounds, method="bvls").x
         chi = gram[0, 0] - 2 * c @ right + c @ gram[np.ix_(free, free)] @ c
         samples = int(np.isfinite(self.motion.variance[self.inside]).sum())
-        grid = self.smoother.grid
-        return Posterior(
-            motion=self.motion, smoothed=self.smoothed, stiffness=float(k), damping=float(d), loss=self.state.damping, sets=sets, singles=singles, inclusion=inclusion, sizes=sizes,
-            share=self.cell.share, nameless=float(np.sqrt(np.mean(g_beside**2)) / self.linear),
-            named=float(np.sqrt(np.mean(laws_beside**2)) / self.linear), torque=grid(laws + g + rest + (k - self.state.stiffness) * x + (d - self.state.damping) * v),
-            g=grid(g), g_std=grid(g_std), misfit=float(chi / max(samples, 1)), grids=self.state.grids,
+        end, use = base + len(at) + len(loose), free[free < last]
+        table, places = (
+            np.column_stack([self.base, self.columns, self.g])[:, use - 1],
+            np.cumsum([base] + [len(self.items[i].columns) for i in self.chosen]),
+        )
+        return Solved(
+            strengths=c, covariance=np.asarray(np.linalg.inv(inner), dtype=np.float64), table=table, misfit=float(chi / max(samples, 1)),
+            named=slice(base, end), nameless=slice(end, len(use)),
+            parts={i: slice(int(a), int(b)) for i, a, b in zip(self.chosen, places[:-1], places[1:], strict=True)},
         )  # fmt: skip
+
+    def _sizes(self, one: "Solved", laws: Array, k: float, d: float) -> dict[str, Size]:
+        """Return torque and energy of each family, beside a spring k and a damper d; `laws` is the torque of all families, shape (n,)."""
+        x, v = self.base[:, :2].T
+        loss, peak = float(np.sum((d * v + lost(laws[:, None], x)[:, 0]) * v)), float(k * np.abs(x).max())
+        sizes: dict[str, Size] = {}
+        for i, part in one.parts.items():
+            columns, c, own = one.table[:, part], one.strengths[part], one.covariance[part, part]
+            torque, work = columns @ c, lost(columns, x).T @ v
+            where = columns[int(np.abs(torque).argmax())]
+            sizes[self._family(self.terms[i])] = Size(
+                torque_share=float(np.abs(where @ c) / peak),
+                torque_std=float(np.sqrt(max(where @ own @ where, 0.0)) / peak),
+                energy_share=float(work @ c / (loss or 1e-12)),
+                energy_std=float(np.sqrt(max(work @ own @ work, 0.0)) / abs(loss or 1e-12)),
+            )
+        return sizes
 
     def next_state(self, found: Posterior) -> State:
         """Return what the next pass starts from: torque, finer grids near the best sets, and a stop as part of the dynamics."""
@@ -567,7 +587,7 @@ class Pass:
         )
 
     def _contact(self, term: Term, strengths: Array) -> Contact:
-        """Return a stop as what it adds to stiffness and damping where it acts."""
+        """Return a stop as an added stiffness and damping."""
         x, v = self.smoothed.angle, self.smoothed.rate
         torque, acts = term.columns @ strengths, np.abs(term.columns[..., 0]) > 0
         table = np.column_stack([x[acts], v[acts], np.sign(x[acts])])

@@ -1,4 +1,4 @@
-"""What a free decay shows only against the record: another inertia, weight, clock or time step.
+"""Deviations from the record that a free decay alone does not show: another inertia, weight, clock or time step.
 
 A decay holds k/I and d/I. An effect that changes just these cannot be fitted; it shows where the record knew them.
 """

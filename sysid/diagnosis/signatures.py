@@ -1,10 +1,8 @@
 """Which effects these releases can show at all, and which of them would look the same.
 
-Each effect of the catalogue is added to the board's law at a clear strength (or taken out of it, if it
-is in), the releases are simulated again, and from the change is taken away what another stiffness,
-damping, rest angle and other starts could do as well. What is left is the effect's signature. Its
-length against the noise says how weak the effect may be and still be seen; the cosine between two
-signatures says whether they can be told apart (1: not at all).
+Each effect of the catalogue is added to the board's law at a clear strength, or removed from it, and the releases are simulated again.
+The change, orthogonal to those of stiffness, damping, rest angle and starts, is the effect's signature. Its length over the noise is the
+effect's visibility. Two effects with a cosine of 1 between their signatures look the same.
 """
 
 from collections.abc import Sequence
@@ -25,8 +23,7 @@ SEEN = 4.0
 ALIKE = 0.9
 """Cosine of two signatures from which they are called look-alikes."""
 GENTLE = 1e-3
-"""Share of its strength at which a smooth effect of one parameter is tried: there its signature is
-proportional, and nothing is left of the change of stiffness that comes with it."""
+"""Share of its strength at which a smooth effect of one parameter is tried: its signature is proportional to it there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +39,7 @@ class LookAlikes:
     """Absolute cosine between signatures, shape (n, n)."""
 
     def alike(self, name: str) -> tuple[str, ...]:
-        """Return the effects that cannot be told from one in these releases."""
+        """Return the effects that look like one in these releases."""
         row = self.cosine[self.names.index(name)]
         return tuple(n for n, c in zip(self.names, row, strict=True) if n != name and c >= ALIKE)
 
@@ -154,7 +151,7 @@ def _motions(law: JointLaw, starts: Sequence[Start], nudge: Array | None = None)
 
 
 def _mimics(law: JointLaw, starts: Sequence[Start], amplitude: float) -> Array:
-    """Return an orthonormal basis of what stiffness, damping, rest angle and starts can do, shape (n, m)."""
+    """Return an orthonormal basis of the changes by stiffness, damping, rest angle and starts, shape (n, m)."""
     step = 1e-3
     laws: list[tuple[JointLaw, JointLaw]] = [
         (

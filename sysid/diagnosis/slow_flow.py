@@ -1,7 +1,7 @@
 """Amplitude and phase of a lightly damped decay, cycle by cycle: a second whitener for the same evidence.
 
-Errors of a waveform (a lens, a filter, a clock) are amplified where a log is differentiated, but they do not reach the slow flow. With
-x = a cos ψ a torque f does (Krylov and Bogoliubov; Nayfeh and Mook, Nonlinear Oscillations, 1979, section 3.3; time in 1/ω₀)
+Errors of a waveform (a lens, a filter, a clock) grow when a log is differentiated, but they do not reach the slow flow. A torque f does.
+For x = a cos ψ and time in 1/ω₀ (Krylov and Bogoliubov; Nayfeh and Mook, Nonlinear Oscillations, 1979, section 3.3):
 
     ȧ/a = ∮ f sin ψ dψ / (2π a),   ψ̇ - 1 = ∮ f cos ψ dψ / (2π a).
 
@@ -11,10 +11,11 @@ loss per cycle: cycles that lose much belong to the equations.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
-from sysid.diagnosis.evidence import Problem, items_of, marginalised, search, solve
+from sysid.diagnosis.evidence import Item, Problem, Scored, Sets, items_of, marginalised, search, solve
 from sysid.diagnosis.laws import Laws, Term
 from sysid.diagnosis.motion import Motion
 from sysid.diagnosis.posterior import SHOWS, Posterior, Size, Subject, found_sets
@@ -26,11 +27,15 @@ AMPLITUDES = 12
 TURNS = 3
 """Cycles until the states of a law are periodic; the last one is averaged."""
 WALKS = (1e-4, 1e-3, 1e-2)
-"""Random walk of ln a and of the phase in the square root of a period: what no law explains."""
+"""Random walk of ln a and of the phase in the square root of a period."""
 LOST = 0.4
 """Loss of ln a in a cycle [1] above which averaging does not hold."""
 FEWEST_CYCLES = 10
 """Cycles of the shortest decay that has a slow flow."""
+BUMPS = 6
+"""Functions of ln a without a name that change the loss, and as many that change the frequency."""
+NAMELESS = (0.0, 0.3)
+"""Their prior deviation over the loss."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +135,7 @@ def _mean(columns: Array, wave: Array, last: slice, amplitudes: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Regression:
-    """Increments of ln a and phase of all releases, and what each torque makes of them, not whitened yet."""
+    """Increments of ln a and phase of all releases, and columns of each torque, before whitening."""
 
     increments: Array
     """Shape (2, i)."""
@@ -203,107 +208,100 @@ def slow_posterior(fast: Posterior, subject: Subject) -> Posterior | None:
         fast: The posterior by the equations, whose frequency and damping the cycles are counted with.
         subject: The joint.
     """
-    motion, inertia = fast.motion, subject.inertia
+    motion, inertia, rate = fast.motion, subject.inertia, fast.damping
     cycles = cycles_of(motion)
     if sum(len(c.time) for c in cycles) < FEWEST_CYCLES:
         return None
-    laws = Laws(motion, inertia, 1.0, fast.damping)
+    laws = Laws(motion, inertia, 1.0, rate)
     amplitudes, known, terms = averaged(laws, subject, min(float(c.amplitude.min()) for c in cycles))
     flow = regression(cycles, amplitudes, np.concatenate([known, *(t.columns for t in terms)], axis=2))
-    table = flow.columns.reshape(-1, flow.columns.shape[2])
     base = 2 + known.shape[2]
-    frame = np.linalg.qr(table[:, :base])[0]
-    kept: list[Term] = []
-    columns = list(range(base))
-    at = base
-    for term in terms:
-        own = list(range(at, at + term.columns.shape[2]))
-        at += len(own)
-        seen = table[:, own]
-        if (
-            np.linalg.norm(seen - frame @ (frame.T @ seen))
-            > SHOWS * np.linalg.norm(table[:, 1]) * fast.damping
-        ):
-            kept.append(term)
-            columns += own
-    rate, middle = fast.damping, np.concatenate([np.sqrt(c.amplitude[1:] * c.amplitude[:-1]) for c in cycles])
-    step = np.concatenate([h for _, _, h in flow.blocks])
-    place = (np.log(middle) - np.log(middle.min())) / max(float(np.ptp(np.log(middle))), 1e-9)
-    bumps = (
-        np.exp(-0.5 * ((place[:, None] - np.linspace(0, 1, BUMPS)) * (BUMPS - 1)) ** 2)
-        * (step * rate / 2)[:, None]
-    )
-    plain = np.stack(
-        [
-            np.column_stack([table[: len(step), :2], np.zeros(len(step))]),
-            np.column_stack([table[len(step) :, :2], np.zeros(len(step))]),
-        ]
-    )
-    g = np.zeros((2, len(step), 2 * BUMPS))
-    g[0, :, :BUMPS], g[1, :, BUMPS:] = bumps, bumps
-    g -= np.einsum(
-        "wij,jk->wik",
-        plain[..., :2],
-        np.linalg.lstsq(plain[..., :2].reshape(-1, 2), g.reshape(-1, 2 * BUMPS), rcond=None)[0],
-    )
-    whole = replace(flow, columns=np.concatenate([flow.columns[:, :, columns], g], axis=2))
-    families = sorted({t.family for t in kept})
-    items = items_of(kept, families, 1 + base)
-    named = 1 + len(columns)
-    cells = []
-    for of_amplitude in WALKS:
-        for of_phase in WALKS:
-            gram, spread = whitened(whole, of_amplitude, of_phase)
-            for tau in SLOW_NAMELESS:
-                reduced, more = (
-                    (gram[:named, :named], 0.0)
-                    if not tau
-                    else marginalised(gram, named, np.full(2 * BUMPS, tau))
-                )
-                problem = Problem(reduced, np.ones(base), items, 0.0)
-                sets = search(problem)
-                constant = -0.5 * spread - 0.5 * reduced[0, 0] + more
-                cells.append((problem, replace(sets, log_evidence=sets.log_evidence + constant), tau))
+    kept, columns = _visible(flow, terms, base, rate)
+    middle = np.concatenate([np.sqrt(c.amplitude[1:] * c.amplitude[:-1]) for c in cycles])
+    flow = replace(flow, columns=flow.columns[:, :, columns])
+    items = items_of(kept, sorted({t.family for t in kept}), 1 + base)
+    cells = _hypotheses(flow, _nameless(flow, middle, rate), items, base)
     scaled = [np.ones(t.columns.shape[2]) for t in kept]
     unit = inertia * motion.frequency**2
     linear = {"stiffness": (unit, unit), "damping": (0.0, inertia * motion.frequency)}
-    ranked = found_sets([(p, s) for p, s, _ in cells], kept, families, scaled, linear)
-    sets, singles, inclusion, which, best = ranked
+    sets, singles, inclusion, which, best = found_sets(
+        [(p, s) for p, s, _ in cells], kept, sorted({t.family for t in kept}), scaled, linear
+    )
     problem, _, tau = cells[which]
-    scored = solve(problem, best)
-    sizes: dict[str, Size] = {}
-    weight = middle**2
-    lost = flow.columns[0][:, columns]
-    loss = -float(weight @ lost[:, :base] @ scored.means[:base]) - float(
-        sum(
-            weight @ lost[:, c - 1] * m
-            for c, m in zip([c for i in best for c in items[i].columns], scored.means[base:], strict=True)
-        )
-    )
-    at = base
-    for i in best:
-        n = len(items[i].columns)
-        own = [c - 1 for c in items[i].columns]
-        means, spread = scored.means[at : at + n], scored.covariance[at : at + n, at : at + n]
-        work = weight @ lost[:, own]
-        sizes[kept[i].family] = Size(
-            torque_share=float(np.abs(means).sum()), torque_std=float(np.sqrt(np.trace(spread))),
-            energy_share=float(-work @ means / (loss or 1e-12)), energy_std=float(np.sqrt(max(work @ spread @ work, 0.0)) / abs(loss or 1e-12)),
-        )  # fmt: skip
-        at += n
+    sizes = _sizes(flow, middle, [(kept[i].family, items[i]) for i in best], solve(problem, best))
+    named = max((s.torque_share for s in sizes.values()), default=0.0)
     return replace(
-        fast,
-        sets=sets,
-        singles=singles,
-        inclusion=inclusion,
-        sizes=sizes,
-        by_cycles=True,
-        nameless=tau * rate,
-        named=max((s.torque_share for s in sizes.values()), default=0.0),
+        fast, sets=sets, singles=singles, inclusion=inclusion, sizes=sizes, by_cycles=True, nameless=tau * rate, named=named
+    )  # fmt: skip
+
+
+def _visible(flow: Regression, terms: Sequence[Term], base: int, rate: float) -> tuple[list[Term], list[int]]:
+    """Return the terms that are more than another spring and damper, and the columns of the base and of these."""
+    table = flow.columns.reshape(-1, flow.columns.shape[2])
+    frame = np.linalg.qr(table[:, :base])[0]
+    kept, columns, at = list[Term](), list(range(base)), base
+    for term in terms:
+        own = list(range(at, at + term.columns.shape[2]))
+        at += len(own)
+        beside = table[:, own] - frame @ (frame.T @ table[:, own])
+        if np.linalg.norm(beside) > SHOWS * np.linalg.norm(table[:, 1]) * rate:
+            kept.append(term)
+            columns += own
+    return kept, columns
+
+
+def _nameless(flow: Regression, middle: Array, rate: float) -> Array:
+    """Return functions of ln a that change loss and frequency [1], orthogonal to spring and damper, shape (2, i, 2 BUMPS)."""
+    step = np.concatenate([h for _, _, h in flow.blocks])
+    place = (np.log(middle) - np.log(middle.min())) / max(float(np.ptp(np.log(middle))), 1e-9)
+    off = (place[:, None] - np.linspace(0, 1, BUMPS)) * (BUMPS - 1)
+    bumps = np.exp(-0.5 * off**2) * (step * rate / 2)[:, None]
+    g = np.zeros((2, len(step), 2 * BUMPS))
+    g[0, :, :BUMPS], g[1, :, BUMPS:] = bumps, bumps
+    plain, flat = flow.columns[..., :2], g.reshape(-1, 2 * BUMPS)
+    return g - plain @ np.linalg.lstsq(plain.reshape(-1, 2), flat, rcond=None)[0]
+
+
+def _hypotheses(
+    flow: Regression, g: Array, items: Sequence[Item], base: int
+) -> list[tuple[Problem, Sets, float]]:
+    """Return the evidence of all sets for each size of the random walks and of the torque without a name."""
+    whole, named = (
+        replace(flow, columns=np.concatenate([flow.columns, g], axis=2)),
+        1 + flow.columns.shape[2],
     )
+    cells: list[tuple[Problem, Sets, float]] = []
+    for of_amplitude, of_phase in product(WALKS, WALKS):
+        gram, spread = whitened(whole, of_amplitude, of_phase)
+        for tau in NAMELESS:
+            reduced, more = gram[:named, :named], 0.0
+            if tau:
+                reduced, more = marginalised(gram, named, np.full(2 * BUMPS, tau))
+            problem = Problem(reduced, np.ones(base), items, 0.0)
+            sets = search(problem)
+            constant = -0.5 * spread - 0.5 * reduced[0, 0] + more
+            cells.append((problem, replace(sets, log_evidence=sets.log_evidence + constant), tau))
+    return cells
 
 
-BUMPS = 6
-"""Functions of ln a that change the loss, and as many that change the frequency, without a name."""
-SLOW_NAMELESS = (0.0, 0.3)
-"""Their prior deviation over the loss."""
+def _sizes(
+    flow: Regression, middle: Array, best: Sequence[tuple[str, Item]], scored: Scored
+) -> dict[str, Size]:
+    """Return torque and energy of each family of a set; the energy is proportional to a² ȧ/a."""
+    places = [c - 1 for _, item in best for c in item.columns]
+    at = len(scored.means) - len(places)
+    work = middle**2 @ flow.columns[0]
+    lost = -float(work[:at] @ scored.means[:at] + work[places] @ scored.means[at:]) or 1e-12
+    sizes: dict[str, Size] = {}
+    for family, item in best:
+        part = slice(at, at := at + len(item.columns))
+        own, means, spread = (
+            work[[c - 1 for c in item.columns]],
+            scored.means[part],
+            scored.covariance[part, part],
+        )
+        sizes[family] = Size(
+            torque_share=float(np.abs(means).sum()), torque_std=float(np.sqrt(np.trace(spread))),
+            energy_share=float(-own @ means / lost), energy_std=float(np.sqrt(max(own @ spread @ own, 0.0)) / abs(lost)),
+        )  # fmt: skip
+    return sizes

@@ -1,7 +1,7 @@
 """Kalman smoothing of a linear joint with torque noise, as one banded system.
 
-In the units of `Motion` the joint is ẍ = -k x - d v - u(t) - η, where u is a given torque and η white torque noise of ε times the
-local torque. The states of all nodes have a block tridiagonal precision matrix. Its Cholesky factor gives the smoothed motion, the
+In the units of `Motion` the joint is ẍ = -k x - d v - u(t) - η. u is a given torque. η is white torque noise of ε times the local
+torque. The states of all nodes have a block tridiagonal precision matrix. Its Cholesky factor gives the smoothed motion, the
 likelihood, and the Gram matrix of the log and any torques after whitening (Rauch, Tung, Striebel 1965; Grewal and Andrews, Kalman
 Filtering, 2015). ε → 0 is output error, a large ε is equation error.
 """
@@ -31,11 +31,15 @@ class Contact:
     stiffness: float
     damping: float
     pull: Array
-    """What the added stiffness and damping say of the last motion, less the stop's own torque, shape (r, n)."""
+    """Torque of the added stiffness and damping on the last motion, less the stop's own, shape (r, n)."""
 
 
 def transition(stiffness: float, damping: float, step: float) -> tuple[Array, Array, Array]:
-    """Return the exact step of ẍ = -k x - d v + u, u linear in time, in units of `Motion` [1]: of the states, shape (2, 2), and of u at both ends, shape (2,)."""
+    """Return the exact step of ẍ = -k x - d v + u, with u linear in time, in units of `Motion`.
+
+    Returns:
+        Factors of the states [1], shape (2, 2), and of u at both ends [1], shape (2,).
+    """
     block = np.zeros((4, 4))
     block[0, 1] = block[1, 2] = 1.0
     block[1, 0], block[1, 1], block[2, 3] = -stiffness, -damping, 1.0 / step
@@ -140,7 +144,7 @@ class Smoother:
         return lower, white, spread
 
     def _pulled(self, impulses: Array) -> tuple[Array, Array]:
-        """Return impulses whitened for ε = 1, and what they add to the right-hand side of the states, shapes (p, 2, m), (n, 2, m)."""
+        """Return impulses whitened for ε = 1, and their part of the right-hand side, shapes (p, 2, m), (n, 2, m)."""
         scaled = self.unit @ impulses
         right = np.zeros((self.size, 2, impulses.shape[2]))
         right[self.pairs] = self.unit.transpose(0, 2, 1) @ scaled
@@ -230,7 +234,7 @@ class Smoothed:
     rate: Array
     rate_variance: Array
     misfit: Array
-    """What each node adds to χ²: of its reading and of the torque noise before it."""
+    """Terms of χ² of each node: its reading, and the torque noise before it."""
     cost: float
     """-2 log likelihood, constants left out."""
 

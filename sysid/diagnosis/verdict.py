@@ -59,8 +59,8 @@ def decide(found: Posterior, *, left: float, explained: float, exact: bool = Fal
 
     Args:
         found: The posterior.
-        left: Square of the linear joint's error beyond the noise, over the motion; none of it, nothing can be unexplained.
-        explained: Share of it that the best fit takes away.
+        left: Square of the linear joint's error beyond the noise over that of the motion.
+        explained: Share by which the best fit lowers it.
         exact: Whether the best fit reaches the noise.
     """
     best = found.sets[0]
