@@ -1,1 +1,1 @@
-"""The model as it stands against measurements."""
+"""Comparison of the current model with measurements."""

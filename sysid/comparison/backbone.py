@@ -28,10 +28,10 @@ def backbone_of(
 ) -> Backbone:
     """Return the backbone of all releases together, about the rest angle.
 
-    A swing's largest rate is its natural frequency times its amplitude; so a measured rate gives the amplitude too.
+    The largest rate of a swing is its natural frequency times its amplitude, so a measured rate gives the amplitude too.
 
     Args:
-        signals: Measured or simulated angles [rad], or rates [rad/s] where these were measured, shape (n,) each.
+        signals: Measured or simulated angles [rad], or rates [rad/s] if these were measured, shape (n,) each.
         noise: Their standard deviation.
     """
     parts: list[tuple[Array, Array, Array]] = []
@@ -56,7 +56,7 @@ def _half_swings(time: Array, tilt: Array, window: int | None, noise: float) -> 
     clear = np.flatnonzero(np.abs(y) >= least)
     swings = np.split(clear, np.flatnonzero(np.diff(np.signbit(y[clear]))) + 1)
     peaks = np.array([swing[np.abs(y[swing]).argmax()] for swing in swings if len(swing)], dtype=int)
-    peaks = peaks[(peaks > 0) & (peaks < len(y) - 1)]  # at an end it may have gone on
+    peaks = peaks[(peaks > 0) & (peaks < len(y) - 1)]  # a swing cut off by an end has no peak
     if len(peaks) < 2:
         return np.empty(0), np.empty(0), np.empty(0)
     size = np.abs(y[peaks])

@@ -1,6 +1,6 @@
-"""Comparison of measured and simulated decays: the error, where it is, and the missing torque.
+"""Comparison of measured and simulated decays: the error, its location, and the missing torque.
 
-Only roll and rate at each release are fitted here; the law is the board's as it stands.
+Only roll and rate at each release are fitted here; the law is that of the board's record.
 """
 
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Comparison(Shown):
-    """Result of `compare`: how far a law's simulated releases are from the measured ones, and where."""
+    """Result of `compare`: the difference of simulated and measured releases, and its location."""
 
     board: str
     law: JointLaw
@@ -45,7 +45,7 @@ class Comparison(Shown):
     nrmse: float
     """RMSE over the RMS of the measurement about rest."""
     excess: float
-    """`nrmse` with the noise taken out: the model's own error."""
+    """`nrmse` without the noise: the model's own error."""
     excess_range: tuple[float, float]
     """95 % interval of `excess`: the noise floor itself is estimated from few samples."""
     noise: NoiseFloor
@@ -61,21 +61,21 @@ class Comparison(Shown):
     slides: bool = False
     """Whether the joint is a slide, whose positions are in m."""
     heldout_rmse: float | None = None
-    """On releases that the board was not fitted to: `rmse` itself, unless a log here is one of the fit's; then what the
-    fit measured by leaving releases out. None where that is not known."""
+    """Error on releases that the fit did not see: `rmse`, or the fit's own held-out error if it used a log given here. None if
+    unknown."""
     warnings: tuple[str, ...] = ()
     """Problems of the logs, and of the logs for this board."""
     recordings: tuple[Recording, ...] = ()
-    """The logs, where they were given whole."""
+    """The logs; empty if only releases were given."""
 
     @property
     def show(self) -> Display:
-        """How the measured signal is displayed."""
+        """Display of the measured signal."""
         return display(is_rate=self.is_rate, slides=self.slides)
 
     @property
     def passed(self) -> bool:
-        """Whether the error beyond the noise is within the tolerance, as far as the noise is known."""
+        """Whether the lower end of the error beyond the noise is within the tolerance."""
         return self.excess_range[0] <= self.tolerance
 
     @property
@@ -84,27 +84,27 @@ class Comparison(Shown):
         return "within tolerance" if self.passed else "beyond tolerance"
 
     def brief(self) -> str:
-        """Return the error, where it is, and whether it is within the tolerance."""
+        """Return the error, its location, and whether it is within the tolerance."""
         error = f"error {self.show(self.rmse)}, {self.rmse / self.noise.std:.3g} times the noise"
         return f"Comparison of {self.board} with {count(len(self.releases), 'release')}: {error}\n  {self.summary}\n  {self.status}: {self.verdict()}"
 
     def report(self, width: int = WIDTH) -> str:
-        """Return what `husky-sysid compare` prints, in tables of at most `width` characters."""
+        """Return the text of `husky-sysid compare`, in tables of at most `width` characters."""
         return comparison_report.report(self, width)
 
     def to_json(self) -> dict[str, Any]:
-        """Return what `husky-sysid compare --json` writes."""
+        """Return the result of `husky-sysid compare --json`."""
         return comparison_report.to_json(self)
 
     def to_dataframe(self) -> "pd.DataFrame":
-        """Return one row a release: log, number, rmse [rad, or rad/s where the rate was compared], error / noise."""
+        """Return one row a release: log, number, rmse [rad, or rad/s if the rate was compared], error / noise."""
         import pandas as pd
 
         rows = [(r.log, r.number, r.rmse, r.rmse / self.noise.std) for r in self.releases]
         return pd.DataFrame(rows, columns=pd.Index(["log", "release", "rmse", "error_over_noise"]))
 
     def verdict(self) -> str:
-        """Return a sentence: the error beyond the noise, its interval where that decides, and the tolerance."""
+        """Return a sentence: the error beyond the noise, its interval if wide, and the tolerance."""
         low, high = self.excess_range
         allowed = f"{100 * self.tolerance:.2f} % allowed"
         if high - low < 0.1 * self.tolerance:
@@ -128,7 +128,7 @@ def compare(
     Args:
         data: Measured decays: a recording, several, or releases.
         law: Another law than the record's.
-        tolerance: Error beyond the noise, over the RMS motion, up to which the comparison passes.
+        tolerance: Largest error beyond the noise, over the RMS motion, of a comparison that passes.
 
     Raises:
         SysidError: The law's motion grows without bound.
@@ -184,17 +184,17 @@ def compare(
 
 
 def _require_restoring(board: Board) -> list[str]:
-    """Return a warning of a fitted joint that nothing pulls back to its rest.
+    """Return a warning of a fitted joint without restoring torque.
 
     Raises:
-        SysidError: The record was never fitted: the comparison would say nothing of the joint.
+        SysidError: The record was never fitted, so that a comparison is meaningless.
     """
     if board.fit or not board.is_unmeasured:
-        return [f"nothing pulls the joint of '{board.name}' back to rest: its law is that of friction alone"]
+        return [f"nothing pulls the joint of '{board.name}' back to rest: its law is friction alone"]
     if board.model:
         raise SysidError(
             f"nothing pulls the joint '{board.model['joint']}' back to rest in this pose of {board.model['file']}. Is it the pose "
-            "in which it was measured? Give it with --pose JOINT=VALUE or --keyframe. A joint that only friction holds is fitted "
+            "of the measurement? Give it with --pose JOINT=VALUE or --keyframe. If only friction holds the joint, fit it "
             "first: husky-sysid fit."
         )
     raise SysidError(

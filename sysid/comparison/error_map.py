@@ -1,4 +1,4 @@
-"""Where the error sits: in time, amplitude, velocity, side and phase, and in words."""
+"""Location of the error in time, amplitude, velocity, side and phase, and in words."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ SIDES = (
     ("with the right edge down", "with the left edge down"),
     ("at positions beyond the rest", "at positions below the rest"),
 )
-"""Where a board is, and where a joint without a deck is."""
+"""Names of both sides of a board, and of a joint without a deck."""
 AT_THE_FLOOR = 1.05
-"""Error over noise floor up to which there is nothing to locate."""
+"""Largest error over noise floor that is all noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,13 +46,11 @@ def locate_error(
     least = max(AT_THE_FLOOR * noise.std, noise.highest)
     if total <= 0 or total < (least**2 - noise.std**2) * len(error):
         return ()
-    # Where the joint really was, not where a wrong model has it.
+    # The measured motion, not that of a wrong model.
     tilt, rate = (np.concatenate(parts) for parts in zip(*(_motion(c, law) for c in compared), strict=True))
     time = np.concatenate([c.time for c in compared])
     pulls_back = law.stiffness + law.stiffness_of_effects > 0
-    swing = (
-        np.hypot(tilt, rate / law.frequency) if pulls_back else np.abs(tilt)
-    )  # else it swings about nothing
+    swing = np.hypot(tilt, rate / law.frequency) if pulls_back else np.abs(tilt)
     places: list[Place] = []
     axes: tuple[tuple[Axis, Array], ...] = (("time", time), ("amplitude", swing), ("velocity", np.abs(rate)))
     for axis, values in axes:
@@ -71,7 +69,7 @@ def locate_error(
 
 
 def _motion(release: ComparedRelease, law: JointLaw) -> tuple[Array, Array]:
-    """Return tilt about rest [rad] and rate [rad/s] as measured, or as simulated where that cannot be differentiated."""
+    """Return tilt about rest [rad] and rate [rad/s] as measured, or as simulated if the samples are too few to differentiate."""
     window = None if release.measures_rate else filter_length(release, law)
     if window is None:
         return release.roll - law.rest_angle, release.rate
@@ -103,7 +101,7 @@ _FRACTIONS = (
 
 
 def describe_error(where: Sequence[Place], rmse: float, noise: float) -> str:
-    """Say where the error sits, e.g. 'two thirds of the error is at amplitudes below 3°, while slowing down'."""
+    """Return the location of the error, e.g. 'two thirds of the error is at amplitudes below 3°, while slowing down'."""
     if not where:
         return f"The error is the sensor's noise ({rmse / noise:.2f} times the floor): there is nothing to locate."
     best: dict[str, Place] = {}

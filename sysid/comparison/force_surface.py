@@ -1,4 +1,4 @@
-"""The torque that a model lacks: over tilt and rate, and averaged over either."""
+"""The missing torque of a model: over tilt and rate, and averaged over either."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,42 +12,41 @@ from sysid.progress import steps
 from sysid.roll import Array
 
 SHARE_OF_PERIOD = 1 / 6
-"""Length of the filter that differentiates, over the period: a local quartic follows a swing over it to 0.1 %."""
+"""Length of the differentiating filter, over the period: a local quartic follows a swing over it to 0.1 %."""
 FEW_A_BIN, MOST_BINS = 1.5, 15
-"""Independent samples [1] that a bin of a profile holds at least, and bins, of as many samples each or as wide as each other, beyond which a
-curve shows no more."""
+"""Fewest independent samples of a bin of a profile, and largest number of bins."""
 BINS = 15
-"""Cells of a surface, in tilt and in rate: an odd number, so that one is about rest; each is then some 7 % of the swing."""
+"""Cells of a surface, in tilt and in rate: an odd number, so that one is about rest; each is some 7 % of the swing."""
 SIGN_TILT_SHARE = 0.1
-"""Share of the largest tilt within which a sign is the noise's."""
+"""Tilt over the largest one below which noise decides the sign."""
 LARGEST_SHARE = 1 / 3
-"""The same where samples are few: a parabola over a third of a period takes a tenth off a swing, measured and simulated."""
+"""Largest length of the filter, over the period, with few samples: a parabola then reduces both swings by a tenth."""
 QUARTIC_WINDOW = 7
-"""Samples that a local quartic needs to smooth at all; a local parabola makes do with five."""
+"""Fewest samples of a local quartic that smooths; a local parabola needs five."""
 
 
 @dataclass(frozen=True, slots=True)
 class TorqueProfile:
-    """The missing torque against tilt or rate alone: noise that fills a map averages out, and a law shows its shape."""
+    """The missing torque against tilt or rate alone, with less noise than the surface."""
 
     at: Array
     """Mean tilt [rad] or rate [rad/s] of each bin, shape (n,)."""
     torque: Array
     """Mean missing torque [N*m], shape (n,)."""
     std: Array
-    """Standard deviation of that mean [N*m], shape (n,), with what neighbours in time have in common."""
+    """Standard deviation of that mean [N*m], shape (n,), with the correlation of neighbours in time."""
 
 
 @dataclass(frozen=True, slots=True)
 class MissingTorque:
-    """Restoring-force surface of what the model lacks (Masri and Caughey, 1979)."""
+    """Restoring-force surface of the missing torque (Masri and Caughey, 1979)."""
 
     angle: Array
     """Edges of the bins in tilt [rad], shape (a + 1,)."""
     rate: Array
     """Edges of the bins in rate [rad/s], shape (b + 1,)."""
     torque: Array
-    """Mean missing torque [N*m], shape (a, b); NaN where there was no data."""
+    """Mean missing torque [N*m], shape (a, b); NaN in bins without data."""
     count: Array
     """Samples in each bin, shape (a, b)."""
     over_angle: TorqueProfile
@@ -57,21 +56,20 @@ class MissingTorque:
 def missing_torque(
     compared: Sequence[ComparedRelease], law: JointLaw, component: Sequence[Array] = ()
 ) -> MissingTorque | None:
-    """Return the torque that measured and simulated motion differ by, averaged over tilt and rate.
+    """Return the difference of the torques of measured and simulated motion, averaged over tilt and rate.
 
-    The measured signal is differentiated by a local quartic over a sixth of its own period, by a local parabola where
-    that holds too few samples. A rate needs one derivative; its angle is the simulated one and the integral of the
-    difference of both rates. Both motions go through the same filter and law, so that what the filter does to a
-    correct model cancels.
+    A local quartic over a sixth of the measured period differentiates the signal; with too few samples, a local
+    parabola. A rate needs one derivative; its angle is the simulated one plus the integral of the difference of both
+    rates. Both motions pass the same filter and law, so that the error of the filter cancels for a correct model.
 
     Args:
         compared: Releases, measured and simulated by the law.
         law: The law.
-        component: Torque of a part of the law along each simulated release [N*m], shape (n,) each, which is shown together with the
-            residual: a component-plus-residual plot (Larsen and McCleary, Technometrics 14, 1972).
+        component: Torque of a part of the law along each simulated release [N*m], shape (n,) each, to add to the residual.
+            The result is a component-plus-residual plot (Larsen and McCleary, Technometrics 14, 1972).
 
     Returns:
-        The surface, or None where the sampling is too slow to differentiate.
+        The surface, or None if the sampling is too slow to differentiate.
     """
     tilts: list[Array] = []
     rates: list[Array] = []
@@ -120,15 +118,15 @@ def _motion(release: ComparedRelease, signal: Array, window: int) -> tuple[Array
 
 
 def _profile(at: Array, torque: Array, together: float) -> TorqueProfile:
-    """Average a torque over bins; `together` neighbouring samples say the same."""
+    """Average a torque over bins; `together` neighbouring samples are worth one."""
     order = np.argsort(at)
     parts = [np.sort(part) for part in np.split(order, _ends(at[order], together))]
     means = np.array([float(np.mean(torque[part])) for part in parts])
     squares = np.array(
         [float(np.sum((torque[part] - mean) ** 2)) for part, mean in zip(parts, means, strict=True)]
     )
-    # Noise that was differentiated cancels from sample to sample; what the model lacks does not. What neighbours in time make of
-    # the scatter together, over what each makes alone, tells which it is.
+    # Differentiated noise cancels from sample to sample; a missing torque does not. The variance of sums of neighbours, over the
+    # sum of their variances, measures this.
     runs = [
         float(np.sum(torque[run] - mean)) ** 2
         for part, mean in zip(parts, means, strict=True)
@@ -142,9 +140,9 @@ def _profile(at: Array, torque: Array, together: float) -> TorqueProfile:
 
 
 def _ends(at: Array, together: float) -> list[int]:
-    """Return where bins of sorted values, shape (n,), end and the next begin: of as many samples each, or as wide as each other where that is less.
+    """Return the ends of the bins of sorted values, shape (n,): bins of equal count, or of equal width if that is smaller.
 
-    Most of a decay is near its rest: of as many samples each, one bin would hold all that is beyond.
+    Most of a decay is near its rest, so with equal counts one bin would hold all wide swings.
     """
     few = FEW_A_BIN * together
     ends, begin, width, many = list[int](), 0, float(at[-1] - at[0]) / MOST_BINS, len(at) / MOST_BINS
@@ -157,14 +155,14 @@ def _ends(at: Array, together: float) -> list[int]:
 
 
 def filter_length(release: ComparedRelease, law: JointLaw) -> int | None:
-    """Return how many samples to smooth over, or None where a swing has too few.
+    """Return the filter length in samples, or None if a swing has too few.
 
-    The period is the measurement's own where it crosses its rest three times: a wrong model must not blind the
-    comparison that is to show it.
+    The period is that of the measurement if it crosses its rest three times: that of a wrong model would hide its
+    error.
 
     Args:
         release: The measured signal.
-        law: Gives the rest angle, and the period of what does not swing.
+        law: Gives the rest angle, and the period of a release with fewer crossings.
     """
     time = release.time
     tilt = release.measured - (0.0 if release.measures_rate else law.rest_angle)
@@ -180,8 +178,8 @@ def filter_length(release: ComparedRelease, law: JointLaw) -> int | None:
 def derivatives(time: Array, roll: Array, window: int) -> tuple[Array, Array, Array]:
     """Return roll [rad], rate [rad/s] and acceleration [rad/s^2], shape (n,) each, smoothed over an odd number of samples.
 
-    By Savitzky and Golay's filter (1964): a polynomial through the samples about each, at both ends the one of the outermost
-    window. SciPy's takes longer to load than a comparison takes.
+    Savitzky–Golay filter (1964): a local polynomial about each sample; at both ends that of the outermost window. SciPy's
+    takes longer to load than a comparison.
     """
     half, order = window // 2, 4 if window >= QUARTIC_WINDOW else 2
     fit = np.linalg.pinv(np.vander(np.arange(-half, half + 1) / half, order + 1))

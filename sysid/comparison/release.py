@@ -14,10 +14,10 @@ class ComparedRelease:
     time: Array
     """Since the release [s], shape (n,)."""
     measured: Array
-    """[rad], or [rad/s] where the rate was compared."""
+    """[rad], or [rad/s] if the rate was compared."""
     simulated: Array
     roll: Array
-    """Simulated roll [rad], whatever was compared."""
+    """Simulated roll [rad]."""
     rate: Array
     """Simulated rate [rad/s]."""
     rmse: float
@@ -26,5 +26,5 @@ class ComparedRelease:
 
     @property
     def residual(self) -> Array:
-        """Simulated minus measured, shape (n,): [rad], or [rad/s] where the rate was compared."""
+        """Simulated minus measured, shape (n,): [rad], or [rad/s] if the rate was compared."""
         return self.simulated - self.measured

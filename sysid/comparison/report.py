@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def report(result: "Comparison", width: int = WIDTH) -> str:
-    """Return each release's error, the whole, where it sits, and the verdict."""
+    """Return the error of each release, of all, its location, and the verdict."""
     show = result.show
     releases = table(
         ("release", "error", "error / noise"),
@@ -35,7 +35,7 @@ def report(result: "Comparison", width: int = WIDTH) -> str:
 
 def to_json(result: "Comparison") -> dict[str, Any]:
     """Return the binding result of the command."""
-    # An error of a measured rate, as the amplitude of a swing at the joint's frequency that has that rate.
+    # The error of a rate becomes that of an angle: divided by the joint's frequency.
     per = 1.0 / result.law.frequency if result.is_rate else 1.0
     missing, heldout = result.missing, result.heldout_rmse
     logs = [str(recording.path) for recording in result.recordings]

@@ -1,1 +1,1 @@
-"""The linear decay: its fit, its peaks, its numbers, and what does not fit it."""
+"""The linear decay: fit, peaks, numbers, and a test of the linear law."""

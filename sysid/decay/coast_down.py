@@ -1,8 +1,8 @@
 """A joint without a spring that spins down: viscous damping and dry friction over the inertia.
 
-    v̇ = -β v - c sgn v,  v(t) = (v₀ + c/β) e^(-βt) - c/β  until it stops,  β = d/I,  c = friction/I
-
-A pure exponential is also the return of an overdamped spring. The angle decides: a spring does not let its joint go round.
+The law is `v̇ = -β v - c sgn v`, with β = d/I and c = friction/I.
+Its solution is `v(t) = (v₀ + c/β) e^(-βt) - c/β` until the joint stops.
+A pure exponential is also the return of an overdamped spring. The angle decides: a joint with a spring cannot go round.
 """
 
 import math
@@ -20,9 +20,9 @@ from sysid.quantity import Quantity, t95
 from sysid.roll import Array, Release
 
 TURNS_ON = math.pi
-"""Angle through which no spring lets its joint go in one direction [rad]: half a turn."""
+"""Largest way in one direction of a joint with a spring [rad]: half a turn."""
 BACK = 0.05
-"""Share of the way that a joint without a spring may seem to come back: noise, and the slack of what drives it."""
+"""Largest return of a joint without a spring, over its way: noise, and slack of a drive."""
 
 
 @dataclass(frozen=True, slots=True)

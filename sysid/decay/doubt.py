@@ -1,8 +1,8 @@
-"""Whether a linear law holds, and whether the log could have shown that it does not.
+"""Test of the linear law, and whether the log could have shown a deviation from it.
 
 A second law adds a torque to the fitted one. Its response to the fitted motion is one more column of the fit. The score test (Rao, 1948)
-gives the size of that torque, its significance, and the shift of frequency and damping that comes with it. The same shift times the
-torque's deviation is the part that the log leaves open: one swing cannot distinguish dry friction from damping.
+gives the size of that torque, its significance, and its shift of frequency and damping. The shift times the torque's standard deviation
+stays unknown: one swing cannot distinguish dry friction from damping.
 """
 
 import math
@@ -30,21 +30,21 @@ from sysid.roll import Array, Release
 from sysid.text import display
 
 SURE = 4.0
-"""Deviations from which a departure is named: by chance in one of a thousand logs with a dozen tests each."""
+"""Significance of a second law [standard deviations]: by chance in one of a thousand logs with a dozen tests each."""
 MATTERS = np.array([0.01, 0.05])
-"""Shift of ω_n and of ζ, as shares of them, from which a second law matters: a tenth of the usual randomisation of a policy."""
+"""Relative shift of ω_n and of ζ from which a second law matters: a tenth of the usual randomisation of a policy."""
 OPEN = np.array([0.1, 0.3])
-"""Shift of ω_n and of ζ that a log must be able to exclude: the usual randomisation of a policy."""
+"""Relative shift of ω_n and of ζ that a log must be able to exclude: the usual randomisation of a policy."""
 USUAL = 0.1
-"""Share of the torque of a second law where nothing is known of it: joints of public logs have 3 to 30 %."""
+"""Prior of a second law, over the spring's torque: joints of public logs have 3 to 30 %."""
 ABOVE_NOISE = 1.15
 """Residual over noise from which the residual is more than noise; the noise itself is known to 5 %."""
 ONE_RATE = 0.7
 """Damping ratio from which a late half is one exponential: it overshoots by less than 5 %."""
 LEVELS_APART = 0.01
-"""Share of the first amplitude by which rest levels must differ: sensors wander by less between releases."""
+"""Least difference of rest levels, over the first amplitude: sensors wander by less between releases."""
 PER_PERIOD = 4.0
-"""Independent values in a period of an error that follows the motion: it holds the motion's frequency and twice that."""
+"""Independent values in a period of an error that follows the motion: it has the motion's frequency and twice that."""
 
 Status = Literal["linear", "not linear", "cannot tell"]
 TORQUES: dict[str, Callable[[Array, Array], Array]] = {
@@ -59,7 +59,7 @@ TORQUES: dict[str, Callable[[Array, Array], Array]] = {
 
 @dataclass(frozen=True, slots=True)
 class SecondLaw:
-    """A torque beside the linear one, as far as the decays show it."""
+    """A torque beside the linear one, as estimated from the decays."""
 
     name: str
     share: float
@@ -74,12 +74,12 @@ class SecondLaw:
         return self.share > SURE * self.std and matters
 
     def hides(self, which: slice) -> bool:
-        """Whether the log leaves open that it moves some of the numbers by too much."""
+        """Whether it may move some of the numbers by too much, within its 95 % interval."""
         return bool((Z95 * self.std * np.abs(self.shift) > OPEN)[which].any())
 
     @property
     def left_open(self) -> Array:
-        """Deviations of ln ω_n and ln ζ (dimensionless), were it as large as such torques usually are, shape (2,)."""
+        """Standard deviations of ln ω_n and ln ζ (dimensionless) under the prior `USUAL` of its size, shape (2,)."""
         return np.abs(self.shift) / math.hypot(1 / max(self.std, 1e-12), 1 / USUAL)
 
 
@@ -89,11 +89,11 @@ class Judgement:
 
     status: Status
     reason: str
-    """One clause; '' where the law holds."""
+    """One clause; '' if the law holds."""
     over_noise: float
     """Residual over the sensor's noise [1]."""
     wider: float
-    """Factor by which intervals are widened for a residual beyond the noise."""
+    """Factor on the intervals for a residual beyond the noise."""
     second_laws: tuple[SecondLaw, ...]
     """Significant ones, the most significant first."""
 
@@ -105,7 +105,7 @@ def sensor_noise(fit: TraceFit) -> NoiseFloor:
     timed = [0.0]
     for one in fit.releases:
         interval, step = one.trace.passages
-        if interval:  # a passage is known to a sample's time, or to a step where the signal is faster
+        if interval:  # a passage is known to a sample's time, or to a step if the signal is faster
             way = interval * np.gradient(one.modelled, one.trace.time)
             timed.append(float(np.mean(np.minimum(way**2, step**2 / 2) / 12)))
     return replace(floor, std=max(stated, floor.std, math.sqrt(max(timed))))
@@ -119,12 +119,12 @@ def judged(
     Args:
         fit: Of the releases.
         floor: Noise of its signal.
-        rests: Rest level of each release [rad]; empty where a gyro tells none.
+        rests: Rest level of each release [rad]; empty for a gyro.
     """
     fit, wider = _widened(fit, floor)
     ratio = fit.noise / floor.std if floor.std > 0 else math.inf
     others = second_laws(fit)
-    which = slice(None) if fit.damping_ratio < 1 else slice(1, None)  # what returns slowly fixes d/k alone
+    which = slice(None) if fit.damping_ratio < 1 else slice(1, None)  # an overdamped return fixes d/k alone
     seen = sorted((one for one in others if one.seen(which)), key=lambda one: -one.share / one.std)
     half_width = Z95 * np.sqrt(np.diag(to_logs(fit) @ fit.covariance @ to_logs(fit).T))
     apart, moved = unseen(fit, floor.std if ratio > ABOVE_NOISE else 0.0)
@@ -153,7 +153,9 @@ def judged(
         status, reason = "cannot tell", "the intervals are as wide as the numbers"
     else:
         status, reason = "linear", ""
-    if fit.damping_ratio >= 1:  # one way without a swing: dry friction and a bent law look like another rest
+    if (
+        fit.damping_ratio >= 1
+    ):  # without a swing, dry friction and a nonlinear law look like another rest angle
         open_ones = sum((one.left_open**2 for one in others), np.zeros(2))
         fit = replace(fit, covariance=fit.covariance + np.diag(open_ones * [4.0, float(fit.poles[1]) ** 2]))
     return fit, Judgement(status, reason, ratio, wider, tuple(seen))
@@ -193,7 +195,7 @@ def second_laws(fit: TraceFit) -> list[SecondLaw]:
         own = column - jacobian @ beside
         power = max(float(own @ own), 1e-300)
         share = float(own @ residual) / power
-        # The noise is what is left with this torque in the law.
+        # The noise is the residual of the law with this torque.
         rest = residual - share * own
         rho = lag_one(np.split(rest, cuts))
         variance = float(rest @ rest) / max(len(rest) - 3 - 3 * len(parts), 1) * (1 + rho) / (1 - rho)
@@ -204,7 +206,7 @@ def second_laws(fit: TraceFit) -> list[SecondLaw]:
 
 
 def _without_start(one: FittedTrace, fit: TraceFit, grid: Array, answer: Array) -> Array:
-    """Return a response at a trace's samples, whitened, without the share of amplitude, phase and rest angle, shape (n,)."""
+    """Return a whitened response at a trace's samples, orthogonal to amplitude, phase and rest angle, shape (n,)."""
     u, v = decay_basis(one.trace.time - one.trace.time[0], *rates(fit.poles))
     basis = one.trace.whiten(np.column_stack([u, v, one.beyond(fit.poles)[1]]))
     orthogonal, _ = np.linalg.qr(basis / (np.linalg.norm(basis, axis=0) + 1e-300))
@@ -216,19 +218,18 @@ def unseen(fit: TraceFit, noise: float = 0.0) -> tuple[float, Array]:
     """Compare the law of the early half of each release with that of the late half.
 
     Args:
-        noise: Of the sensor, where the residual is more than noise and does not measure chance.
+        noise: Of the sensor, if the residual is larger than the noise.
 
     Returns:
-        Their distance in deviations [1], and the shift of ln ω_n and ln ζ [1], shape (2,); 0 where a half is too short.
+        Their distance in standard deviations [1], and the shift of ln ω_n and ln ζ [1], shape (2,); 0 if a half is too short.
     """
     cuts = [_half(one, fit) for one in fit.releases]
     early = refitted(fit, [slice(0, cut) for cut in cuts])
     late = refitted(fit, [slice(cut, None) for cut in cuts])
-    if (
-        early is None or late is None or min(early.decay_rate, late.decay_rate) <= 0
-    ):  # a half of noise may grow
+    # A half that is all noise may grow.
+    if early is None or late is None or min(early.decay_rate, late.decay_rate) <= 0:
         return 0.0, np.zeros(2)
-    if fit.damping_ratio > ONE_RATE and min(early.decay_rate, late.decay_rate) > 0:
+    if fit.damping_ratio > ONE_RATE:
         moved = math.log(late.decay_rate / early.decay_rate)
         return abs(moved) / math.hypot(*(_rate_std(half) for half in (early, late))), np.array([0.0, moved])
     apart = late.poles - early.poles
@@ -259,10 +260,10 @@ def _half(one: FittedTrace, fit: TraceFit) -> int:
 
 
 def scattered(releases: Sequence[Release], rests: Sequence[Quantity]) -> bool:
-    """Whether the releases come to rest at different angles, and not further the later.
+    """Whether the releases come to rest at different angles, beyond a drift of the sensor.
 
-    Dry friction F holds a joint anywhere within F/k of its rest. A linear decay with a level for each release takes that for a
-    stiffer spring. The residual hardly grows, and the stiffness is off by tens of percent.
+    Dry friction F holds a joint anywhere within F/k of its rest. A linear decay with a level for each release then gives a stiffness
+    that is wrong by tens of percent, with hardly a larger residual.
     """
     apart = [
         abs(a.value - b.value)
@@ -278,9 +279,9 @@ def scattered(releases: Sequence[Release], rests: Sequence[Quantity]) -> bool:
 
 
 def _widened(fit: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, float]:
-    """Widen the covariance where the residual is significantly more than noise, and return by which factor.
+    """Widen the covariance if the residual is significantly larger than the noise, and return the factor.
 
-    Such a residual follows the motion. It has few independent values, and the fit takes up five of each release.
+    Such a residual follows the motion. It has few independent values, and the fit absorbs some of them.
     """
     power, noise, count, values = 0.0, 0.0, 0, 0.0
     for one in fit.releases:
@@ -293,9 +294,7 @@ def _widened(fit: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, float]:
     noise *= 1.0 + Z95 * math.sqrt(2.0 / max(count, 1))
     if power <= noise:
         return fit, 1.0
-    if all(
-        one.trace.known_std for one in fit.releases
-    ):  # its covariance knows already how long its errors last
+    if all(one.trace.known_std for one in fit.releases):  # the covariance includes the correlation
         return replace(fit, covariance=fit.covariance * power / noise), math.sqrt(power / noise)
     left = max(values - 2 - 3 * len(fit.releases), 1.5)
     covariance = fit.white_covariance * (1.0 + (power - noise) / (left * fit.noise**2))

@@ -1,14 +1,13 @@
 """A linear decay fitted to whole traces: one law for all, own amplitude, phase and rest angle per release.
 
-    m ẍ + τ ẋ + (x - r) = 0,  m = I/k = 1/ω_n²,  τ = d/k = 2ζ/ω_n
+The law is `m ẍ + τ ẋ + (x - r) = 0`, with m = I/k = 1/ω_n² and τ = d/k = 2ζ/ω_n. Its solution is `x(t) = r + C u(t) + S v(t)`, with
+`u = e^(-a t) cos(√q t)`, `v = e^(-a t) sin(√q t) / √q`, `a = τ/2m` and `q = 1/m - a²`.
 
-    x(t) = r + C u(t) + S v(t),  u = e^(-a t) cos(√q t),  v = e^(-a t) sin(√q t) / √q,  a = τ/2m,  q = 1/m - a²
+C, S and r are linear, so they are eliminated (variable projection, Golub and Pereyra, 1973). Only ln m and τ are searched for.
+At critical damping q is zero. Beyond it q is negative, and cos and sin become cosh and sinh. For strong damping m goes to zero, and the
+decay fixes τ = d/k alone. The rate of a linear decay has the same form, with the gyro's bias as r.
 
-C, S and r are linear, so they are eliminated (variable projection, Golub and Pereyra, 1973) and only ln m and τ are searched for.
-q passes through zero at critical damping and is negative beyond it, where cos and sin become cosh and sinh. Far beyond it, m goes to
-zero and τ stays: what a slow return tells is d/k alone. The rate of a linear decay has the same form, with the gyro's bias as r.
-
-A pendulum's law differs from a spring's by the torque k (x - sin x) of a known motion, whose response is one more known column.
+A pendulum's law differs from a spring's by the torque k (x - sin x) of a known motion. Its response is one more known column.
 """
 
 import math
@@ -26,16 +25,16 @@ from sysid.releases.extrema import half_cycles_of, smoothed
 from sysid.roll import Array, Release
 
 BEST_SENSOR = 1e-6
-"""No sensor has less noise than this share of its swing; a log without any was computed."""
+"""Least noise of a sensor over its swing; a computed log has less."""
 GRID = 40
-"""Points a radian and a half of the fastest motion at which a torque's response is worked out; the trapezoid is then right to 1e-4."""
+"""Points of the grid of a torque's response, in 1.5 rad of the fastest motion; the trapezoidal rule is then right to 1e-4."""
 MOST = 16_384
-"""Points of that grid at most."""
+"""Largest number of points of that grid."""
 
 GROWTH = 20.0
-"""Logarithm of the growth [1] that a trace may have at most: a swing that grows so far began below any noise."""
+"""Largest logarithm of the growth of a trace [1]: a swing that grows further began below any noise."""
 OVERDAMPED = 0.95
-"""Damping ratio from which the start of a release is looked at too."""
+"""Damping ratio from which the start of a release is fitted too."""
 ROUNDS = 6
 """Rounds in which a pendulum's rest angle is found (Newton)."""
 
@@ -55,7 +54,7 @@ class FittedTrace:
     level_std: float
     """Standard deviation of `level`."""
     beyond: "Beyond"
-    """What its law adds to a spring's."""
+    """Response to the torque of its law beyond a spring's."""
 
     @property
     def level(self) -> float:
@@ -77,13 +76,13 @@ class TraceFit:
     covariance: Array
     """Covariance of (ln m, τ), shape (2, 2)."""
     white_covariance: Array
-    """The same were the residuals independent of each other, shape (2, 2)."""
+    """The same for independent residuals, shape (2, 2)."""
     degrees_of_freedom: float
-    """Of the noise estimate, fewer where residuals are correlated."""
+    """Of the noise estimate, fewer if residuals are correlated."""
     noise: float
     """Standard deviation of the residuals, in the unit of the signal."""
     correlation: float
-    """Correlation of successive residuals where it is significant, else 0."""
+    """Correlation of successive residuals if significant, else 0."""
     explained: float
     """Share of the measured variance that the fit explains."""
     signal: Literal["roll", "rate"]
@@ -122,7 +121,7 @@ def decay_basis(time: Array, a: float, q: float) -> tuple[Array, Array]:
         return envelope * np.cos(root * time), envelope * time * np.sinc(root * time / math.pi)
     if root * time[-1] < 1e-4:
         return envelope, envelope * time
-    # cosh and sinh share the envelope's exponential, else they overflow in a long tail; a - root would cancel.
+    # Multiplied out with the envelope, as cosh and sinh overflow in a long tail; a - root would cancel.
     slow, fast = np.exp(-(a * a + q) / (a + root) * time), np.exp(-(root + a) * time)
     return (slow + fast) / 2, (slow - fast) / (2 * root)
 
@@ -168,7 +167,7 @@ def fit_traces(releases: Sequence[Release], law: Law = "spring", near: TraceFit 
     poles = _search(traces, poles)
     if 0.5 * poles[1] * math.exp(-poles[0] / 2) > OVERDAMPED:
         traces = traces_of(releases, whole=True)[0]
-        # A pole that the decay does not excite may lie anywhere: of those that fit alike, take the fastest.
+        # A pole that the decay does not excite may lie anywhere: of equal fits take the fastest.
         starts = [
             poles,
             *(
@@ -184,7 +183,7 @@ def fit_traces(releases: Sequence[Release], law: Law = "spring", near: TraceFit 
 
 
 def refitted(fit: TraceFit, parts: Sequence[slice]) -> TraceFit | None:
-    """Fit the same law to a part of each release; None where a part is too short for it."""
+    """Fit the same law to a part of each release; None if the parts are too short."""
     pairs = [(one.trace[rows], rows, one.beyond) for one, rows in zip(fit.releases, parts, strict=True)]
     pairs = [pair for pair in pairs if len(pair[0].time) >= FEWEST]
     traces = [trace for trace, _, _ in pairs]
@@ -195,7 +194,7 @@ def refitted(fit: TraceFit, parts: Sequence[slice]) -> TraceFit | None:
 
 
 def response(poles: Array, grid: Array, torque: Array, *, rate: bool) -> Array:
-    """Return how a joint at rest answers a torque per stiffness [rad], shape (n,), on an even grid [s]; its rate where asked [rad/s]."""
+    """Return the response of a joint at rest to a torque per stiffness [rad], shape (n,), on an even grid [s]; or its rate [rad/s]."""
     a, q = rates(poles)
     u, v = decay_basis(grid - grid[0], a, q)
     kernel = (u - a * v if rate else v) * math.exp(-poles[0]) * float(grid[1] - grid[0])
@@ -207,7 +206,7 @@ def response(poles: Array, grid: Array, torque: Array, *, rate: bool) -> Array:
 def motion(fitted: FittedTrace, poles: Array, *, rate: bool) -> tuple[Array, Array, Array]:
     """Return a fine even grid of a fitted release [s], and its angle about rest [rad] and rate [rad/s] there, shape (n,) each.
 
-    Of a fit to a rate, the angle is what a linear joint has with that rate.
+    For a fit to a rate, the angle is that of a linear joint with that rate.
     """
     grid = _grid(fitted.trace.time, poles)
     a, q = rates(poles)
@@ -233,7 +232,7 @@ def _angle(release: Release, trace: Trace) -> Array:
 
 
 def _start(traces: Sequence[Trace], releases: Sequence[Release], signal: str) -> Array:
-    """Return a first (ln m, τ): the best of a coarse grid on the first swings, paced by their swings."""
+    """Return a first (ln m, τ): the best of a coarse grid over the first swings, scaled by their duration."""
     paces: list[float] = []
     for trace, release in zip(traces, releases, strict=True):
         swings = half_cycles_of(smoothed(release))
@@ -256,7 +255,7 @@ Beyond = Callable[[Array], tuple[Array, Array]]
 
 
 def _pendulum(trace: Trace, angle: Array, rest: float, *, rate: bool) -> Beyond:
-    """Return what a pendulum's law adds to a trace of known angle [rad], shape (n,), near a rest angle [rad]."""
+    """Return the response to a pendulum's torque beyond a spring's, for a known angle [rad], shape (n,), near a rest angle [rad]."""
 
     def beyond(poles: Array) -> tuple[Array, Array]:
         grid = _grid(trace.time, poles)
@@ -266,7 +265,7 @@ def _pendulum(trace: Trace, angle: Array, rest: float, *, rate: bool) -> Beyond:
             return np.interp(trace.time, grid, response(poles, grid, torque, rate=rate))
 
         known, ones = answer(swing - np.sin(swing)), np.ones(len(trace.time))
-        if rate:  # of a rate the level is the gyro's bias
+        if rate:  # the level of a rate is the gyro's bias
             return known, ones
         by_rest = answer(np.cos(swing) - 1)
         return known - rest * by_rest, ones + by_rest
@@ -291,8 +290,8 @@ def project(trace: Trace, poles: Array, beyond: Beyond) -> tuple[float, Array, A
     """Eliminate the linear parameters of one release.
 
     Returns:
-        The weighted sum of squares, the residual [rad or rad/s] of shape (n,), its Jacobian by (ln m, τ) of shape (n, 2), the
-        coefficients (C, S, r), and the inverse normal matrix of the coefficients.
+        The weighted sum of squares. The residual [rad or rad/s], shape (n,), and its Jacobian by (ln m, τ), shape (n, 2).
+        The coefficients (C, S, r) and their inverse normal matrix.
     """
     a, q = rates(poles)
     time = trace.time - trace.time[0]
@@ -337,7 +336,7 @@ def _search(traces: Sequence[Trace], poles: Array, beyond: Sequence[Beyond] = ()
         hessian = sum((part[2].T @ part[2] for part in parts), np.zeros((2, 2)))
         return Normal(0.5 * sum(part[0] for part in parts), gradient, hessian)
 
-    # Nothing slower than the log is seen of it, and no fast pole within a tenth of a sample.
+    # Bounds: a period of the log's length, and a time constant of a tenth of a sample.
     slow, fast = 2 * math.log(longest), 2 * math.log(interval)
     low, high = np.array([fast - math.log(100), -longest]), np.array([slow + math.log(100), 100 * longest])
     return minimise(evaluate, poles, low, high, iterations=100, tolerance=1e-13).point
@@ -361,12 +360,12 @@ def _with_uncertainty(
     ]
     left = [trace.weight * (trace.measured - model) for trace, model in zip(traces, fitted, strict=True)]
     noise = max(sum(float(residual @ residual) for residual in left) / free, finest**2)
-    # What a film's angle is off by lasts, so that a fit takes it up: the least is what the film itself states.
+    # A film's error is correlated, and the fit absorbs some of it: the variance is at least the film's own.
     stated = float(np.mean([trace.known_std**2 for trace in traces]))
     variance = max(sum(float(residual @ residual) for residual in residuals) / free, finest**2, stated)
     bread = np.asarray(np.linalg.pinv(sum((j.T @ j for j in jacobians), np.zeros((2, 2)))), dtype=np.float64)
     rho = lag_one(residuals)
-    # Correlated residuals count for less (Bartlett, 1935): the variance of a mean grows by (1+ρ)/(1-ρ).
+    # Correlated residuals weigh less (Bartlett, 1935): the variance of a mean grows by (1+ρ)/(1-ρ).
     covariance: Array = bread * (variance * (1 + rho) / (1 - rho))
     if rho > 0:
         robust: Array = bread @ _newey_west(residuals, jacobians, poles, traces) @ bread * count / free

@@ -1,11 +1,11 @@
 """The numbers of a linear free decay, each with its uncertainty.
 
-For I φ̈ + d φ̇ + k φ = 0 below critical damping:
+For `I φ̈ + d φ̇ + k φ = 0` below critical damping:
 
-    δ = 2π ζ / √(1 - ζ²),  ω_d = ω_n √(1 - ζ²) = 2π / T,  k = I ω_n²,  d = 2 ζ √(k I) = 2 ζ ω_n I
+`δ = 2π ζ / √(1 - ζ²)`, `ω_d = ω_n √(1 - ζ²) = 2π / T`, `k = I ω_n²`, `d = 2 ζ √(k I) = 2 ζ ω_n I`.
 
-A free decay holds ω_n and ζ only, that is k/I and d/I. The roll inertia comes from elsewhere, and its
-uncertainty goes into k and d.
+A free decay fixes ω_n and ζ only, that is k/I and d/I. The roll inertia is measured separately. Its
+uncertainty is part of that of k and d.
 """
 
 import math
@@ -29,12 +29,12 @@ UNITS = {
     "damping": "N*m*s/rad",
 }
 OF_JOINT = ("inertia", "stiffness", "damping")
-"""Those that have another unit where the joint is a slide, whose inertia is in kg."""
+"""Numbers with another unit if the joint slides, whose inertia is in kg."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DecayNumbers:
-    """A linear free decay in numbers; NaN for those that the decay does not fix, as δ, T and ω_d where nothing oscillates (ζ ≥ 1)."""
+    """A linear free decay in numbers; NaN for those that the decay does not fix, as δ, T and ω_d without a swing (ζ ≥ 1)."""
 
     log_decrement: Quantity
     """δ, over a full period [1]."""
@@ -79,15 +79,14 @@ def decay_numbers(
         damping_ratio: ζ [1].
         covariance: Covariance of (ω_n, ζ), shape (2, 2), in their units.
         inertia: Roll inertia about the tilt axis [kg*m^2]; independent of the decay.
-        degrees_of_freedom: Of the estimate of the noise behind `covariance`; few widen the intervals
-            (Student's t).
+        degrees_of_freedom: Of the noise estimate behind `covariance`; few give wider intervals (Student's t).
         method: How ω_n and ζ were obtained, for people.
     """
     values, jacobian = _values_and_jacobian(omega_n, damping_ratio, inertia.value)
     variance = np.einsum("ij,jk,ik->i", jacobian[:, :2], covariance, jacobian[:, :2])
     from_inertia = jacobian[:, 2] ** 2 * (0.0 if math.isnan(inertia.std) else inertia.std**2)
     std = np.sqrt(variance + from_inertia)
-    # The decay's own share is known from few samples only, the share of I is taken as normal.
+    # Student's t for the share of the decay, a normal distribution for the share of I.
     half = np.sqrt(t95(degrees_of_freedom) ** 2 * variance + t95(math.inf) ** 2 * from_inertia)
     units = UNITS if inertia.unit != "kg" else UNITS | {n: slide_unit(UNITS[n]) for n in OF_JOINT}
     quantities = {

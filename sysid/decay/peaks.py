@@ -17,7 +17,7 @@ WINDOW = 0.7
 RELEASE_TIME_STD = 0.02
 """Standard deviation of the time of a release, in periods."""
 MIN_PEAK_STDS = 6.0
-"""A peak counts while its amplitude is this many standard deviations."""
+"""Least amplitude of a peak [standard deviations]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class Peak:
     """One turning point of a free decay."""
 
     number: int
-    """Half-cycles since the release; 0 is the release itself, where the deck was held still before."""
+    """Half-cycles since the release; 0 is the release itself, after a hold."""
     time: float
     """[s] on the log's clock."""
     time_std: float
@@ -42,7 +42,7 @@ def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, no
     """Find the turning points of a free decay with sub-sample timing.
 
     Between two passages through the rest angle, a cubic is fitted to the samples about the extreme one.
-    The peaks end where noise begins to make them: at the first one below `MIN_PEAK_STDS` standard deviations.
+    The peaks end at the first one below `MIN_PEAK_STDS` standard deviations, as later ones may be noise.
 
     Args:
         release: The free decay; its roll without drift.
@@ -75,8 +75,8 @@ def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, no
 def log_decrement_two_peaks(peaks: Sequence[Peak], rest_std: float = 0.0) -> Quantity | None:
     """Return the classic δ = ln(A₁/A₂) of the first peak and the next one on the same side.
 
-    Where noise has swallowed the second, the one on the other side serves: δ = 2 ln(A₁/A₂). None if
-    there is no second peak at all.
+    If the next one is lost in noise, the peak on the other side counts: δ = 2 ln(A₁/A₂). None without a second
+    peak.
     """
     for step in (2, 1):
         for first in peaks[:1]:
@@ -85,7 +85,8 @@ def log_decrement_two_peaks(peaks: Sequence[Peak], rest_std: float = 0.0) -> Qua
                 continue
             share = 2.0 / step
             delta = share * math.log(first.amplitude / second.amplitude)
-            side = -1.0 if step == 2 else 1.0  # an error of the rest angle moves both or parts them
+            # An error of the rest angle has the same sign in both peaks of a side, the opposite sign else.
+            side = -1.0 if step == 2 else 1.0
             common = (1 / first.amplitude + side / second.amplitude) * rest_std
             own = math.hypot(first.std / first.amplitude, second.std / second.amplitude)
             where = "the next one on the same side" if step == 2 else "the next one on the other side"
@@ -94,11 +95,11 @@ def log_decrement_two_peaks(peaks: Sequence[Peak], rest_std: float = 0.0) -> Qua
 
 
 def _release_peak(release: Release, rest: float, omega_n: float, omega_d: float, noise: float) -> Peak | None:
-    """Return peak 0: the roll at the release, where the rate is zero; None if the samples cannot tell it.
+    """Return peak 0: the roll at the release, at zero rate; None if the samples do not fix it.
 
-    The first samples are taken together, on the course of a decay that starts from rest; its start is
-    known to about 2 % of a period, so a shift in time is fitted along with the amplitude. In 3 % of a period
-    an undamped deck falls by 1.8 %, as much as the decrement of ζ = 0.003.
+    A decay from rest is fitted to the first samples. The time of the release is known to about 2 % of a period, so
+    a shift in time is fitted along with the amplitude. In 3 % of a period an undamped deck falls by 1.8 %, as much as
+    the decrement of ζ = 0.003.
     """
     since = release.time - release.start
     near = since <= WINDOW / omega_n
@@ -112,15 +113,15 @@ def _release_peak(release: Release, rest: float, omega_n: float, omega_d: float,
     target = np.append((release.roll[near] - rest) / noise, 0.0)
     try:
         covariance = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
-    except np.linalg.LinAlgError:  # a release whose first sample is its rest: no shift can be told
+    except np.linalg.LinAlgError:  # a release whose first sample is its rest: the shift is undetermined
         return None
     here, moved = (covariance @ (design.T @ target)).tolist()
-    # `here` is the offset at the stated time. By then the deck may have fallen a little: back to where its rate was zero.
-    # What falls faster than a late release can explain (off a stop, say) moves by another law, which is not followed back.
+    # `here` is the offset at the stated time. By then the deck may have fallen a little: go back to zero rate.
+    # A deck that falls faster than a late release explains (off a stop, say) has another law: keep `here`.
     late = abs(moved) <= 3 * shift * abs(here)
     phase = math.atan(moved * omega_d / (here - moved * a)) if late else 0.0
     amplitude = here * math.exp(a * phase / omega_d) / (math.cos(phase) + a / omega_d * math.sin(phase))
-    # That of √(here² + (ω_n moved)²), which the amplitude is without damping.
+    # Gradient of √(here² + (ω_n moved)²), the amplitude without damping.
     gradient = np.array([here, omega_n**2 * moved]) / amplitude if late else np.array([1.0, 0.0])
     std = math.sqrt(float(gradient @ covariance @ gradient))
     return Peak(0, release.start, shift, rest + amplitude, abs(amplitude), std)
@@ -148,7 +149,7 @@ def _local_peak(release: Release, index: int, rest: float, omega_n: float, noise
         top = float(np.clip(top - slope / curve if curve else top, -1, 1))
     at = top ** np.arange(order + 1)
     by_time = np.arange(order + 1) * top ** np.maximum(np.arange(order + 1) - 1, 0)
-    # The extremum of a noisy curve lies outside the true one, by half the variance of its slope over its bend.
+    # The extremum of a noisy curve is biased outward by half the variance of its slope over its bend.
     raised = 0.5 * (noise * float(np.linalg.norm(by_time @ inverse))) ** 2 / bend if bend else 0.0
     value = float(c @ at) + (raised if abs(raised) < 0.1 * abs(float(c @ at) - rest) else 0.0)
     value_std = noise * float(np.linalg.norm(at @ inverse))

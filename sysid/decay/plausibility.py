@@ -10,37 +10,37 @@ from sysid.roll import Release, shown
 from sysid.text import display
 
 DISAGREEMENT_STDS = 3.0
-"""A number lies outside the record from this many standard deviations of the difference on."""
+"""Least significance of a difference from the record [standard deviations]."""
 WORTH_SAYING = 0.03
-"""And by this share of it: boards change by as much from day to day."""
+"""Least relative difference from the record: boards change by as much from day to day."""
 DENSITY = 1000.0
-"""Of what a joint carries [kg/m³]: wood, people and ships are near water."""
+"""Density of the moving body [kg/m³]: wood, people and ships are near water."""
 SLOWEST, FASTEST = 20.0, 1 / 200
-"""Natural period over the one that gravity gives a thing of that roll inertia, beyond which time is doubted.
+"""Plausible range of the natural period, over that of a pendulum with the same roll inertia.
 
 A skateboard's 0.185 s is 0.3 of it, a pendulum of a ball on a string 2.5, a ship's 21 s 1.6."""
 LONGEST, SHORTEST = 100.0, 1e-3
-"""Natural period [s] beyond which nothing that is tipped and let go swings, whatever its size."""
+"""Range of the natural periods of all joints [s]."""
 
 
 def amplitude_warnings(releases: Sequence[Release], board: Board | None) -> list[str]:
-    """Hold the amplitudes of some releases against the range of the board's joint; without a board, against half a turn.
+    """Compare the amplitudes of some releases with the range of the board's joint; without a board, with half a turn.
 
     Returns:
-        What looks odd, in words.
+        Warnings, one at most.
 
     Raises:
         SysidError: The deck was let go from more than half a turn, or the log is of a joint of another kind.
     """
     largest = max(releases, key=lambda release: release.amplitude)
     where = f"{largest.log}: the release at {shown(largest.start)} starts"
-    if board is None:  # a torsion rig may turn so far
+    if board is None:  # a warning only: a torsion rig may turn so far
         turned = f"{where} {math.degrees(largest.amplitude):.4g}° from rest, more than half a turn: is the unit right (--unit)?"
         return [turned] if largest.amplitude > math.pi else []
     limit, show = board.tilt["range"].value, display(is_rate=False, slides=board.slides)
     if largest.origin == "position" and not board.slides:
         raise SysidError(
-            f"{largest.log}: is the position of a slide, and the joint of board '{board.name}' turns. If it is an angle, say its "
+            f"{largest.log}: is the position of a slide, but the joint of board '{board.name}' turns. If it is an angle, give its "
             "unit (--unit rad); else name the joint that slides (--model, --joint)."
         )
     if largest.amplitude > math.pi and not board.slides:
@@ -57,7 +57,7 @@ def amplitude_warnings(releases: Sequence[Release], board: Board | None) -> list
         return [f"{where} {show(largest.amplitude, 2)} from rest only: is the unit right (--unit)?"]
     if board.slides and largest.origin == "angle":
         return [
-            f"{largest.log}: read as an angle, and the joint slides: say the unit of its position (--unit m)"
+            f"{largest.log}: read as an angle, but the joint slides: give the unit of its position (--unit m)"
         ]
     return []
 
@@ -69,14 +69,14 @@ def _si(value: float, board: Board) -> str:
 def record_warnings(
     numbers: DecayNumbers, board: Board, *, log: str, linear: bool, one_sided: bool = False
 ) -> list[str]:
-    """Hold stiffness and damping of a decay against what the board's record states.
+    """Compare stiffness and damping of a decay with the board's record.
 
     Args:
         numbers: From the decay, with the record's inertia.
-        one_sided: All releases were to one side: dry friction, which stops them alike, passes for another rest angle.
+        one_sided: All releases were to one side. Dry friction stops them alike, which looks like another rest angle.
 
     Returns:
-        One warning that names all that lies outside, or none.
+        At most one warning, with all numbers that differ.
     """
     outside: list[str] = []
     for name, symbol in (("stiffness", "k"), ("damping", "d")):
@@ -95,22 +95,21 @@ def record_warnings(
         f"the damping ratio agrees, and only the period is {1 / ratio:.3g} times the record's: is the unit of time right, "
         "or the sampling rate (--rate)?"
         if linear and same_shape and abs(math.log(ratio)) > 0.2
-        else "dry friction hides in releases to one side, where it stops all of them alike: release to the other side as well. If k "
+        else "releases to one side cannot show dry friction, which stops all of them alike: release to the other side as well. If k "
         "and d stay, is it this board, with this roll inertia, and is the time right?"
         if linear and one_sided
         else "is it this board, with this roll inertia, and is the time right?"
         if linear
-        else "the linear decay is the wrong model, so keep the record until `husky-sysid diagnose` has named what "
-        "is missing"
+        else "the linear decay is the wrong model: run `husky-sysid diagnose` before you change the record"
     )
     return [f"{log} does not agree with the record of board '{board.name}': {'; '.join(outside)}; {cause}"]
 
 
 def period_warnings(omega_n: float, board: Board, *, log: str) -> list[str]:
-    """Doubt a natural period that a thing of the board's roll inertia hardly has.
+    """Warn of a natural period that is implausible for the board's roll inertia.
 
-    What swings under gravity has a period near 2π √(L/g), with the size L of a body of that inertia,
-    (I/ρ)^(1/5); a spring makes it faster, a balance slower, neither without end.
+    A pendulum has a period near 2π √(L/g), with the size L of a body of that inertia, (I/ρ)^(1/5).
+    A spring makes it faster, a counterweight slower, both within limits.
 
     Args:
         omega_n: Natural frequency [rad/s].
@@ -125,7 +124,7 @@ def period_warnings(omega_n: float, board: Board, *, log: str) -> list[str]:
 
 
 def refuse_period(omega_n: float, board: Board, *, log: str) -> None:
-    """Accept a natural period that anything at all has.
+    """Reject a natural period that is impossible for any joint.
 
     Raises:
         SysidError: It is longer than 100 s or shorter than 1 ms.
@@ -135,12 +134,12 @@ def refuse_period(omega_n: float, board: Board, *, log: str) -> None:
         return
     raise SysidError(
         f"{log}: {_odd_period(period, board)}; the record is unchanged. {_TIME_ADVICE} If the period is real, "
-        "say --any-period."
+        "give --any-period."
     )
 
 
 _TIME_ADVICE = (
-    "Likely the time is in another unit than its column's name says, or the sampling rate is wrong: put the unit "
+    "Probably the unit of the time is not that of its column's name, or the sampling rate is wrong. Put the unit "
     "into the name (time_ms), or give --rate."
 )
 
@@ -148,8 +147,8 @@ _TIME_ADVICE = (
 def _odd_period(period: float, board: Board) -> str:
     stated = 2 * math.pi / _stated_frequency(board)
     return (
-        f"the natural period is {period:.4g} s, which no joint with a roll inertia of {board.inertia.value:.3g} kg·m² "
-        f"is likely to have ({period / stated:.3g} times that of the record of board '{board.name}')"
+        f"the natural period is {period:.4g} s, implausible for a roll inertia of {board.inertia.value:.3g} kg·m² "
+        f"({period / stated:.3g} times that of the record of board '{board.name}')"
     )
 
 

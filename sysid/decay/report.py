@@ -83,7 +83,7 @@ def _row(name: str, quantity: Quantity) -> tuple[str, str, str]:
 
 
 def equation(decay: "FreeDecay") -> str:
-    """Return the identified law, as it would be written on a board; over the inertia where that is not known."""
+    """Return the identified law as an equation; divided by the inertia if that is unknown."""
     omega_n, zeta = decay.trace.omega_n, decay.trace.damping_ratio
     inertia = decay.numbers.inertia.value if decay.has_inertia else 1.0
     rest = sum(angle.value for angle in decay.rest_angles) / len(decay.rest_angles)
@@ -96,7 +96,7 @@ def equation(decay: "FreeDecay") -> str:
 
 
 def verdict(decay: "FreeDecay") -> str:
-    """Return whether the linear law holds, and the next step where it does not."""
+    """Return whether the linear law holds, and the next step if not."""
     judgement, others = decay.judgement, decay.others
     ratio = f"the residual is {judgement.over_noise:.2f} × the sensor noise"
     wider = f"; intervals {judgement.wider:.2g} × wider for it" if judgement.wider > 1.05 else ""
@@ -116,7 +116,7 @@ def verdict(decay: "FreeDecay") -> str:
 
 
 def inertia_share(inertia: Quantity, stiffness: Quantity) -> float:
-    """Return which share of the variance of the stiffness the roll inertia brings in; 0 where one of them is exact."""
+    """Return the share of the variance of the stiffness that comes from the roll inertia; 0 if one of them is exact."""
     if not (inertia.std > 0 and stiffness.std > 0):
         return 0.0
     return (inertia.std / inertia.value * stiffness.value / stiffness.std) ** 2

@@ -1,12 +1,10 @@
 """One release as the linear fit uses it: the measured signal, its weights, and the correlation of its errors.
 
-A sensor's noise is another one in each sample. A film's error lasts (`sysid.noise.lasting`), as an autoregression of order 1,
-and whitening leaves of each sample
+The noise of a sensor is independent from sample to sample. The error of a film is correlated (`sysid.noise.lasting`), as an
+autoregression of order 1. Whitening gives `(x_i - ρ_i x_(i-1)) / √(1 - ρ_i²)` with `ρ_i = e^(-(t_i - t_(i-1)) / τ)`.
 
-    (x_i - ρ_i x_(i-1)) / √(1 - ρ_i²),  ρ_i = e^(-(t_i - t_(i-1)) / τ)
-
-A coarse sensor with less noise than one step repeats a value until the joint has passed the next step. Only the passage is a
-measurement: there the signal lies midway between two values.
+A coarse sensor with less noise than one step repeats a value until the joint has passed the next step. Only this passage is a
+measurement: the signal is then midway between two values.
 """
 
 from collections.abc import Sequence
@@ -20,9 +18,9 @@ from sysid.noise.sensor import quantisation_step
 from sysid.roll import Array, Release
 
 HAND_LEAVES = 0.08
-"""Share of the first amplitude after which a hand has surely left the deck."""
+"""A hand has left the deck after this share of the first amplitude."""
 FEWEST = 8
-"""Samples of a trace."""
+"""Fewest samples of a trace."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,14 +34,14 @@ class Trace:
     weight: Array
     """Inverse standard deviation, relative to the median, shape (n,)."""
     known_std: float = 0.0
-    """Median standard deviation where it is known beforehand [rad]; 0 where the residuals tell it."""
+    """Median standard deviation if it is known beforehand [rad]; 0 if the residuals give it."""
     ar1: Array | None = None
-    """ρ, the share of each sample's error that it has from the one before, shape (n,); None where errors do not last."""
+    """ρ, the correlation of each sample's error with the one before, shape (n,); None for independent errors."""
     passages: tuple[float, float] = (0.0, 0.0)
-    """Sample time [s] and step [rad or rad/s] of a coarse sensor whose passages were taken; 0 where each sample counts."""
+    """Sample time [s] and step [rad or rad/s] of a coarse sensor whose passages are fitted; 0 if each sample is fitted."""
 
     def whiten(self, values: Array) -> Array:
-        """Return values, shape (n,) or (n, p), in typical deviations (dimensionless) and without what the sample before tells of them."""
+        """Return weighted and whitened values, shape (n,) or (n, p), in their unit."""
         scaled = (values.T * self.weight).T
         if self.ar1 is None:
             return scaled
@@ -51,7 +49,7 @@ class Trace:
         return ((scaled.T - self.ar1 * before.T) / np.sqrt(1 - self.ar1**2)).T
 
     def __getitem__(self, rows: slice) -> "Trace":
-        """Return some samples in a row."""
+        """Return a range of samples."""
         ar1 = None if self.ar1 is None else self.ar1[rows]
         return replace(
             self, time=self.time[rows], measured=self.measured[rows], weight=self.weight[rows], ar1=ar1
@@ -61,12 +59,12 @@ class Trace:
 def traces_of(
     releases: Sequence[Release], *, whole: bool = False
 ) -> tuple[list[Trace], Literal["roll", "rate"]]:
-    """Return the signal that was measured: the rate where a gyro measured it, else the roll.
+    """Return the measured signal: the rate of a gyro, else the roll.
 
     White noise of a gyro becomes a random walk in its integral. In the rate it stays white, and the gyro's offset is one constant.
 
     Args:
-        whole: Begin with the release itself where the deck was held: the fast start of an overdamped joint.
+        whole: Begin with the release itself if the deck was held: the fast start of an overdamped joint.
     """
     rate = all(release.rate is not None for release in releases)
     traces = [_trace(release, rate=rate, whole=whole and release.hold > 0) for release in releases]
@@ -74,7 +72,7 @@ def traces_of(
 
 
 def with_ar1_errors(trace: Trace, omega: float) -> Trace:
-    """Return a film's trace with errors that last, of a joint that swings at `omega` [rad/s]; others as they are."""
+    """Return a film's trace with correlated errors, of a joint that swings at `omega` [rad/s]; others unchanged."""
     if not trace.known_std:
         return trace
     return replace(trace, ar1=np.concatenate([[0.0], kept_after(np.diff(trace.time), omega)]))
@@ -99,9 +97,9 @@ def _trace(release: Release, *, rate: bool, whole: bool) -> Trace:
 
 
 def _passages(trace: Trace) -> Trace:
-    """Return when a coarse, silent sensor passed from one value to the next; other traces as they are.
+    """Return the passages of a coarse, noiseless sensor from one value to the next; other traces unchanged.
 
-    Silent means that hardly any step is taken back at once: with noise as large as a step, half of them are.
+    Without noise hardly any step is reversed at once; with noise as large as a step, half of them are.
     """
     steps = np.diff(trace.measured)
     step, moves = quantisation_step(steps), np.flatnonzero(steps)
@@ -117,10 +115,10 @@ def _passages(trace: Trace) -> Trace:
 
 
 def _hand_has_left(release: Release) -> int:
-    """Return the index of the first sample at which the deck has surely been let go."""
+    """Return the index of the first sample after the hand has left."""
     way = np.abs(release.roll - release.roll[0])
     enough = max(HAND_LEAVES * release.amplitude, 3.0 * float(np.median(own_std(release))))
     moved = np.flatnonzero(way > enough)
-    # Of many close samples the first beyond a threshold is the one that noise has pushed there: leave it out.
+    # With many close samples, noise decides which one is first beyond the threshold: leave it out.
     begin = int(moved[0]) + (moved[0] > 3) if len(moved) else 0
     return begin if len(release.time) - begin > FEWEST else 0

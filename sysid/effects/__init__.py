@@ -82,7 +82,7 @@ def use_file(path: Path) -> str:
 
 
 def _meant(name: str, known: Mapping[str, Effect]) -> str:
-    """Return ' Did you mean …?' for the effects that are also called so, else for the closest name."""
+    """Return ' Did you mean …?' with the effects of that everyday name, else with the closest name."""
     word = name.lower().replace("_", " ").replace("-", " ")
     called = [
         part for part in known.values() if any(word == other.replace("-", " ") for other in part.also_called)
@@ -110,7 +110,7 @@ def effect(name: str) -> Effect:
 
 
 def showing(sign: DecaySign) -> tuple[str, ...]:
-    """Return the effects that make the peaks of a decay show something, the likeliest first."""
+    """Return the effects that cause a sign in the peaks of a decay, the likeliest first."""
     found = [
         (rank, name) for name, part in catalogue().items() for seen, rank in part.decay_signs if seen == sign
     ]
@@ -118,12 +118,12 @@ def showing(sign: DecaySign) -> tuple[str, ...]:
 
 
 def drifting() -> tuple[str, ...]:
-    """Return the effects of a sensor that make the level of a decay move, the likeliest first."""
+    """Return the effects of a sensor that move the level of a decay, the likeliest first."""
     return tuple(name for name in showing("moving level") if effect(name).role == "measurement")
 
 
 def parameters_from(name: str, values: Sequence[float]) -> dict[str, float]:
-    """Return an effect's parameters by name from values in their order; defaults fill the end.
+    """Return an effect's parameters by name from values in their order; defaults complete them.
 
     Raises:
         SysidError: Too many or too few values.

@@ -1,12 +1,10 @@
-"""What an effect is: a law with units, and everything that the tool and a user need to know about it.
+"""Description of an effect: its law with units, and all facts that the tool and a user need.
 
 Every effect is one file beside this one that ends in `EFFECT = TorqueEffect(...)`, `SensorEffect(...)`,
-`SupportEffect(...)` or `DriveEffect(...)`. Its law is written once, against the small `Algebra`, and therefore runs both on CasADi
-expressions and on plain numpy. Nothing outside this folder knows an effect by its name.
+`SupportEffect(...)` or `DriveEffect(...)`. Its law is written once, with the functions of `Algebra`, and runs on CasADi
+expressions and on plain numpy. Code outside this folder does not use the name of an effect.
 
-The law of the tilt joint, with roll φ, tilt x = φ - rest angle and rate v:
-
-    I φ̈ = -k x - d v + Σ τ(x, v, φ, z),   ż = …
+The law of the tilt joint, with roll φ, tilt x = φ - rest angle and rate v, is `I φ̈ = -k x - d v + Σ τ(x, v, φ, z)`, with states ż = ….
 """
 
 import math
@@ -22,9 +20,9 @@ from sysid.roll import Array
 from sysid.text import display
 
 MjSpec = Any
-"""A `mujoco.MjSpec`, and"""
+"""A `mujoco.MjSpec`: the catalogue loads without MuJoCo, which has no types."""
 MjsJoint = Any
-"""a `mujoco.MjsJoint`: effects are known without MuJoCo, which has no types."""
+"""A `mujoco.MjsJoint`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,14 +67,14 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scales:
-    """Sizes of the problem at hand, from which starts and bounds are made."""
+    """Sizes of the problem at hand; they scale starts and bounds."""
 
     inertia: float
     """Roll inertia [kg*m^2]."""
     stiffness: float
-    """Linear stiffness that fits the decay alone [N*m/rad]."""
+    """Linear stiffness of a fit without effects [N*m/rad]."""
     damping: float
-    """Linear damping that fits the decay alone [N*m*s/rad]."""
+    """Linear damping of a fit without effects [N*m*s/rad]."""
     amplitude: float
     """Largest tilt in the logs [rad]."""
     duration: float = 1.0
@@ -100,38 +98,38 @@ class Scales:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One number of an effect: its unit, its size for a given problem, and where to look for it."""
+    """One number of an effect: its unit, its size for a given problem, and its range."""
 
     name: str
     unit: str
     size: Callable[[Scales], float]
-    """A strength that clearly shows in the decay; the unit in which the fit works."""
+    """A value that clearly shows in the decay; the fit's unit."""
     _: KW_ONLY
     low: float
     """Lower bound in units of `size`."""
     high: float
     """Upper bound in units of `size`."""
     starts: tuple[float, ...] = (0.1,)
-    """Starting values in units of `size`; several where the cost has several valleys."""
+    """Starting values in units of `size`; several if the cost has several minima."""
     neutral: float | None = 0.0
-    """Value at which the effect vanishes; None where no single value does."""
+    """Value at which the effect vanishes; None without such a value."""
     default: float | None = None
-    """Value taken where a user leaves the parameter out."""
+    """Value if a user leaves the parameter out."""
     doubted: float = -np.inf
-    """Value in units of `size` up to which the effect stands in for another, unless nothing but noise is left."""
+    """Up to this value, in units of `size`, the effect imitates another, unless the residual is noise."""
     rough: bool = False
     """Whether the cost is rough along it, because it decides in which half swing the deck stops."""
     open_above: bool = False
-    """Whether its upper bound is only how far it is looked for: there the effect is itself, too."""
+    """Whether its upper bound only limits the search: at the bound the effect is not degenerate."""
     held: bool = False
-    """Whether it is known from elsewhere: a fit holds it at the record's value, unless the user bounds it."""
+    """Whether it is known from another source: a fit holds it at the record's value, unless the user bounds it."""
     assumed: float = 0.0
-    """Of one that is known from elsewhere, its standard deviation as a share of it where a record states none; 0 where it is exact."""
+    """Relative standard deviation of a held parameter if the record has none; 0 if it is exact."""
 
     def edged(self, value: float, *, exact: bool) -> bool:
-        """Return whether a value, in units of `size`, is at an end of the range in which the effect is one.
+        """Whether a value, in units of `size`, is at an end of its range, where the effect is degenerate.
 
-        A share may be none or all; where nothing but noise is left of the log, `exact`, others may be at their ends too.
+        A share may be 0 or 1. With `exact`, a residual of noise alone, other parameters may be at their ends too.
         """
         share = self.unit in ("", "1")
         if (share and self.low == 0.0) or (self.neutral is not None and self.low <= self.neutral):
@@ -152,45 +150,45 @@ class State:
 
     name: str
     start: Callable[[Algebra, Value, Value, Value, Values], Value]
-    """`start(m, tilt, hold, stiffness, parameters)`: its value at release, after a hold of that length; a
-    sensor's gets the absolute roll for the tilt."""
+    """`start(m, tilt, hold, stiffness, parameters)`: its value at release, after a hold of that length; for a sensor
+    `tilt` is the absolute roll."""
     size: Callable[[Scales], float]
-    """Its typical size, for scaling when it is fitted."""
+    """Its typical size, to scale a fit."""
     most: float = 10.0
-    """How far from zero the motion before a release can have brought it, in units of `size`."""
+    """Its largest size at a release, after any motion before, in units of `size`."""
     rate: Callable[[Algebra, JointState, Sequence[Value], Values], Value] | None = None
     """`rate(m, motion, states, parameters)`: its time derivative, from all states of its effect."""
     late_release: Callable[[Algebra, Value, Value, Value, Values], Value] | None = None
-    """For a sensor's: `late_release(m, roll, rate, acceleration, parameters)`, its value at a release noticed late, when the deck
-    has that rate already."""
+    """Of a sensor: `late_release(m, roll, rate, acceleration, parameters)`, its value at a release that was detected late, at that
+    rate."""
     in_motion: Callable[[Value, Value, LinearJoint, Values], Value] | None = None
-    """For a sensor's: `in_motion(roll, rate, joint, parameters)`, its value in the midst of a decay, where no hold comes before."""
+    """Of a sensor: `in_motion(roll, rate, joint, parameters)`, its value amid a decay, without a hold before."""
     detection_delay: Callable[[float, float, Numbers], float] | None = None
-    """For a sensor's: `detection_delay(acceleration, noise, parameters)`, for how long a release does not show in its reading [s]."""
+    """Of a sensor: `detection_delay(acceleration, noise, parameters)`, the time until a release shows in its reading [s]."""
     settles: Callable[[Numbers], float] | None = None
-    """`settles(parameters)`: how fast it comes to rest while the deck is held [1/s]; None where a hold leaves it as it is."""
+    """`settles(parameters)`: the rate at which it settles while the deck is held [1/s]; None if it does not change in a hold."""
     return_map: Callable[[Algebra, Value, Value, Values], Value] | None = None
-    """For rate-independent states: `return_map(m, z, moved, parameters)`, what a tilt one way by `moved` makes of z."""
+    """For rate-independent states: `return_map(m, z, moved, parameters)`, z after a tilt by `moved` in one direction."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MujocoSupport:
-    """How an effect reaches MuJoCo, as data for the docs and the exporter."""
+    """Representation of an effect in MuJoCo, for the docs and the exporter."""
 
     means: str
-    """What is written into the MJCF."""
+    """MJCF elements or attributes."""
     since: str
-    """First MuJoCo version that runs it exactly ('' where none does, or it belongs to the log, not the model)."""
+    """First MuJoCo version that runs it exactly; '' if MuJoCo has no exact form, or the effect belongs to the log."""
     warp: bool
     """Whether MuJoCo Warp of that version runs it."""
     substitute: str = ""
-    """The nearest that MuJoCo has, where nothing in it is the effect; '' where not needed."""
+    """Nearest form if MuJoCo has no exact one, else ''."""
     leaves_out: str = ""
-    """The parameter that is not written, as nothing in MuJoCo is it; '' where all are. The effect without it has a 0 there."""
+    """Parameter without a form in MuJoCo, else ''; at 0 it has no effect."""
 
     @property
     def written(self) -> str:
-        """What is written, in words."""
+        """Its form in the MJCF, in words."""
         return f"{self.means}; the nearest is: {self.substitute}" if self.substitute else self.means
 
 
@@ -203,12 +201,11 @@ class ToMjcf(Protocol):
         """Add the effect to `joint` of `spec`, in place.
 
         The joint's `stiffness[0]`, `damping[0]` and `springref` hold the linear law already, its parent
-        body carries the roll inertia, and its axis is "1 0 0". What is written runs in
-        every MuJoCo from 3.11 on; `native=True` takes what the installed one has instead where that spares the model
-        a body or an input.
+        body has the roll inertia, and its axis is "1 0 0". The result runs in every MuJoCo from 3.11 on. `native=True`
+        uses newer features of the installed one if they spare the model a body or an input.
 
         Returns:
-            One line for each thing written, for the comments of the MJCF file.
+            One line for each element written, for the comments of the MJCF file.
 
         Raises:
             SysidError: MuJoCo cannot hold these parameters.
@@ -217,11 +214,11 @@ class ToMjcf(Protocol):
 
 
 FromMjcf = Callable[[MjsJoint], Sequence[float]]
-"""Reads its parameters from the attributes of a model's joint, the opposite of `ToMjcf`; none where it is not there."""
+"""Reads its parameters from the attributes of a model's joint, the inverse of `ToMjcf`; empty if the model lacks the effect."""
 
 
 def in_no_attribute(joint: MjsJoint) -> Sequence[float]:
-    """Return nothing: the effect is in no attribute of a joint."""
+    """Return no parameters: the effect has no attribute of a joint."""
     return ()
 
 
@@ -233,28 +230,28 @@ def unchanged(m: Algebra, reading: Reading, parameters: Values, states: Sequence
 def belongs_to_log(
     spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False
 ) -> tuple[str, ...]:
-    """Write nothing: the effect is in the measurement and must not go into the model."""
+    """Write nothing: the effect belongs to the measurement, not to the model."""
     return ()
 
 
 BOARD_RANGE = 0.2
-"""How far a board tilts [rad]: the angles in the experiments are shares of it."""
+"""Tilt range of a board [rad]; the angles in the experiments are given for it."""
 
 Family = Literal[
     "friction", "hysteresis", "drag", "hardening", "asymmetry", "stop", "freeplay", "relaxation", "rest", "drift",
     "lowpass", "clock", "inertia", "learned", "gains", "delay", "saturation", "backlash", "compliance", "cogging",
 ]  # fmt: skip
-"""What a practitioner would call it; effects of one family are variants of one another."""
+"""Everyday kinds of effects; effects of one family are variants of one another."""
 Role = Literal["torque", "learned", "support", "shift", "record", "measurement", "drive"]
-"""What an effect changes: the torque of the joint, by a formula or by a table that is learned; what the joint stands on; the
-rest angle; the numbers of the record (indistinguishable from another k and d in a free decay); the sensor; or the actuator."""
+"""Part that an effect changes: the joint's torque, by a formula or a learned table; its support; its rest angle; the numbers of the
+record (in a free decay the same as another k and d); the sensor; the actuator."""
 
 DecaySign = Literal[
     "constant loss", "growing loss", "longer period", "shorter period", "moving level", "scattered levels", "stops aside"
 ]  # fmt: skip
-"""What the peaks of a decay show: a loss per swing that does not depend on the amplitude, or more than in
-proportion to it; a period that grows or falls with the amplitude; a level that moves with time; releases that come to rest
-at several angles; a rest beside the middle of the swing."""
+"""Signs in the peaks of a decay. Constant loss: per swing, at any amplitude. Growing loss: more than in proportion to the amplitude.
+Longer or shorter period: of small swings. Moving level: with time. Scattered levels: releases rest at several angles. Stops aside: a
+rest beside the middle of the swing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -266,21 +263,21 @@ class Effect:
     """For people, e.g. 'dry friction'."""
     family: Family
     also_called: tuple[str, ...] = ()
-    """Other words for it, in lower case, e.g. 'friction'; who asks for one is told the name."""
+    """Everyday names in lower case, e.g. 'friction'; error messages translate them."""
     parameters: tuple[Parameter, ...]
     role: Role
     law: str
     """The law as a formula, for the docs."""
     formula: str = ""
-    """Its term on the left-hand side of the printed law, with `{parameter}` for values; '' where it has none."""
+    """Its term on the left-hand side of the printed law, with `{parameter}` for values; '' without one."""
     source: str
-    """Where the law comes from."""
+    """Source of the law."""
     does: str
-    """What it does to a decay, in one sentence."""
+    """Its effect on a decay, in one sentence."""
     look_alikes: tuple[str, ...]
     """Effects that make nearly the same decay."""
     experiment: str
-    """The experiment that tells it from its look-alikes; `{3°}` is the angle of a board's release (see `experiment_on`)."""
+    """Experiment that separates it from its look-alikes; `{3°}` is the angle of a board's release (see `experiment_on`)."""
     mujoco: MujocoSupport
     to_mjcf: ToMjcf
     from_mjcf: FromMjcf = in_no_attribute
@@ -288,32 +285,32 @@ class Effect:
     """Parameters that show the effect clearly on the `pink` board, for pictures and tests."""
     states: tuple[State, ...] = ()
     limiting_cases: tuple[tuple[str, Callable[[Values], Sequence[dict[str, float]]]], ...] = ()
-    """Simpler effects that this one turns into at the edge of its parameters, or nearly is, by name. The function takes all
-    parameters of a joint ('stiffness', 'effect.parameter') and returns starts: those that change and those of the simpler
-    effect; none where it is nothing like it."""
+    """Simpler effects, by name, that this one equals or nearly equals at an end of its range. The function takes all
+    parameters of a joint ('stiffness', 'effect.parameter') and returns starts: the changed ones and those of the simpler
+    effect; empty if the two differ."""
     idle: Callable[[Numbers, Scales], bool] | None = None
-    """`idle(parameters, scales)`: whether no swing of such a size shows what it is, which leaves its states to stand for another law."""
+    """`idle(parameters, scales)`: whether it is inactive in swings of such a size, so that its states may imitate another law."""
     nonsmooth: bool = False
-    """Whether its torque bends where no turning point is: a search then needs finer steps, and shorter first looks."""
+    """Whether its torque has kinks besides turning points: a search then needs finer steps and shorter first windows."""
     sharpness: float = 1.0
-    """How many times the integration steps of a smooth joint it needs, for kinks or a mode of its own: with a sensor of
-    0.04° at 1 kHz the integration should then change χ² by less than one, or by less than ten where it is nonsmooth."""
+    """Its integration steps over those of a smooth joint, for kinks or a mode of its own. With a sensor of 0.04° at 1 kHz the
+    integration then changes χ² by less than one; by less than ten if nonsmooth."""
     identifiable_from_decay: bool = True
-    """Whether a free decay can tell it from another stiffness and damping."""
+    """Whether a free decay separates it from another stiffness and damping."""
     identifiable_with: tuple[str, ...] = ()
-    """Effects of the record beside which a free decay can tell it after all."""
+    """Effects of the record that make it identifiable from a free decay."""
     same_as: tuple[str, ...] = ()
-    """Effects, and parameters of the linear joint, that no free decay can tell it from."""
+    """Effects, and parameters of the linear joint, that are the same in every free decay."""
     excludes: tuple[str, ...] = ()
     """Effects that cannot be combined with it: it contains them, or they explain the same."""
     minimum_amplitude: float = 0.0
-    """Tilt that a log must reach to tell it from the linear law [rad]."""
+    """Least tilt of a log that separates it from the linear law [rad]."""
     record_direction: tuple[float, float] | None = None
-    """In which proportion it changes ln k and ln d against the record; None where it does more than that."""
+    """Its changes of ln k and ln d against the record, as a ratio; None if it has other consequences too."""
     stepped: tuple[str, ...] = ()
-    """The parameters of a body of its own that a time step changes as it does the joint's inertia and damping."""
+    """Parameters of a body of its own; a time step changes them like the joint's inertia and damping."""
     decay_signs: tuple[tuple[DecaySign, int], ...] = ()
-    """What the peaks of a decay show of it, and its place among the effects that show the same, the likeliest first."""
+    """Its signs in the peaks of a decay, each with its rank among the effects of that sign, the likeliest first."""
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -321,7 +318,7 @@ class Effect:
         return tuple(parameter.name for parameter in self.parameters)
 
     def experiment_on(self, *, slides: bool = False, widest: float = BOARD_RANGE) -> str:
-        """Return the experiment with its releases in degrees; for a slide in mm, as large in its range [m] as those of a board."""
+        """Return the experiment with its releases in degrees; for a slide in mm, scaled to its range [m]."""
         show = display(is_rate=False, slides=slides)
 
         def said(angle: re.Match[str]) -> str:
@@ -332,7 +329,7 @@ class Effect:
 
     @property
     def is_known(self) -> bool:
-        """Whether all of it is known from elsewhere: it is never left out of a joint that has it."""
+        """Whether all its parameters are held: a joint that has it always keeps it."""
         return bool(self.parameters) and all(parameter.held for parameter in self.parameters)
 
     @property
@@ -363,16 +360,16 @@ class Effect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Smoothness:
-    """Smoothness of parameters that are a table of torques: their roughness, and what belongs to other parameters."""
+    """Smoothness of parameters that are a table of torques: their roughness, and the part of spring and damper."""
 
     names: tuple[str, ...]
     """The parameters of the tables, in order; p in all."""
     tables: tuple[str, ...]
-    """Names of the tables, which are smoothed by a weight each."""
+    """Names of the tables; each has a smoothing weight."""
     forms: tuple[Array, ...]
-    """For each, a quadratic form in all parameters that is large where it is rough, shape (p, p)."""
+    """For each, the quadratic form of its roughness in all parameters, shape (p, p)."""
     linear: Mapping[str, Array]
-    """For a parameter of the linear joint the direction, shape (p,), in which the tables would do the same."""
+    """For a parameter of the linear joint, the direction of the tables with the same torque, shape (p,)."""
 
 
 def no_torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
@@ -388,33 +385,32 @@ class TorqueEffect(Effect):
     torque: Callable[[Algebra, JointState, Values, Sequence[Value]], Value] = no_torque
     """`torque(m, motion, parameters, states)` [N*m], without dry friction."""
     friction: Callable[[Algebra, Value, Value, Values], Value] | None = None
-    """`friction(m, tilt, speed, parameters)` [N*m] ≥ 0: dry friction at x and |v|; at speed 0, what it takes to slide."""
+    """`friction(m, tilt, speed, parameters)` [N*m] ≥ 0: dry friction at x and |v|; at speed 0, the breakaway torque."""
     modifies: Callable[[LinearJoint, Values], LinearJoint] | None = None
     """`modifies(joint, parameters)`: the linear law with another number."""
     changing: Callable[[Algebra, Value, Values], tuple[Value, Value]] | None = None
-    """`changing(m, roll, parameters)`: what it adds to the inertia there [kg*m^2], and the derivative of that by roll."""
+    """`changing(m, roll, parameters)`: the inertia that it adds at a roll [kg*m^2], and its derivative by roll."""
     restarts: Callable[[Numbers], Sequence[dict[str, float]]] | None = None
-    """Where to search again from if a search ended where no descent comes back from: at an edge beyond which the law does not change, or
-    on one side of the joint. Takes and returns the effect's parameters in units of their sizes; none elsewhere."""
+    """New starts after a search that ended in a trap: beyond an edge without gradient, or on one side of the joint. Takes and returns
+    the effect's parameters in units of their sizes; empty if the search is not trapped."""
     grounded: bool = False
-    """Whether it acts between deck and ground, past what the joint stands on."""
+    """Whether it acts between deck and ground, not between deck and support."""
     adds_stiffness: str = ""
-    """The parameter that adds to the joint's stiffness at small tilts; '' where none does."""
+    """Parameter that adds to the joint's stiffness at small tilts, else ''."""
     slope: Callable[[Numbers, float], float] | None = None
-    """`slope(parameters, roll)`: the stiffness that it is for small motions about a roll [N*m/rad], where no parameter of its
-    own is that."""
+    """`slope(parameters, roll)`: its stiffness for small motions about a roll [N*m/rad]; None if `adds_stiffness` is that."""
     adds_inertia: str = ""
-    """The parameter that adds to the joint's inertia; '' where none does."""
+    """Parameter that adds to the joint's inertia, else ''."""
     acts_during_hold: bool = False
-    """Whether a hand can hold the board against it, so that a release sets off faster than the spring alone makes it."""
+    """Whether a hand can hold the board against it; a release then starts faster than with the spring alone."""
     smoothness: Callable[[], Smoothness] | None = None
-    """Of an effect that is a table which is learned: how it is kept smooth."""
+    """Of a learned table: its smoothness."""
     support: tuple[str, ...] = ()
-    """Of such a one, the parameters that say where it was measured: lowest and highest tilt, lowest and highest rate."""
+    """Of a learned table: the parameters of the measured range (lowest and highest tilt, lowest and highest rate)."""
     memory: str = ""
-    """Of such a one, the effect that it is tried with where tilt and rate alone leave something."""
+    """Of a learned table: the effect to add if tilt and rate alone leave a residual."""
     timestep: str = ""
-    """The parameter that is a simulator's time step, where the effect is that simulator; else ''."""
+    """Parameter that is the time step, if the effect is a simulator; else ''."""
 
     def stiffness_at(self, roll: float, parameters: Numbers) -> float:
         """Return its contribution to the joint's stiffness for small motions about a roll [N*m/rad]."""
@@ -423,9 +419,12 @@ class TorqueEffect(Effect):
         )
 
     def dragged_stiffness(self, tilt: float, stiffness: float, parameters: Numbers) -> float:
-        """Return how hard its internal states pull where the joint was dragged from rest, over that tilt [rad] [N*m/rad].
+        """Return the torque of its internal states after a drag from rest, over that tilt [rad], in N*m/rad.
 
-        The joint's own stiffness [N*m/rad] counts beside them.
+        Args:
+            tilt: Tilt after the drag [rad].
+            stiffness: The joint's own [N*m/rad].
+            parameters: Of this effect.
         """
         if not self.states:
             return 0.0
@@ -445,19 +444,19 @@ class TorqueEffect(Effect):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorEffect(Effect):
-    """An effect of the sensor or of the log: the board does not have it.
+    """An effect of the sensor or of the log, not of the board.
 
-    One with internal states is integrated with the joint; one without is applied to the samples after those, in the
-    catalogue's order.
+    One with internal states is integrated with the joint. The others are applied to its samples, in the catalogue's
+    order.
     """
 
     role: Role = "measurement"
     to_mjcf: ToMjcf = belongs_to_log
     mujoco: MujocoSupport = MujocoSupport(means="nothing: it belongs to the log", since="", warp=False)
     observe: Callable[[Algebra, Reading, Values, Sequence[Value]], Reading] = unchanged
-    """`observe(m, reading, parameters, states)`: what it makes of a reading."""
+    """`observe(m, reading, parameters, states)`: the reading after this effect."""
     clock_ratio: str = ""
-    """The parameter by which the log's clock counts too much time, where the effect is such a clock; else ''."""
+    """Parameter that is the ratio of the log's time to true time, if the effect is a clock; else ''."""
 
     @property
     def part_of_joint(self) -> bool:
@@ -471,21 +470,21 @@ class SupportEffect(Effect):
 
     role: Role = "support"
     acceleration: Callable[[Algebra, Value, Value, Value, Values], Value]
-    """`acceleration(m, angle, rate, torque, parameters)` of the support [rad/s^2], which the joint turns with -torque."""
+    """`acceleration(m, angle, rate, torque, parameters)` of the support [rad/s^2]; the joint acts on it with -torque."""
     series_stiffness: str
     """The parameter that is a stiffness in series with the joint's."""
 
 
 @dataclass(frozen=True, slots=True)
 class Actuation:
-    """What an actuator sees at one instant."""
+    """Inputs of an actuator at one instant."""
 
     input: Value
-    """The input of the log, late by the delay, in its own unit."""
+    """The input of the log after the delay, in its own unit."""
     torque: Value
-    """Torque that the effects before this one have made of it [N*m]."""
+    """Torque after the effects before this one [N*m]."""
     angle: Value
-    """Angle that the encoder measures [rad]."""
+    """Angle of the encoder [rad]."""
     rate: Value
     """Its rate [rad/s]."""
 
@@ -502,12 +501,12 @@ class DriveEffect(Effect):
     stage: int
     """Its place from the input to the joint: lower ones act first."""
     sources: tuple[str, ...] = ()
-    """Kinds of input that it turns into a torque; empty where it changes a torque that is there."""
+    """Kinds of input that it turns into a torque; empty if it changes a torque."""
     act: Callable[[Algebra, Actuation, Values], Value] = _same_torque
     """`act(m, actuation, parameters)`: the torque after this effect [N*m]."""
     late: str = ""
-    """The parameter by which the input is late [s]."""
+    """Parameter that is the delay of the input [s]."""
     transmit: Callable[[Algebra, Value, Value, Values], Value] | None = None
-    """`transmit(m, twist, rate, parameters)`: torque of a gear between rotor and joint [N*m]; None where they are one body."""
+    """`transmit(m, twist, rate, parameters)`: torque of a gear between rotor and joint [N*m]; None if they are one body."""
     gear: tuple[str, ...] = ()
     """Parameters that make the gear's stiffness [N*m/rad] and damping [N*m*s/rad]: they limit the step."""

@@ -1,4 +1,4 @@
-"""Tables of a model along the arc of a joint, as the first harmonics of its position."""
+"""Tables of a model along the path of a joint, as the first harmonics of its position."""
 
 import math
 
@@ -36,10 +36,10 @@ def _terms(m: Algebra, roll: Value) -> tuple[Value, ...]:
 
 
 def of_table(roll: Array, values: Array) -> tuple[dict[str, float], float]:
-    """Return the parameters of a table of values at rolls [rad], shape (n,) each, and their largest miss, in the unit of the values."""
+    """Return the parameters of a table of values at rolls [rad], shape (n,) each, and their largest error, in the unit of the values."""
     columns = np.column_stack(_terms(NUMPY, roll))
     found, missed = np.zeros(len(HARMONICS)), 0.0
-    for count in (1, 3, 5, 7):  # the fewest that hold it: on a short arc all look alike
+    for count in (1, 3, 5, 7):  # the fewest that fit: on a short path all look alike
         found[:count] = np.linalg.lstsq(columns[:, :count], values, rcond=1e-12)[0]
         missed = float(np.abs(columns @ found - values).max())
         if missed < 1e-6 * max(float(np.abs(values).max()), 1e-12):

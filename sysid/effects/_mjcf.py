@@ -1,4 +1,4 @@
-"""Parts of a MuJoCo model that several effects write: tendons, polynomials, motors without an input."""
+"""Elements of a MuJoCo model that several effects write: tendons, polynomials, motors without an input."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
@@ -10,9 +10,9 @@ from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, Scal
 from sysid.errors import SysidError
 
 UNREACHABLE_TILT = 10.0
-"""Tilt beyond any joint's [rad]: a tendon that is slack up to it never pulls on that side."""
+"""Tilt beyond the range of all joints [rad]: a tendon that is slack up to it never pulls on that side."""
 _NO_MOTOR = 1e-9
-"""Constant of a motor that only rubs [N*m/A]; MuJoCo 3.11 requires one above zero."""
+"""Constant of a motor with friction only [N*m/A]; MuJoCo 3.11 requires one above zero."""
 
 
 def spec_angle(spec: MjSpec, angle: float) -> float:
@@ -37,7 +37,7 @@ def add_tendon(spec: MjSpec, joint: MjsJoint, name: str, stiffness: float, slack
 def set_friction(holder: Any, torque: float) -> None:
     """Give a joint or a tendon dry friction [N*m], its constraint hardened.
 
-    MuJoCo's default friction constraint yields near the turning points: it dissipates 85 to 93 % of the true loss at these
+    MuJoCo's default friction constraint yields near the turning points. It dissipates 85 to 93 % of the true loss at these
     frequencies, and creeps instead of sticking. A time constant of 2 ms and an impedance of 0.9999 make both right to 0.1 %.
     """
     holder.frictionloss = torque
@@ -46,7 +46,7 @@ def set_friction(holder: Any, torque: float) -> None:
 
 
 def polynomial(effect: str, of: Literal["stiffness", "damping"], power: int, **limits: Any) -> dict[str, Any]:
-    """Return fields of an effect whose one parameter is the first to third coefficient of the joint's spring or damper."""
+    """Return fields of an effect of one parameter: the first, second or third coefficient of the joint's spring or damper."""
     unit = f"N*m/rad^{power}" if of == "stiffness" else f"N*m*s^{power}/rad^{power}"
     place = ("first", "second", "third")[power - 1]
 
@@ -73,7 +73,7 @@ def polynomial(effect: str, of: Literal["stiffness", "damping"], power: int, **l
 
 
 def refusing(reason: str) -> ToMjcf:
-    """Return a writer that refuses an effect which a bench of one body lacks, unless its parameters are all zero."""
+    """Return a writer that refuses an effect on a bench of one body, unless its parameters are all zero."""
 
     def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
         if any(parameters.values()):
@@ -107,7 +107,7 @@ def actuators_of(spec: MjSpec, joint: MjsJoint) -> list[Any]:
 
 
 def on_actuators(change: Callable[[Any, Numbers], str]) -> ToMjcf:
-    """Return what writes an effect of an actuator: `change(actuator, parameters)` changes it and says how."""
+    """Return the writer of an effect of an actuator; `change(actuator, parameters)` changes it and describes the change."""
 
     def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
         found = actuators_of(spec, joint)
@@ -119,7 +119,7 @@ def on_actuators(change: Callable[[Any, Numbers], str]) -> ToMjcf:
 
 
 def left_out(reason: str) -> ToMjcf:
-    """Return what writes nothing, and says why."""
+    """Return a writer that writes nothing but the reason."""
 
     def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
         return (reason,)

@@ -16,19 +16,19 @@ from sysid.errors import SysidError
 
 GROUP = "husky_sysid.effects"
 FILES = "HUSKY_SYSID_EFFECT_FILES"
-"""Environment variable with the files that are in use: the processes that a search starts know them too."""
+"""Environment variable with the files in use; processes of a search inherit it."""
 
 
 def files() -> tuple[Path, ...]:
-    """Return the files that are in use."""
+    """Return the files in use."""
     return tuple(Path(name) for name in os.environ.get(FILES, "").split(os.pathsep) if name)
 
 
 def use(path: Path) -> Effect:
-    """Take up an effect's file, for this process and those that it starts.
+    """Add an effect's file, for this process and those that it starts.
 
     Raises:
-        SysidError: There is no such file, or it does not make an effect; in one line.
+        SysidError: The file does not exist, or does not make an effect; in one line.
     """
     found = read(path)
     kept = [str(known) for known in files() if known != path.resolve()]
@@ -37,10 +37,10 @@ def use(path: Path) -> Effect:
 
 
 def own_effects(taken: Mapping[str, Effect]) -> dict[str, tuple[Effect, str]]:
-    """Return the effects of files in use and of installed packages by name, each with where it comes from.
+    """Return the effects of files in use and of installed packages by name, each with its origin.
 
     Raises:
-        SysidError: One of them makes no effect, or has the name of another, or of one of the catalogue's own.
+        SysidError: One of them makes no effect, or its name is taken.
     """
     found: dict[str, tuple[Effect, str]] = {}
     sources = [(str(path), lambda path=path: read(path)) for path in files()]
@@ -59,10 +59,10 @@ def own_effects(taken: Mapping[str, Effect]) -> dict[str, tuple[Effect, str]]:
 
 
 def read(path: Path) -> Effect:
-    """Return the effect that a file makes.
+    """Return the effect of a file.
 
     Raises:
-        SysidError: There is no such file, it does not run, or makes no effect; in one line.
+        SysidError: The file does not exist, does not run, or makes no effect; in one line.
     """
     if not path.is_file():
         raise SysidError(f"{path}: there is no such file. A new one: husky-sysid effects new {path.stem}")
@@ -80,7 +80,7 @@ def read(path: Path) -> Effect:
 
 
 def _in_words(error: BaseException) -> str:
-    """Return an error in one line, whatever its own words do."""
+    """Return an error in one line, even if its own message fails."""
     try:
         said = " ".join(str(error).split())[:200]
     except BaseException:  # noqa: BLE001  the class may be the file's own
@@ -89,10 +89,10 @@ def _in_words(error: BaseException) -> str:
 
 
 def checked(part: object, where: str) -> Effect:
-    """Accept an effect whose law runs.
+    """Return an effect after a test run of its law.
 
     Raises:
-        SysidError: It is no effect, its name cannot be typed, or its torque is not a number or not smooth; in one line.
+        SysidError: It is not an effect, has an invalid name, or its torque does not run; in one line.
     """
     if not isinstance(part, Effect):
         raise SysidError(
@@ -112,7 +112,7 @@ def checked(part: object, where: str) -> Effect:
 
 
 def _run(part: TorqueEffect, where: str) -> None:
-    """Let a torque run on numbers and on symbols, as simulation and fit will."""
+    """Run a torque on numbers and on symbols, as simulation and fit do."""
     import casadi
 
     values = part.named(part.example)

@@ -1,7 +1,7 @@
-"""A smooth curve through a table of torques: what an effect without a formula is made of.
+"""A smooth curve through a table of torques, for effects without a formula.
 
-The table holds the torque at `2 n` knots, n to either side of zero, where it is 0. Between knots runs Keys' cubic: it goes
-through every value, has a continuous slope and knows its neighbours only. Beyond the last knot the curve stays where it is.
+The table holds the torque at `2 n` knots, n on each side of zero. At zero it is 0. Keys' cubic interpolates between the knots. It
+passes through every value, has a continuous slope and is local. Beyond the last knot the curve is constant.
 """
 
 from collections.abc import Sequence
@@ -14,11 +14,10 @@ from sysid.least_squares import Array
 
 
 def knots(n: int, grading: float) -> Array:
-    """Return where the knots are, as shares of the reach [1], shape (2n,), ascending and without zero.
+    """Return the knots as shares of the reach [1], shape (2n,), ascending and without zero; the inverse of `position`.
 
     Args:
-        grading: Distance from zero within which half of a side's knots are, over the reach, before they thin out
-            (`position` undone): small is dense in the middle.
+        grading: Share of the reach that holds about half of the knots of a side: a small one is dense near zero.
     """
     s = np.arange(1, n + 1) / n
     x = grading * s / (1 + grading - s)
@@ -26,12 +25,12 @@ def knots(n: int, grading: float) -> Array:
 
 
 def position(m: Algebra, share: Value, grading: float) -> Value:
-    """Return where a share of the reach is on the even scale of the knots, both from -1 to 1."""
+    """Return the position of a share of the reach on the even scale of the knots, both from -1 to 1."""
     return (1 + grading) * share / (m.abs(share) + grading)
 
 
 def cardinals(m: Algebra, s: Value, n: int) -> list[Value]:
-    """Return how much each value of a table counts at a position from -1 to 1 (Keys, IEEE Trans. ASSP 29, 1981).
+    """Return the weight of each value of a table at a position from -1 to 1 (Keys, IEEE Trans. ASSP 29, 1981).
 
     Args:
         s: Position on the even scale.
@@ -40,7 +39,7 @@ def cardinals(m: Algebra, s: Value, n: int) -> list[Value]:
     u = n * s
     cell = m.maximum(-n, m.minimum(n - 1, m.floor(u)))
     t = u - cell
-    # Of the knots before the cell, at its ends, and after it. All others count for nothing: that costs no more than to say so.
+    # Weights of the knots before the cell, at its ends, and after it; all others are zero.
     near = (
         t * (t * (1 - 0.5 * t) - 0.5),
         1 + t * t * (1.5 * t - 2.5),
@@ -52,7 +51,7 @@ def cardinals(m: Algebra, s: Value, n: int) -> list[Value]:
         j: sum(weight * here[j + 1 - k] for k, weight in enumerate(near) if j + 1 - k in here)
         for j in range(-n - 1, n + 2)
     }
-    for side in (-1, 1):  # a point beyond the table goes on as a parabola would: Keys' boundary
+    for side in (-1, 1):  # a parabola extrapolates the point beyond the table: Keys' boundary
         ghost = at.pop(side * (n + 1))
         for back, weight in ((0, 3.0), (1, -3.0), (2, 1.0)):
             at[side * (n - back)] = at[side * (n - back)] + weight * ghost
@@ -60,10 +59,10 @@ def cardinals(m: Algebra, s: Value, n: int) -> list[Value]:
 
 
 def bending(n: int) -> Array:
-    """Return the quadratic form in a table's values [1] that a rough curve makes large, shape (2n, 2n).
+    """Return the quadratic form of a table's roughness in its values [1], shape (2n, 2n).
 
-    It sums the second differences along the knots, zero at the middle included. A small weight of the values, as of half a wave over
-    the whole reach, makes unmeasured parts zero.
+    It sums the squared second differences along the knots, including the zero in the middle. A small weight of the values, that of
+    half a wave over the whole reach, makes unmeasured parts zero.
     """
     second = np.diff(np.eye(2 * n + 1), 2, axis=0)
     second = np.delete(second, n, axis=1)

@@ -1,9 +1,9 @@
-"""The file of a user's own effect, ready to run."""
+"""Template of a user's own effect, ready to run."""
 
 from collections.abc import Sequence
 
 FIFTH_POWER = (("coefficient", "N*m/rad^5", "s.stiffness / s.amplitude**4", 4000.0),)
-"""Parameters of the law that a new file begins with: name, unit, size and example."""
+"""Parameters of the law of a new file: name, unit, size and example."""
 
 
 def effect_file(

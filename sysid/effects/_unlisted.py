@@ -1,4 +1,4 @@
-"""Laws that are in no catalogue: fitted in the place of others, to see whether one of them is the better one."""
+"""Laws outside the catalogue, to compare with those in it."""
 
 from collections.abc import Callable, Sequence
 
@@ -19,7 +19,7 @@ Torque = Callable[[Algebra, JointState, Values, Sequence[Value]], Value]
 def unlisted(
     name: str, torque: Torque, parameters: Sequence[Parameter], states: Sequence[State] = ()
 ) -> TorqueEffect:
-    """Return an effect that has a torque and nothing to say of itself."""
+    """Return an effect with a torque and without texts."""
     return TorqueEffect(
         name=name, title="a law outside the catalogue", family="learned", parameters=tuple(parameters), law="", source="",
         does="", look_alikes=(), experiment="", mujoco=MujocoSupport(means="", since="", warp=False), to_mjcf=belongs_to_log,
@@ -28,7 +28,7 @@ def unlisted(
 
 
 def from_zero(name: str, size: Callable[[Scales], float], rate: float) -> State:
-    """Return a state that is zero at a release, or anything where states are free, and grows steadily."""
+    """Return a state that starts at zero, or free if states are free, and grows at a constant rate."""
     return State(
         name=name, size=size, start=lambda m, tilt, hold, stiffness, parameters: 0.0 * tilt,
         rate=lambda m, motion, states, parameters: rate,

@@ -6,7 +6,7 @@ from sysid.effects._mjcf import left_out
 
 
 def transmit(m: Algebra, twist: Value, rate: Value, parameters: Values) -> Value:
-    """Return the torque of the teeth beyond the gap [N*m]: K (twist ∓ w), and D times the rate while they touch."""
+    """Return the torque of the teeth beyond the gap [N*m]: K (twist ∓ w) + D rate; 0 within it."""
     gap = parameters["half_width"]
     beyond = twist - m.maximum(-gap, m.minimum(gap, twist))
     touching = m.where(m.abs(twist) > gap, 1.0, 0.0)

@@ -37,8 +37,8 @@ EFFECT = TorqueEffect(
     does="Half swings to one side are wider and longer than to the other by the same share at every amplitude.",
     look_alikes=("asymmetric-stiffness", "one-sided-stop", "offset", "preload", "sensor-bias"),
     experiment=(
-        "Release from {3°} and {12°} to either side: half swings that differ by the same share at both angles are two "
-        "springs, by more at {12°} one spring that bends."
+        "Release from {3°} and {12°} to either side. Two springs: half swings differ by the same share at both angles. "
+        "One bent spring: they differ by more at {12°}."
     ),
     mujoco=MujocoSupport(
         means="softer spring in the joint, the rest as a tendon slack on one side", since="3.0", warp=True

@@ -1,4 +1,4 @@
-"""Hysteresis with round corners: loss that depends on the path and sets in gradually."""
+"""Hysteresis with round corners: a loss that depends on the path and starts gradually."""
 
 from collections.abc import Sequence
 
@@ -10,46 +10,46 @@ from sysid.effects.dahl import write_bristles
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
-    """Return -T z, with z between -1 and 1 the share of the yield torque that is reached [N*m]."""
+    """Return -T z [N*m]; z between -1 and 1 is the current share of the yield torque."""
     return -parameters["torque"] * states[0]
 
 
 def share_rate(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
-    """Return (v - u |v| z - (1 - u) v |z|) / a: steep after a turn, flat where the torque has yielded [1/s]."""
+    """Return (v - u |v| z - (1 - u) v |z|) / a [1/s]: steep after a turn, flat after yielding."""
     (z,), rate, u = states, motion.rate, parameters["unloading"]
     return (rate - u * m.abs(rate) * z - (1 - u) * rate * m.abs(z)) / parameters["reach"]
 
 
 def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
-    """Return the share at which a slow drag from rest to the release angle ends."""
+    """Return the share after a slow drag from rest to the release angle."""
     side = m.where(tilt > 0, 1.0, -1.0)
     return side * (1 - m.exp(-m.abs(tilt) / parameters["reach"]))
 
 
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
-    """Write the bristles that yield at the same torque and lose as much in a wide swing.
+    """Write bristles of the same yield torque and the same loss in a wide swing.
 
-    From a turning point to where it has yielded again the law loses T (s + a + W) less than dry friction: s is the way back to
-    z = 0, T W what that gives back. Bristles of the reach b lose 2 T b less.
+    From a turning point until it yields again, the law loses T (s + a + W) less than dry friction. Here s is the way back to
+    z = 0, and T W the energy that this way gives back. Bristles of the reach b lose 2 T b less.
     """
     return write_bristles(spec, joint, "bouc-wen", parameters["torque"], _reach(parameters), native=native)
 
 
 def _reach(parameters: Numbers) -> float:
-    """Return the reach of bristles that lose as much in a wide swing [rad]."""
+    """Return the reach of bristles with the same loss in a wide swing [rad]."""
     share = (np.arange(1000) + 0.5) / 1000
     back = np.mean((1 + share) / (1 + (2 * parameters["unloading"] - 1) * share))  # (s + W) / a
     return parameters["reach"] * float(1 + back) / 2
 
 
 def as_dahl(parameters: Numbers) -> list[dict[str, float]]:
-    """Return friction that gives way first, of the same torque and loss."""
+    """Return presliding friction of the same torque and loss."""
     p = EFFECT.of(parameters)
     return [{"dahl.torque": p["torque"], "dahl.reach": _reach(p)}]
 
 
 def as_hysteresis(parameters: Numbers) -> list[dict[str, float]]:
-    """Return sliders of the same torque, as stiff as the torque sets in, and half as stiff: corners are round in the one and sharp in the other."""
+    """Return sliders of the same torque, with the initial stiffness of this law and with half of it: a slider has sharp corners."""
     p = EFFECT.of(parameters)
     stiffness = p["torque"] / p["reach"]
     return [{"hysteresis.torque": p["torque"], "hysteresis.stiffness": k} for k in (stiffness, stiffness / 2)]
@@ -62,7 +62,7 @@ EFFECT = TorqueEffect(
     parameters=(
         Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=2.0, starts=(0.05, 0.2)),
         Parameter("reach", "rad", lambda s: s.amplitude, low=0.01, high=5.0, starts=(0.1, 0.5), neutral=None),
-        # Without any it unloads along the line that it was loaded by and loses nothing: a bend of the spring.
+        # At 0 it unloads along its loading line without a loss: a bent spring.
         Parameter("unloading", "", lambda s: 1.0, low=0.1, high=1.0, starts=(0.6,), neutral=None, default=0.5),
     ),
     law="τ = -T z, ż = (v - u |v| z - (1 - u) v |z|) / a",

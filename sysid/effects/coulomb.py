@@ -8,7 +8,7 @@ from sysid.effects._mjcf import set_friction
 
 
 def friction(m: Algebra, tilt: Value, speed: Value, parameters: Values) -> Value:
-    """Return F, whatever tilt and speed [N*m]."""
+    """Return F [N*m] for all tilts and speeds."""
     return parameters["torque"] + 0 * speed
 
 
@@ -22,7 +22,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
 
 
 def from_mjcf(joint: MjsJoint) -> Sequence[float]:
-    """Return what the joint's attribute says."""
+    """Return the joint's frictionloss."""
     return (float(joint.frictionloss),) if joint.frictionloss else ()
 
 

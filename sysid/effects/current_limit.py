@@ -1,4 +1,4 @@
-"""A motor that gives no more than its driver's current."""
+"""A motor limited by the current of its driver."""
 
 from typing import Any
 

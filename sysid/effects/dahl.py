@@ -1,7 +1,7 @@
-"""Dry friction that gives way before it slides.
+"""Dry friction with presliding.
 
-Of the friction models with a bristle this is the one that a free decay can identify: torque and reach. LuGre's
-other three numbers show where the rate stays small, and a swing passes zero rate within a few samples.
+A free decay can identify the two parameters of this bristle model, torque and reach. The other three of LuGre show only at
+small rates, which a swing passes within a few samples.
 """
 
 from collections.abc import Sequence
@@ -12,22 +12,22 @@ from sysid.effects._mjcf import add_passive_motor
 from sysid.effects.stribeck import bristle_stiffness
 
 _SPEED = 1.0
-"""Stribeck speed of MuJoCo's element [rad/s]: without effect where standing and sliding friction are the same."""
+"""Stribeck speed of MuJoCo's element [rad/s]: without effect, as static and sliding friction are equal."""
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
-    """Return -F z, with z between -1 and 1 the share of the sliding torque that is reached [N*m]."""
+    """Return -F z [N*m]; z between -1 and 1 is the current share of the sliding torque."""
     return -parameters["torque"] * states[0]
 
 
 def dragged(m: Algebra, share: Value, moved: Value, parameters: Values) -> Value:
-    """Return the share after a move: it nears ±1 by e in each reach, however fast; dz/dx = (1 ∓ z) / a."""
+    """Return the share after a move, at any speed: dz/dx = (1 ∓ z) / a, e closer to ±1 in each reach."""
     side = m.where(moved > 0, 1.0, -1.0)
     return side + (share - side) * m.exp(-m.abs(moved) / parameters["reach"])
 
 
 def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
-    """Return the share at which a slow drag from rest to the release angle ends."""
+    """Return the share after a slow drag from rest to the release angle."""
     return dragged(m, 0.0, tilt, parameters)
 
 
@@ -39,18 +39,18 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
 def write_bristles(
     spec: MjSpec, joint: MjsJoint, name: str, torque: float, reach: float, *, native: bool
 ) -> tuple[str, ...]:
-    """Write a LuGre element of one torque [N*m] at all speeds that is reached by e in each reach [rad]."""
+    """Write a LuGre element of one torque [N*m] at all speeds, with a reach [rad] of its bristles."""
     if torque <= 0:
         return ()
     wanted = torque / reach
     stiffness = min(wanted, bristle_stiffness(spec, joint))
     add_passive_motor(spec, joint, name, native=native, lugre=[stiffness, 0.0, torque, torque, _SPEED])
-    softer = f", softer than its {wanted:.6g}: the step bears no more" if stiffness < wanted else ""
+    softer = f", softer than its {wanted:.6g}, the limit at this time step" if stiffness < wanted else ""
     return (f"{name}: LuGre element {torque:.6g} N*m on bristles of {stiffness:.6g} N*m/rad{softer}",)
 
 
 def as_coulomb(parameters: Values) -> list[dict[str, float]]:
-    """Return dry friction of the same torque: what does not give way first."""
+    """Return dry friction of the same torque, without presliding."""
     return [{"coulomb.torque": parameters["dahl.torque"]}]
 
 

@@ -1,4 +1,4 @@
-"""A command that acts late."""
+"""A delay of the command."""
 
 from typing import Any
 

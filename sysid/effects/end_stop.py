@@ -1,4 +1,4 @@
-"""A bumper that the deck meets at a certain tilt."""
+"""A bumper at a certain tilt."""
 
 from collections.abc import Sequence
 
@@ -7,14 +7,14 @@ from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Par
 from sysid.effects._mjcf import add_tendon, rest_of
 
 RAMP = 0.1
-"""Width of the range in which the damper sets in, over the stop's angle [1]: two integration steps of 1/128 period. A lossy stop,
-40 times as stiff as the spring, is then fitted to 1 %."""
+"""Width of the damper's ramp, over the stop's angle [1]: two integration steps of 1/128 period. A lossy stop, 40 times as stiff as
+the spring, is then fitted to 1 %."""
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -(k_s (|x| - a) sgn x + d_s v) beyond ±a, else 0 [N*m].
 
-    The damper sets in over `RAMP` about ±a, with the same impulse as a jump: integrators and derivatives cannot follow a jump.
+    The damper rises over `RAMP` about ±a, with the same impulse as a jump, which integrators and derivatives cannot follow.
     """
     angle = parameters["angle"]
     beyond = motion.tilt - m.maximum(-angle, m.minimum(angle, motion.tilt))
@@ -36,7 +36,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
 
 
 def as_freeplay(parameters: Values) -> list[dict[str, float]]:
-    """Return the freeplay that stops on both sides of a weak spring are; nothing where the spring is no weaker."""
+    """Return the freeplay equal to stops on both sides of a weak spring; empty if the spring is not weaker."""
     if parameters["end-stop.stiffness"] <= 2 * max(parameters["stiffness"], 0.0):
         return []
     freeplay = {
@@ -47,7 +47,7 @@ def as_freeplay(parameters: Values) -> list[dict[str, float]]:
 
 
 MIN_STIFFNESS_RATIO, SOFT_STIFFNESS_RATIO = 0.01, 0.1
-"""Stiffness of a stop over the joint's own: less does not matter; and up to which it is a bend of the spring, if it does not leave the noise alone."""
+"""Stiffness of a stop over the joint's own: least one, and largest one that may imitate a bent spring."""
 
 EFFECT = TorqueEffect(
     name="end-stop",

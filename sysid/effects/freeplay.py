@@ -1,4 +1,4 @@
-"""A joint that is loose about its middle."""
+"""Play of a joint about its rest."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from sysid.effects._mjcf import add_tendon, rest_of
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
-    """Return +k x within the gap and ±k w beyond it: what the linear spring has too much [N*m]."""
+    """Return +k x within the gap and ±k w beyond it [N*m], which cancels the linear spring there."""
     gap = parameters["half_width"]
     return motion.stiffness * m.maximum(-gap, m.minimum(gap, motion.tilt))
 

@@ -1,4 +1,4 @@
-"""The weight of a deck whose centre of mass is not on the tilt axis."""
+"""Weight of a deck with its centre of mass off the tilt axis."""
 
 from collections.abc import Sequence
 from math import isnan
@@ -17,7 +17,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     """Lower the centre of mass of the joint's body, keeping its inertia about the axis.
 
     Raises:
-        SysidError: The shift alone would make a larger inertia about the axis than the body has.
+        SysidError: The shift alone makes a larger inertia about the axis than that of the body.
     """
     body = joint.parent
     gravity = float(-spec.option.gravity[2])

@@ -1,4 +1,4 @@
-"""A body that hangs on the deck, or stands on it on a spring: it swings with the deck, late."""
+"""A body that hangs from the deck, or stands on it on a spring, and swings after it."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ def coupling(motion: JointState, states: Sequence[Value], parameters: Values) ->
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
-    """Return what holds the body back, on the deck [N*m]."""
+    """Return the reaction of the body on the deck [N*m]."""
     return -parameters["inertia"] * coupling(motion, states, parameters)
 
 
@@ -34,12 +34,12 @@ def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Val
 
 
 def still(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
-    """Return the body's rate at release: none [rad/s]."""
+    """Return the body's rate at release: 0 [rad/s]."""
     return 0 * tilt
 
 
 def settles(parameters: Numbers) -> float:
-    """Return ζ ω: on a deck that is held the body swings until its own damper has stopped it [1/s]."""
+    """Return ζ ω [1/s]: while the deck is held, the body's own damper stops it."""
     return parameters["damping_ratio"] * parameters["frequency"]
 
 
@@ -50,7 +50,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     inertia, frequency = parameters["inertia"], parameters["frequency"]
     body = joint.parent.add_body(name=f"{joint.name}_hanging_body", pos=list(joint.pos))
     body.explicitinertial = True
-    body.ipos = [0.0, 0.0, 0.0]  # left out, MjSpec takes the position of the body
+    body.ipos = [0.0, 0.0, 0.0]  # the default of MjSpec is the position of the body
     body.mass = 1e-3
     body.inertia = [inertia, inertia, inertia]
     hinge = body.add_joint(name=f"{joint.name}_hanging_joint", axis=list(joint.axis))

@@ -37,7 +37,7 @@ _SHARE, _DAMPING_RATIO = 3e-4, 0.7
 
 
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
-    """Write a small body on the spring, which the joint drags along by dry friction, or a tendon that yields (MuJoCo 4.0)."""
+    """Write a small body on the spring, dragged along by dry friction, or a tendon that yields (MuJoCo 4.0)."""
     import mujoco
 
     stiffness, limit, rest = parameters["stiffness"], parameters["torque"], rest_of(spec, joint)
@@ -47,11 +47,11 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
         tendon = add_tendon(spec, joint, "hysteresis", stiffness, (rest, rest))
         tendon.springyield = limit / stiffness
         return (f"hysteresis: tendon of {stiffness:.6g} N*m/rad that yields at {limit:.6g} N*m",)
-    # As light as friction can hold and the step bears on such a spring; damped, it is at rest soon after it slips.
+    # The lightest body that the friction constraint and the time step allow; damped, it is at rest soon after it slips.
     inertia = max(_SHARE * float(joint.parent.inertia[0]), stiffness * float(spec.option.timestep) ** 2)
     slider = joint.parent.parent.add_body(name=f"{joint.name}_slider", pos=list(joint.parent.pos))
     slider.explicitinertial, slider.mass, slider.inertia = True, 1e-3, [inertia] * 3
-    slider.ipos = [0.0, 0.0, 0.0]  # left out, MjSpec takes the position of the body
+    slider.ipos = [0.0, 0.0, 0.0]  # the default of MjSpec is the position of the body
     hinge = slider.add_joint(name=f"{joint.name}_slider_joint", axis=list(joint.axis))
     hinge.type = mujoco.mjtJoint.mjJNT_HINGE
     hinge.stiffness[0], hinge.damping[0] = stiffness, 2 * _DAMPING_RATIO * (stiffness * inertia) ** 0.5
@@ -63,12 +63,12 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
 
 
 def as_coulomb(parameters: Values) -> list[dict[str, float]]:
-    """Return dry friction of the torque at which the slider slips: behind a hard spring it slips at once."""
+    """Return dry friction of the slipping torque: on a hard spring the slider slips at once."""
     return [{"coulomb.torque": parameters["hysteresis.torque"]}]
 
 
 def never_slips(parameters: Numbers, scales: Scales) -> bool:
-    """Return whether the slider is dragged nowhere: it is a spring then, and where it hangs at a release only moves the rest."""
+    """Whether the slider never slips: it is a spring then, and its position at a release only moves the rest angle."""
     return parameters["torque"] >= parameters["stiffness"] * scales.amplitude
 
 

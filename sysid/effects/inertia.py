@@ -1,4 +1,4 @@
-"""A roll inertia that differs from the record."""
+"""A roll inertia other than that of the record."""
 
 from dataclasses import replace
 

@@ -1,9 +1,8 @@
 """A learned torque over tilt and rate, as tables that the fit fills.
 
-    τ = f(x) + g(v) + h(x, v),   f(0) = g(0) = h(0, v) = h(x, 0) = 0
-
-Each is a smooth curve (a surface) through a table of torques. Parts that are linear in x or v belong to the joint's spring and
-damper. Beyond the support, the measured range of tilt and rate, the torque is that of its edge.
+The torque is `τ = f(x) + g(v) + h(x, v)`, with f(0) = g(0) = h(0, v) = h(x, 0) = 0. Each part is a smooth curve or surface through a
+table of torques. Parts that are linear in x or v belong to the joint's spring and damper. The support is the measured range of tilt
+and rate; beyond it the torque is that of its edge.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -31,11 +30,11 @@ from sysid.errors import SysidError
 from sysid.roll import Array
 
 TILT_KNOTS, TILT_GRADING = 20, 1.0
-"""Number and grading [1] to either side: they hold a magnet a fifth as wide as the swing, or four waves of cogging, to 1 %."""
+"""Knots of a side, and grading [1]: enough for a magnet a fifth as wide as the swing, or four waves of cogging, to 1 %."""
 RATE_KNOTS, RATE_GRADING = 8, 0.5
-"""Number and grading [1]: knots are dense near the turning points, where friction bends."""
+"""Knots of a side, and grading [1]: dense near the turning points, for friction."""
 BOTH_KNOTS = 3
-"""Of tilt and rate together: every product of powers up to the second."""
+"""Knots of a side for tilt and rate together: enough for every product of powers up to the second."""
 _WIDE = 0.6
 """Range of a law's table for a joint without a range [rad]."""
 SUPPORT = ("tilt_low", "tilt_high", "rate_low", "rate_high")
@@ -61,7 +60,7 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
 
 
 def _shares(m: Algebra, tilt: Value, rate: Value, parameters: Values) -> tuple[Value, Value]:
-    """Return tilt and rate, no farther than the support goes, over its larger side."""
+    """Return tilt and rate, clipped to the support, over its larger side."""
 
     def share(value: Value, name: str) -> Value:
         low, high = parameters[f"{name}_low"], parameters[f"{name}_high"]
@@ -72,7 +71,7 @@ def _shares(m: Algebra, tilt: Value, rate: Value, parameters: Values) -> tuple[V
 
 @cache
 def smoothness() -> Smoothness:
-    """Return what keeps the three tables smooth, each by a weight of its own, and what belongs to spring and damper."""
+    """Return the roughness of the three tables, each with its own weight, and their part of spring and damper."""
     sizes = (len(TILT), len(RATE), len(BOTH))
     ends = np.cumsum((0, *sizes))
     places = [slice(int(a), int(b)) for a, b in pairwise(ends)]
@@ -91,11 +90,11 @@ def smoothness() -> Smoothness:
 
 
 NUMERIC = "_learned_torque"
-"""Of a model's custom numbers, after the joint's name: rest angle, the damper's polynomial that stands for g, support and tables."""
+"""Custom numbers of a model, after the joint's name: rest angle, the damper's polynomial in place of g, support and tables."""
 
 
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
-    """Write f as slack tendons, the nearest that a damper's polynomial comes to g, and the tables for `Remainder`."""
+    """Write f as slack tendons, g as the nearest polynomial damper, and the tables for `Remainder`."""
     rest = rest_of(spec, joint)
     at, torques = _bends(parameters)
     slopes = np.concatenate([[0.0], np.diff(torques) / np.diff(at), [0.0]])
@@ -103,7 +102,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     earlier = sum(NUMERIC in other.name for other in spec.numerics)
     count = 0
     for index, bend in enumerate(np.diff(slopes)):
-        # What is steeper from a knot on, away from rest, is a spring that is slack up to there.
+        # A change of slope at a knot is a tendon that is slack up to the knot.
         sides = [bend] if index != here else [slopes[index + 1], -slopes[index]]
         for side, change in zip(
             (1, -1) if index == here else (1 if index > here else -1,), sides, strict=True
@@ -127,25 +126,25 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
 
 
 GRID = (257, 1025)
-"""Points over the tilt and over the rate at which what a written model lacks is tabulated."""
+"""Points of the remainder's table over tilt and rate."""
 
 
 @dataclass(frozen=True, slots=True)
 class Remainder:
-    """The torque that a written model lacks: a grid over position and rate, straight between its points, and a polynomial."""
+    """Difference of the law and the written model: a linearly interpolated grid over position and rate, and a polynomial."""
 
     low: tuple[float, float]
-    """Position of the joint [rad] and rate [rad/s] where the grid begins,"""
+    """Lowest position of the joint [rad] and rate [rad/s] of the grid."""
     high: tuple[float, float]
-    """and where it ends; beyond, it stays as it is there."""
+    """Highest ones; the torque is constant beyond the grid."""
     torque: Array
     """[N*m], shape `GRID`."""
     damper: Array
-    """Coefficients of v, v|v| and v³ that the model damps with in the place of g [N*m and rad/s], shape (3,)."""
+    """The model's coefficients of v, v|v| and v³ in place of g [N*m and rad/s], shape (3,)."""
 
     @classmethod
     def of(cls, numbers: Array) -> "Remainder":
-        """Return that of a model's custom numbers [rad, N*m and rad/s, the parameters' units], shape (n,)."""
+        """Return the remainder of a model's custom numbers [rad, N*m and rad/s, the parameters' units], shape (n,)."""
         rest, parameters = float(numbers[0]), EFFECT.named([float(n) for n in numbers[4:]])
         ends = [(parameters[f"{n}_low"], parameters[f"{n}_high"]) for n in ("tilt", "rate")]
         tilt, rate = (np.linspace(*end, n) for end, n in zip(ends, GRID, strict=True))
@@ -169,7 +168,7 @@ class Remainder:
 
 
 def tabulated(law: Callable[[Value, Value], Value], support: Mapping[str, float]) -> Array:
-    """Return the values of the tables [N*m] for a torque that has a law, shape (p,), in the parameters' order.
+    """Return the values of the tables [N*m] for a law, shape (p,), in the parameters' order.
 
     Args:
         law: Torque [N*m] of tilt [rad] and rate [rad/s]; zero at rest.
@@ -184,7 +183,7 @@ def tabulated(law: Callable[[Value, Value], Value], support: Mapping[str, float]
 
 
 def as_table(law: Callable[[Algebra, JointState, Values, Sequence[Value]], Value]) -> ToMjcf:
-    """Return what writes a torque without memory, zero at rest, into MuJoCo: as the tables of a learned one."""
+    """Return a writer for a torque without memory, zero at rest: it becomes the tables of a learned torque."""
 
     def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
         """Write the law as tables over the joint's range."""
@@ -212,7 +211,7 @@ def as_table(law: Callable[[Algebra, JointState, Values, Sequence[Value]], Value
 
 
 def _bends(parameters: Numbers) -> tuple[Array, Array]:
-    """Return the tilts [rad] and torques [N*m] between which the table over the tilt is written straight, shape (n,) each."""
+    """Return the knots of the piecewise linear table over the tilt: tilts [rad] and torques [N*m], shape (n,) each."""
     low, high = parameters["tilt_low"], parameters["tilt_high"]
     at = knots(2 * TILT_KNOTS, TILT_GRADING) * max(-low, high)
     at = np.unique(np.concatenate([[low, 0.0, high], at[(at > low) & (at < high)]]))
@@ -225,7 +224,7 @@ def _polynomial(rate: Value) -> Array:
 
 
 def _damper(parameters: Numbers, damping: float) -> Array:
-    """Return the coefficients of v, v|v| and v³ of the damper nearest to g that never drives the joint, shape (3,)."""
+    """Return the coefficients of v, v|v| and v³ of the passive damper nearest to g, shape (3,)."""
     from scipy.optimize import lsq_linear
 
     rate = np.linspace(parameters["rate_low"], parameters["rate_high"], 201)
@@ -244,7 +243,7 @@ AS_TABLE = MujocoSupport(
     since="3.7",
     warp=True,
 )
-"""How a table reaches MuJoCo."""
+"""Form of a table in MuJoCo."""
 
 
 def _edge(name: str) -> Parameter:

@@ -1,10 +1,7 @@
 """A learned torque of one internal state: a memory of the path, without a formula.
 
-An arm is stretched by the motion and relaxes with time and with the path:
-
-    τ = q(z),   ż = (v - |v| z) / a - z / T,   q(0) = 0
-
-Here q is a smooth table. Creeping rubber relaxes with time alone (a → ∞), a slider with rounded corners with the path alone (T → ∞).
+The motion stretches an arm, which relaxes with time and with the path: `τ = q(z)`, `ż = (v - |v| z) / a - z / T`. Here q is a smooth
+table with q(0) = 0. Creeping rubber relaxes with time alone (a → ∞), a slider with round corners with the path alone (T → ∞).
 """
 
 from collections.abc import Sequence
@@ -40,19 +37,19 @@ def stretching(m: Algebra, motion: JointState, states: Sequence[Value], paramete
 
 
 def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
-    """Return the stretch that is left of a slow drag from rest to the release angle and the hold after it."""
+    """Return the stretch after a slow drag from rest to the release angle and a hold."""
     dragged = m.where(tilt > 0, 1.0, -1.0) * (1 - m.exp(-m.abs(tilt) / parameters["reach"]))
     return dragged * m.exp(-parameters["fading"] * hold)
 
 
 @cache
 def smoothness() -> Smoothness:
-    """Return what keeps the table smooth; nothing of it is the spring's or the damper's."""
+    """Return the roughness of the table; it has no part of spring or damper."""
     return Smoothness(names=STRETCH, tables=("stretch",), forms=(bending(KNOTS),), linear={})
 
 
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
-    """Write nothing: MuJoCo has no such arm."""
+    """Write only a comment: MuJoCo has no such arm."""
     return ("learned-memory: left out, MuJoCo has no joint that remembers",)
 
 

@@ -1,4 +1,4 @@
-"""An inertia that changes along the arc, as in a loop of joints: known from a model."""
+"""An inertia that changes along the path, as in a closed loop of joints: known from a model."""
 
 from sysid.effects._algebra import Algebra, Value, Values
 from sysid.effects._base import MujocoSupport, TorqueEffect

@@ -1,4 +1,4 @@
-"""Springs of a model that act on the joint through tendons and carried joints: known, so that they are not fitted."""
+"""Springs of a model that act on the joint through tendons and carried joints: known, hence not fitted."""
 
 from collections.abc import Sequence
 
@@ -14,12 +14,12 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
 
 
 def slope(parameters: Numbers, roll: float) -> float:
-    """Return its stiffness at a roll [N*m/rad]; none while it is slack."""
+    """Return its stiffness at a roll [N*m/rad]; 0 while it is slack."""
     return 0.0 if parameters["low"] < roll < parameters["high"] else parameters["stiffness"]
 
 
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
-    """Put a spring tendon on a bench's joint; a model of the robot has its own."""
+    """Add a spring tendon to a bench's joint; a model of the robot has its own."""
     stiffness, low, high = parameters["stiffness"], parameters["low"], parameters["high"]
     add_tendon(spec, joint, "linked_spring", stiffness, [low, high])
     return (f"linked-spring: tendon of {stiffness:.6g} N*m/rad, slack from {low:.4g} to {high:.4g} rad",)

@@ -1,7 +1,7 @@
-"""Dry friction whose bearing is pressed by the spring: it grows with the tilt.
+"""Dry friction that grows with the tilt, as the spring loads the bearing.
 
-Bushings, leaf springs, belts and gears rub in proportion to their load. Friction in proportion to the tilt takes the same share of
-each swing, as a damper does. It differs by its jumps at the turning points.
+Friction of bushings, leaf springs, belts and gears is proportional to their load. Friction proportional to the tilt takes the same
+share of each swing, like a damper. It differs by its jumps at the turning points.
 """
 
 import math
@@ -13,17 +13,17 @@ from sysid.errors import SysidError
 
 
 def friction(m: Algebra, tilt: Value, speed: Value, parameters: Values) -> Value:
-    """Return F + b |x|, whatever the speed [N*m]."""
+    """Return F + b |x| [N*m] for all speeds."""
     return parameters["torque"] + parameters["growth"] * m.abs(tilt)
 
 
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
-    """Write frictionloss, and for what grows a damper that takes as much of a swing.
+    """Write frictionloss, and for the growing part a damper of the same loss.
 
-    A cycle of the amplitude a loses 2 b a² to what grows, and π d ω a² to a damper.
+    A cycle of the amplitude a loses 2 b a² to the growing part, and π d ω a² to a damper.
 
     Raises:
-        SysidError: The joint has no spring, and so no frequency that is known here.
+        SysidError: The joint has no spring, so its frequency is unknown.
     """
     if joint.stiffness[0] <= 0:
         raise SysidError(
@@ -36,12 +36,12 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     set_friction(joint, parameters["torque"])
     joint.damping[0] += damping
     return (
-        f"load-friction: frictionloss {parameters['torque']:.6g} N*m, and a damper of {damping:.6g} N*m*s/rad for what grows with the tilt",
+        f"load-friction: frictionloss {parameters['torque']:.6g} N*m, and a damper of {damping:.6g} N*m*s/rad for the part that grows with tilt",
     )
 
 
 def as_coulomb(parameters: Values) -> list[dict[str, float]]:
-    """Return dry friction that does not grow: what it is without a load."""
+    """Return constant dry friction: that without a load."""
     return [{"coulomb.torque": parameters["load-friction.torque"]}]
 
 
@@ -63,7 +63,7 @@ EFFECT = TorqueEffect(
     experiment="Pull the joint slowly to {3°} and to {12°} and back: the force there and back differs by more at {12°}.",
     mujoco=MujocoSupport(
         means="nothing that grows with the tilt", since="", warp=True,
-        substitute="frictionloss, and a damper that takes as much of a swing as what grows",
+        substitute="frictionloss, and a damper with the loss of the growing part",
     ),
     to_mjcf=to_mjcf,
     example=(0.05, 1.5),

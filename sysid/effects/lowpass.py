@@ -18,15 +18,15 @@ def observe(m: Algebra, reading: Reading, parameters: Values, states: Sequence[V
 
 
 def settled(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
-    """Return the reading while the deck was held: the angle itself [rad]."""
+    """Return the reading after a hold: the angle itself [rad]."""
     return tilt
 
 
 def late_release(m: Algebra, roll: Value, rate: Value, acceleration: Value, parameters: Values) -> Value:
-    """Return the reading of a settled filter after a release, at the rate that the deck has reached [rad].
+    """Return the reading of a settled filter after a release, at the current rate of the deck [rad].
 
     A filter hides the first milliseconds, so the release is detected late, by δ = v/α. With a constant acceleration α the
-    reading is φ - α T² (u - 1 + e^-u), u = δ/T.
+    reading is `φ - α T² (u - 1 + e^-u)`, u = δ/T.
     """
     time_constant = m.maximum(parameters["time_constant"], 1e-6)
     u = m.maximum(rate * acceleration / (time_constant * (acceleration**2 + 1e-9)), -1.0)
@@ -34,9 +34,9 @@ def late_release(m: Algebra, roll: Value, rate: Value, acceleration: Value, para
 
 
 def in_motion(roll: Value, rate: Value, joint: LinearJoint, parameters: Values) -> Value:
-    """Return the reading of a filter that has followed the linear decay I φ̈ = -k x - d φ̇ for long [rad].
+    """Return the reading of a filter well after the start of the linear decay `I φ̈ = -k x - d φ̇` [rad].
 
-    It is φ - T (I φ̇ + T k x) / (I - T d + T² k), the solution of T ṁ = φ - m that decays with φ.
+    It is `φ - T (I φ̇ + T k x) / (I - T d + T² k)`, the solution of `T ṁ = φ - m` that decays with φ.
     """
     time_constant = parameters["time_constant"]
     square = time_constant * joint.stiffness
@@ -45,7 +45,7 @@ def in_motion(roll: Value, rate: Value, joint: LinearJoint, parameters: Values) 
 
 
 def detection_delay(acceleration: float, noise: float, parameters: Numbers) -> float:
-    """Return when the reading has moved by its noise: after α t³/6T, to first order [s]."""
+    """Return the time after which the reading has moved by its noise [s]; it moves as α t³/6T, to first order."""
     return float((6 * max(parameters["time_constant"], 0.0) * noise / max(acceleration, 1e-9)) ** (1 / 3))
 
 

@@ -1,4 +1,4 @@
-"""A rest angle that is not where the record says."""
+"""A rest angle other than that of the record."""
 
 from dataclasses import replace
 

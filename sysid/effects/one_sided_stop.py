@@ -1,4 +1,4 @@
-"""A bumper that the deck meets on one side only."""
+"""A bumper on one side."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,13 +9,13 @@ from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Par
 from sysid.effects._mjcf import UNREACHABLE_TILT, add_tendon, rest_of
 
 NEAREST = 1e-6
-"""Angle of a stop at rest, instead of zero: the range in which the damper sets in is a share of it [rad]."""
+"""Least angle of a stop [rad]: the ramp of the damper is a share of it."""
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
-    """Return -k_s (x - a) - d_s v where x is beyond a, on the side of a, else 0 [N*m].
+    """Return -k_s (x - a) - d_s v beyond a, else 0 [N*m].
 
-    It is that of the stop on both sides, for a deck that does not go to the other one.
+    It is the torque of the two-sided stop for a deck that stays on the side of a.
     """
     angle = parameters["angle"]
     side = m.where(angle > 0, 1.0, -1.0)
@@ -35,7 +35,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
 
 
 def other_side(parameters: Numbers) -> list[dict[str, float]]:
-    """Return the stop as it would be on the other side: no descent takes it there, past where it is never left."""
+    """Return the stop on the other side, which no descent reaches: at a = 0 the deck never leaves it."""
     return [{**parameters, "angle": -parameters["angle"]}]
 
 

@@ -1,4 +1,4 @@
-"""The weight of a known mass that was fixed to a joint, beside that of the model, whose own masses may be wrong."""
+"""Weight of a known mass fixed to a joint, besides the model's own masses, which may be wrong."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
 
 
 def slope(parameters: Numbers, roll: float) -> float:
-    """Return the stiffness that it is for small motions about a roll [N*m/rad]."""
+    """Return its stiffness for small motions about a roll [N*m/rad]."""
     return -float(slope_of(NUMPY, roll, parameters))
 
 
@@ -28,7 +28,7 @@ EFFECT = TorqueEffect(
     source="mj_inverse along the arc of the joint, with the mass and without",
     does="Adds a torque and an inertia that are known, which gives those of the joint a scale.",
     look_alikes=("gravity", "weight"),
-    experiment="Take it off: what changes is known in kg and m.",
+    experiment="Take it off: the change is known in kg and m.",
     mujoco=MujocoSupport(means="nothing: it was there for the measurement", since="", warp=False),
     to_mjcf=refusing(
         "a payload belongs to a measurement, not to a bench. Release the joint in its own model (--model, --joint, --payload)."

@@ -7,7 +7,7 @@ from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Par
 from sysid.effects._mjcf import add_tendon
 
 SOFT = 1e-6
-"""Stiffness of the tendon that pulls [N*m/rad]: the torque changes by this much per radian."""
+"""Stiffness of the tendon [N*m/rad]: its torque changes by this much per radian."""
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
@@ -16,10 +16,10 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
 
 
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
-    """Pull with a very long, very soft tendon: a constant torque that adds no actuator."""
+    """Pull with a very long, very soft tendon: a constant torque without an actuator."""
     length = parameters["torque"] / SOFT
     add_tendon(spec, joint, "preload", SOFT, (length, length))
-    return (f"preload: a tendon that pulls with {parameters['torque']:.6g} N*m whatever the tilt",)
+    return (f"preload: a tendon that pulls with {parameters['torque']:.6g} N*m at every tilt",)
 
 
 EFFECT = TorqueEffect(

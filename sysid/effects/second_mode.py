@@ -6,12 +6,12 @@ from sysid.effects._mjcf import rest_of
 
 
 def support_at_release(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
-    """Return the roll of the support when the deck is held still: both springs carry the same [rad]."""
+    """Return the roll of the support while the deck is held still [rad]: both springs have the same torque."""
     return tilt * stiffness / (stiffness + parameters["stiffness"])
 
 
 def still(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
-    """Return the support's rate at release: none [rad/s]."""
+    """Return the support's rate at release: 0 [rad/s]."""
     return 0 * tilt
 
 
@@ -22,7 +22,7 @@ def acceleration(m: Algebra, angle: Value, rate: Value, torque: Value, parameter
 
 
 def settles(parameters: Numbers) -> float:
-    """Return how fast the support comes to rest under a deck that is held: it swings out, or creeps back [1/s]."""
+    """Return the rate at which the support settles while the deck is held [1/s]: it swings out, or creeps back."""
     damping = max(parameters["damping"], 1e-12)
     return min(0.5 * damping / parameters["inertia"], parameters["stiffness"] / damping)
 
@@ -37,7 +37,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     ground = joint.parent.parent
     body = ground.add_body(name=f"{joint.name}_support", pos=list(joint.parent.pos))
     body.explicitinertial = True
-    body.ipos = [0.0, 0.0, 0.0]  # left out, MjSpec takes the position of the body
+    body.ipos = [0.0, 0.0, 0.0]  # the default of MjSpec is the position of the body
     body.mass = 1e-3
     inertia = parameters["inertia"]
     body.inertia = [inertia, inertia, inertia]

@@ -1,4 +1,4 @@
-"""A sensor that reads a constant too much."""
+"""A sensor with a constant bias."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -40,9 +40,9 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
 
 
 def bristle_stiffness(spec: MjSpec, joint: MjsJoint) -> float:
-    """Return the stiffness of bristles as hard as the step can follow [N*m/rad].
+    """Return the largest stiffness of bristles at this time step [N*m/rad].
 
-    Bristles are a spring on the joint's inertia: harder ones than these make long steps swing or run away.
+    Bristles are a spring on the joint's inertia: with harder ones a long step oscillates or diverges.
     """
     import mujoco
 
@@ -52,26 +52,26 @@ def bristle_stiffness(spec: MjSpec, joint: MjsJoint) -> float:
 
 
 def as_coulomb(parameters: Values) -> list[dict[str, float]]:
-    """Return dry friction that is the same at any speed: as large as this one while sliding, or half way to stiction."""
+    """Return dry friction that is the same at all speeds: the sliding one, or half way to the static one."""
     sliding, static = parameters["stribeck.torque"], parameters["stribeck.static_torque"]
     return [{"coulomb.torque": sliding}, {"coulomb.torque": 0.5 * (sliding + max(sliding, static))}]
 
 
 _PARTS = ((0.7, 1.3), (0.3, 1.3))
 _SPEEDS = (0.05, 0.2, 0.5)
-"""Sliding and static friction as a share of the common one, and the Stribeck speed as one of its size."""
+"""Restarts: sliding and static friction over the common one, and the Stribeck speed over its size."""
 _LEAST = 0.1
-"""Sliding friction as a share of the static one below which it counts as vanished: a choice."""
+"""Smallest sliding friction over the static one; below, it has vanished: a choice."""
 _SLIDING = ((0.35, 1.0), (0.65, 1.0))
 _SLOWER = (0.7, 0.35)
-"""As the two above, but the Stribeck speed as a share of what was found without sliding friction."""
+"""The same restarts after the sliding friction has vanished; the Stribeck speed is over the one found."""
 
 
 def part_again(parameters: Numbers) -> list[dict[str, float]]:
-    """Return static friction above a sliding one again, where a search let them fall together or the sliding one vanish.
+    """Return starts with both frictions after a search made them equal, or lost the sliding one.
 
-    Below the sliding friction the static one has no effect, so a search that steps there never comes back. Without
-    sliding friction the damper and a wide Stribeck speed stand in for it: a valley of its own.
+    A static friction below the sliding one has no gradient, so the search cannot leave it. Without sliding friction, the
+    damper and a wide Stribeck speed imitate it: another minimum.
     """
     level, static = parameters["torque"], parameters["static_torque"]
     if static <= level:
@@ -104,7 +104,7 @@ EFFECT = TorqueEffect(
             high=1.0,
             starts=(0.06,),
             neutral=None,
-            open_above=True,  # more would hold the deck where it is let go
+            open_above=True,  # more holds the deck at its release angle
         ),
         Parameter(
             "velocity", "rad/s", lambda s: s.rate, low=0.003, high=2.0, starts=(0.1, 0.4), neutral=None

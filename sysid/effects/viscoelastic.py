@@ -18,7 +18,7 @@ def stretch_rate(m: Algebra, motion: JointState, states: Sequence[Value], parame
 
 
 def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
-    """Return what a hold of that length has left of the stretch [rad]."""
+    """Return the stretch after a hold of that length [rad]."""
     return tilt * m.exp(-hold / parameters["time_constant"])
 
 
@@ -61,9 +61,9 @@ EFFECT = TorqueEffect(
     does="After a long hold the joint creeps back late; stiffness and damping depend on frequency.",
     look_alikes=("second-mode", "hanging-body", "two arms"),
     experiment=(
-        "Hold for 0.2 s and for 5 s before release: rubber remembers the hold, a second mode does not. Two arms look "
-        "like one in a free decay (three releases with 0.1° of noise: χ² of 15 at most while they carry a tenth of "
-        "the spring's torque): only how far the deck creeps after holds of 0.1, 1 and 10 s tells them apart."
+        "Hold for 0.2 s and for 5 s before release: rubber remembers the hold, a second mode does not. A free decay cannot "
+        "separate two arms with a tenth of the spring's torque (χ² below 15 for three releases with 0.1° of noise). "
+        "Compare the creep after holds of 0.1, 1 and 10 s."
     ),
     mujoco=MujocoSupport(means="dcmotor without power: shorted R-L winding", since="3.11", warp=True),
     to_mjcf=to_mjcf,

@@ -1,4 +1,4 @@
-"""The weight on a joint along its whole arc, as a model states it: known, so that it is not fitted."""
+"""Weight on a joint along its whole path, from the masses of a model: known, hence not fitted."""
 
 import math
 from collections.abc import Sequence
@@ -9,8 +9,8 @@ from sysid.effects._harmonics import FORMULA, HARMONICS, held, slope_of, value_o
 from sysid.errors import SysidError
 
 ASSUMED = 0.01
-"""Assumed standard deviation of weight over inertia where a record states none [1]: an arm of 0.1 m by a tape. Places on Earth
-differ by 0.5 %."""
+"""Assumed relative standard deviation of weight over inertia if a record has none: an arm of 0.1 m by a tape. Gravity on Earth
+varies by 0.5 %."""
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
@@ -19,7 +19,7 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
 
 
 def slope(parameters: Numbers, roll: float) -> float:
-    """Return the stiffness that it is for small motions about a roll [N*m/rad]."""
+    """Return its stiffness for small motions about a roll [N*m/rad]."""
     return -parameters["scale"] * float(slope_of(NUMPY, roll, parameters))
 
 
@@ -27,7 +27,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     """Move the centre of mass of a bench's body to make that weight; a model of the robot has its masses already.
 
     Raises:
-        SysidError: More than one rigid body on a hinge pulls there.
+        SysidError: The weight is not that of one rigid body on a hinge.
     """
     body, p = joint.parent, parameters
     force = body.mass * float(-spec.option.gravity[2])

@@ -1,10 +1,9 @@
 """Stiffness under load, from decays of the deck with known weights on it.
 
 A weight m at height h above the tilt axis, of inertia J about its own axis, changes the joint to
+`(I + m h² + J) φ̈ + d φ̇ + (k − m g h) φ = 0`.
 
-    (I + m h² + J) φ̈ + d φ̇ + (k − m g h) φ = 0.
-
-The natural frequency of each decay gives k = (I + m h² + J) ω_n² + m g h. A line through k against m g gives the change per newton.
+The natural frequency of each decay gives `k = (I + m h² + J) ω_n² + m g h`. A line through k against m g gives the change per newton.
 """
 
 import math
@@ -51,7 +50,7 @@ class LoadedStiffness:
     degrees_of_freedom: int
 
     def under(self, load: float) -> Quantity:
-        """Return the spring under a load [N], in N*m/rad; beyond the weights tried it is an extrapolation."""
+        """Return the spring under a load [N], in N*m/rad; an extrapolation beyond the weights used."""
         value = self.bare.value + load * self.per_newton.value
         row = np.array([1.0, load])
         std = math.sqrt(float(row @ self.covariance @ row))
@@ -74,7 +73,7 @@ def loaded_stiffness(readings: Sequence[LoadedDecay], inertia: Quantity) -> Load
     """
     if len(readings) < 3:
         raise SysidError(
-            f"{count(len(readings), 'decay')} (--reading); a line with a check needs at least 3: the bare deck and two weights, say."
+            f"{count(len(readings), 'decay')} (--reading); a line with a check needs at least 3: the bare deck and two weights."
         )
     gravity = GRAVITY.value
 

@@ -1,9 +1,9 @@
 """Rake and rolling resistance of a whole board from a roll-out: it is let go on a slope or pushed, and rolls by itself.
 
 Speed, heading and roll are measured over time. A weight beside the axis or a push gives the deck its roll. Both trucks steer by
-tan σ = tan λ sin γ, so the heading turns by 2 tan λ sin γ / L per metre: tan λ is the slope of heading against ∫ sin γ ds. On
-ground of gradient θ, uphill positive, the speed falls by a₀ + a₁ v + g sin θ per second: a₀ and a₁ are the slopes of speed
-against time and path.
+`tan σ = tan λ sin γ`, so the heading turns by `2 tan λ sin γ / L` per metre. The slope of heading against ∫ sin γ ds gives tan λ.
+On ground of gradient θ, uphill positive, the speed falls by `a₀ + a₁ v + g sin θ` per second. The slopes of speed against time and
+path are a₀ and a₁.
 
 Both lines go through increments over a quarter of a second, longer than the correlation of sensor noise and smoothing. A block
 jackknife gives the intervals without a model of that noise.
@@ -48,7 +48,7 @@ class Rolling:
     """Result of roll-outs."""
 
     rake: Quantity | None
-    """λ [rad]; None where the board turned too little to tell."""
+    """λ [rad]; None if the board turned too little."""
     deceleration: Quantity
     """Loss of speed on level ground at 1 m/s, or at the nearest speed that was rolled [m/s^2]."""
     at_speed: float
@@ -95,8 +95,8 @@ def from_imu(time: Array, forward: Array, yaw_rate: Array, roll: Array, rest: fl
         forward: Specific force along the board [m/s^2], shape (n,).
         yaw_rate: Left turns positive [rad/s], shape (n,).
         roll: Right edge down positive [rad], shape (n,).
-        rest: Until when it stands still [s].
-        free: From when on it rolls freely [s].
+        rest: Duration of the rest at the beginning [s].
+        free: Time after the beginning from which it rolls freely [s].
 
     Raises:
         SysidError: Rest or rolling is missing.
@@ -122,8 +122,7 @@ def roll_out(runs: Sequence[RollOut], wheelbase: Quantity, slope: float = 0.0) -
         slope: Gradient of the ground along the way, uphill positive [rad].
 
     Raises:
-        SysidError: They are too short, the board did not roll, it gained speed that no slope accounts for, or it turned
-            the wrong way for its roll.
+        SysidError: The runs are too short, or the board did not roll, gained speed on level ground, or turned the wrong way.
     """
     from scipy.integrate import cumulative_trapezoid
 

@@ -60,10 +60,10 @@ def static_tilt(
     Args:
         readings: At least three, best to both sides.
         height: z of the weights above the tilt axis [m].
-        gravity: g [m/s^2]; its error is common to all readings.
+        gravity: g [m/s^2]; common to all readings.
 
     Raises:
-        SysidError: Too few readings, all at one torque, no uncertainty to go by, or no spring at all.
+        SysidError: The readings are too few or at one torque, or show no spring.
     """
     if len(readings) < 3:
         raise SysidError(f"{len(readings)} readings; a line with a check needs at least 3.")

@@ -1,9 +1,8 @@
 """Noise model of a fit's residuals: an autoregression.
 
-Neighbouring residuals of a real log resemble each other, because a sensor smooths or a model is not
-quite right. Treated as independent they promise intervals that are too narrow. And a fit takes the noise
-out of its residuals in just those directions in which it can move, so they look smaller and less
-correlated than the noise is; that is made good here.
+Neighbouring residuals of a real log are correlated, because a sensor smooths or a model is not quite right.
+Treated as independent they give intervals that are too narrow. A fit also absorbs the noise along its own
+directions. The residuals then look smaller and less correlated than the noise; `residual_noise` corrects this.
 """
 
 from collections.abc import Sequence
@@ -14,9 +13,9 @@ import numpy as np
 from sysid.roll import Array
 
 _LONGEST = 60
-"""Highest order of the autoregression that is tried."""
+"""Highest order of the autoregression."""
 _ROUNDS = 8
-"""Corrections for what the fit took, at most; each is a share of the one before."""
+"""Largest number of corrections for the noise that the fit absorbed; each is a fraction of the one before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,13 +74,13 @@ def residual_noise(residuals: Sequence[Array], directions: Sequence[Array] | Non
     """Estimate the noise behind the residuals of a fit.
 
     The order of the autoregression is the one with the lowest BIC (VARHAC; den Haan and Levin 1998). The
-    residuals of a linear fit are (1 - U Uᵀ) e, so their covariances fall short of the noise's by a term that
-    follows from U and from the noise itself; it is added back, a few times over.
+    residuals of a linear fit are (1 - U Uᵀ) e. Their covariances are smaller than those of the noise e by a term
+    of U and e. This term is added back iteratively.
 
     Args:
         residuals: Of each record, shape (n,), evenly sampled, in one unit.
-        directions: Rows of each record of a matrix U with orthonormal columns that spans all directions
-            in which the fit can move, shape (n, p) each; None to take residuals for noise.
+        directions: Rows of each record of a matrix U, shape (n, p) each. Its orthonormal columns span the
+            directions in which the fit can move. None: the residuals are the noise.
     """
     n = sum(len(r) for r in residuals)
     longest = min(_LONGEST, max(1, min(len(r) for r in residuals) // 8))
@@ -104,7 +103,7 @@ def residual_noise(residuals: Sequence[Array], directions: Sequence[Array] | Non
 def autoregression(covariances: Array, count: int) -> ResidualNoise:
     """Return the autoregression of the lowest BIC for covariances at lags 0, 1, … of `count` samples.
 
-    Levinson–Durbin; it stops where covariances belong to no stationary noise.
+    Levinson–Durbin. The recursion stops at an order at which the covariances are no longer those of stationary noise.
 
     Args:
         covariances: In the square of the signal's unit, shape (lags,).

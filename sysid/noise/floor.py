@@ -1,4 +1,4 @@
-"""The noise floor of releases: the standard deviation of what a sensor adds."""
+"""The noise floor of releases: the standard deviation of the sensor noise."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,17 +18,17 @@ _ORDERS = (4, 6, 8, 10)
 _CONFIRMED = 1.02
 """Ratio up to which two orders agree; their common noise cancels in it."""
 _NEIGHBOURS = comb(4 * _ORDERS[-1], 2 * _ORDERS[-1]) / comb(2 * _ORDERS[-1], _ORDERS[-1]) ** 2
-"""Σ ρ² of differences of the highest order: so many of them say as much as one independent sample."""
+"""Σ ρ² of differences of the highest order: so many of them are worth one independent sample."""
 
 
 _FREEDOMS = 8
-"""Of a linear law in one swing: level and drift, amplitude and phase with their drifts, and twice the frequency."""
+"""Columns of a linear law in one swing: level and drift, amplitude and phase with their drifts, and twice the frequency."""
 _ENOUGH = 8
-"""Differences of a release from which it tells its noise."""
+"""Fewest differences of a release from which its noise is estimated."""
 BY_CHANCE = 3.0
-"""Deviations by which a stretch at rest is quieter in its second half in one of 700 logs by chance."""
+"""Standard deviations by which the second half of a rest is quieter by chance in one of 700 logs."""
 FROM_SCATTER = "estimated from the sample-to-sample scatter"
-"""How a noise floor was found that no smooth motion can have made."""
+"""How the noise floor was found if it is the scatter of neighbouring samples."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class NoiseFloor:
     """[rad], or [rad/s] for a rate."""
     how: str
     relative_std: float = 0.0
-    """Standard deviation of `std` itself, as a share of it: few samples tell little about their noise."""
+    """Standard deviation of `std` itself, as a share of it."""
 
     @property
     def highest(self) -> float:
@@ -52,7 +52,7 @@ class NoiseFloor:
         return self.std * max(0.0, 1 - Z95 * self.relative_std)
 
     def excess(self, rmse: float) -> tuple[float, float, float]:
-        """Return an error with the noise taken out: the least of its 95 % interval, its value, the most."""
+        """Return an error without the noise: lower end of its 95 % interval, value, upper end."""
         least, value, most = (
             float(np.sqrt(max(rmse**2 - std**2, 0.0))) for std in (self.highest, self.std, self.lowest)
         )
@@ -62,17 +62,17 @@ class NoiseFloor:
 def difference_std(curves: Sequence[tuple[Array, Array]]) -> float:
     """Return the noise of sampled smooth motions from their high-order differences.
 
-    Differences of order m suppress a motion of frequency f by (2 sin πf/f_s)^m and keep white noise. Taken is the lowest
-    order that the next one confirms: the smallest of all orders would be too low by chance, and the first that hardly
-    falls too high. Kinks of a motion are few, so where they rule, a robust spread (median absolute deviation) is taken.
+    Differences of order m suppress a motion of frequency f by (2 sin πf/f_s)^m and keep white noise. The lowest order
+    that the next one confirms counts; the smallest estimate of all orders would be too low by chance. If a few kinks
+    dominate, the median absolute deviation counts instead.
 
     Args:
-        curves: Signals and when they were sampled [s], each pair of shape (n,); steps may differ. Those of less than a dozen
-            samples say nothing.
+        curves: Signals and when they were sampled [s], each pair of shape (n,); steps may differ. Curves of less than a dozen
+            samples are ignored.
 
     Returns:
-        Standard deviation in the signals' unit, inf without any. It holds for noise that is independent from sample to
-        sample; a smoothing sensor has more noise than this shows.
+        Standard deviation in the signals' unit; inf without a curve. It holds for noise that is independent from sample
+        to sample; a smoothing sensor has more.
     """
     estimate = float("inf")
     for order in _ORDERS:
@@ -105,10 +105,9 @@ def _differences(signal: Array, time: Array, order: int) -> Array:
 def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloor:
     """Estimate the sensor noise of some releases.
 
-    From differences, pooled over all samples: a motion is smooth, white noise is not. Two kinds of sensor
-    need more. One that smooths (a filter, a fusion of sensors) has noise that differences do not show; the
-    spread at rest shows it. One with coarse steps shows no noise at all while it stands still; a
-    twelfth of the step squared is the least that counts.
+    Differences of neighbouring samples, pooled over all samples, show white noise. They do not show the noise of a
+    sensor that smooths (a filter, a fusion of sensors); the spread at rest shows it. A sensor with coarse steps shows
+    no noise at rest; its variance is at least a twelfth of the step squared.
 
     Raises:
         SysidError: No release has the dozen samples that differences take.
@@ -154,12 +153,12 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
 def local_noise(curves: Sequence[tuple[Array, Array]], poles: Array) -> NoiseFloor:
     """Return the noise of sampled decays: their scatter about a linear law whose amplitude, phase and level change with time.
 
-    A window lasts a period, and has three samples for each freedom of the law. Filtered noise counts in full if it lasts for less
-    than a window. Motion that is sampled coarsely does not count.
+    A window lasts at least a period and has at least three samples for each column of the law. Filtered noise counts in
+    full if its correlation time is shorter than a window.
 
     Args:
-        curves: When each decay was sampled [s], and its signal, each pair of shape (n,).
-        poles: (ln m, τ) of m ẍ + τ ẋ + x = 0, shape (2,).
+        curves: Sampling times [s] and signal of each decay, each pair of shape (n,).
+        poles: (ln m, τ) of `m ẍ + τ ẋ + x = 0`, shape (2,).
     """
     stiffness = float(np.exp(-poles[0]))
     decay = 0.5 * float(poles[1]) * stiffness
@@ -205,10 +204,10 @@ def local_noise(curves: Sequence[tuple[Array, Array]], poles: Array) -> NoiseFlo
 
 
 def held_noise(releases: Sequence[Release], *, rate: bool = False) -> float:
-    """Return how far readings stray while the deck is held still, without the hand's drift [rad or rad/s]; 0 where that is too short.
+    """Return the scatter of the readings while the deck is held still, without the hand's drift [rad or rad/s].
 
-    Noise that lasts from sample to sample shows there in full, beside what is left of the hand: so it is what the noise has at most.
-    The median of up to four parts of each hold: in one a hand may still move.
+    It includes correlated noise, and a rest of the hand's motion: an upper bound of the noise. It is 0 if the holds are
+    too short. The median over up to four parts of each hold counts, as the hand may move in one of them.
     """
     squares: list[float] = []
     for release in releases:
@@ -225,11 +224,11 @@ def held_noise(releases: Sequence[Release], *, rate: bool = False) -> float:
 
 
 def _without_swing(tail: Array, time: Array) -> Array:
-    """Return a stretch at rest without its trend and without what is left of the swing that faded before.
+    """Return a stretch at rest without its trend and without the rest of the swing before.
 
-    The swing is a sine whose amplitude falls smoothly, at the frequency that has the most power.
+    The swing is a sine of smoothly falling amplitude at the frequency of the largest power.
     """
-    t = np.interp(time, (time[0], time[-1]), (-1, 1))  # not by number: samples may be lost
+    t = np.interp(time, (time[0], time[-1]), (-1, 1))  # time, not sample number: samples may be lost
     wander = tail - np.polyval(np.polyfit(t, tail, 1), t)
     size = 8 * len(tail)
     peak = int(np.argmax(np.abs(np.fft.rfft(wander, size))))
@@ -242,7 +241,7 @@ def _without_swing(tail: Array, time: Array) -> Array:
 
 
 def _fades(tail: Array, time: Array) -> bool:
-    """Return whether the second half of a stretch is quieter than the first by more than chance: a sensor's noise does not fade."""
+    """Whether the second half of a stretch is significantly quieter than the first: the noise of a sensor does not fade."""
     if len(tail) < 4 * _ENOUGH:  # halves too short for a swing beside noise
         return False
     halves = [
@@ -259,5 +258,5 @@ def _signal(release: Signal, *, rate: bool) -> Array:
 
 
 def pooled_step(releases: Sequence[Release], *, rate: bool) -> float:
-    """Return the quantisation step of the sensor behind some releases [rad or rad/s], 0 where none can be seen."""
+    """Return the quantisation step of the sensor of some releases [rad or rad/s], 0 if it is not visible."""
     return quantisation_step(np.concatenate([np.diff(_signal(release, rate=rate)) for release in releases]))

@@ -1,8 +1,7 @@
-"""Correlated errors of a film's angle, which last until the deck has moved on.
+"""Correlated errors of a film's angle.
 
-Compression leaves out motion too small to be drawn, a pattern of pixels shifts an edge. Such an error fades
-as e^(-t/τ) (Ornstein and Uhlenbeck's process, exact at any sampling), so that samples that share it tell
-less than their number says.
+Video compression drops very small motion, and the pixel grid shifts an edge. Such an error lasts until the deck has
+moved on. Its correlation falls as e^(-t/τ) (Ornstein–Uhlenbeck process, exact at any sampling).
 """
 
 import math
@@ -12,14 +11,14 @@ import numpy as np
 from sysid.roll import Array, Signal
 
 LASTS = 1 / 8
-"""Time constant τ of a film's errors, in periods: they follow the motion, which has four independent values in one."""
+"""Time constant τ of a film's errors [periods]: they follow the motion, which has four independent values in a period."""
 
 
 def kept_after(step: Array, omega: float) -> Array:
-    """Return the share of an error that is left after some time.
+    """Return the correlation of an error with itself after some time.
 
     Args:
-        step: Time passed [s], shape (n,).
+        step: Time [s], shape (n,).
         omega: Natural frequency of the board [rad/s].
 
     Returns:
@@ -29,5 +28,5 @@ def kept_after(step: Array, omega: float) -> Array:
 
 
 def own_std(signal: Signal) -> Array:
-    """Return the deviations that are not common to all samples [rad], shape (n,); all of them where that is not known."""
+    """Return the standard deviations without errors common to all samples [rad], shape (n,); the full ones if unknown."""
     return signal.std if signal.own_std is None else signal.own_std

@@ -1,4 +1,4 @@
-"""Lone samples that no motion explains: a bit lost on the wire, a register read while it was written, a hand before a marker."""
+"""Isolated outliers: a bit lost on the wire, a register read while it was written, a hand before a marker."""
 
 import numpy as np
 import numpy.typing as npt
@@ -7,38 +7,37 @@ from sysid.noise.sensor import quantisation_step
 from sysid.roll import Array
 
 NEIGHBOURS = 4
-"""Neighbours on either side that say where a sample belongs: a parabola through eight leaves five degrees of freedom."""
+"""Neighbours on either side that predict a sample: a parabola through eight leaves five degrees of freedom."""
 PAIR_ROWS = 5
-"""Two outliers within so many rows are tested together, or each would hide the other; three may be a motion."""
+"""Two outliers within so many rows are tested together, as each would hide the other; three may be a motion."""
 MIN_DISTANCE = 15.0
-"""Studentised distance from the neighbours' parabola from which a sample is an outlier [1]. Swings with 2.5 samples a period or
-more, kinks, steps and jittering clocks stay below 7; so do the knocks of all logs at hand, and noise, which is measured over
-the whole log as well, never comes near."""
+"""Studentised distance from the neighbours' parabola from which a sample is an outlier [1]. Swings with at least 2.5 samples a
+period, kinks, steps, jittering clocks and the knocks of real logs stay below 7."""
 MAX_GAP_RATIO = 1.5
-"""Neighbours may last this many times as long as without a lost row; what lies alone in a gap may well be a motion."""
+"""Largest duration of the neighbours, over that without a lost row: a sample alone in a gap may be a motion."""
 FOURTH_DIFFERENCE = 0.6745 * 70**0.5
 """Median size of the fourth difference of white noise [its standard deviation]: the squares of its coefficients add up to 70."""
 ROUNDING_SHARE = 1e-6
-"""Share of the motion that rounding may make even of a log without noise."""
+"""Rounding error of a log without noise, over its range."""
 CHUNK = 50_000
 """Rows tested at a time: bounds the memory."""
 
 
 def lone_outliers(time: Array, signal: Array, *, rate: bool) -> Array:
-    """Return how far each outlier lies from where its neighbours put it, 0 for all other samples; shape (n,), in the signal's unit.
+    """Return the distance of each outlier from its neighbours' prediction, 0 for all other samples; shape (n,), in the signal's unit.
 
-    An outlier is one sample, or one of two that are close, beside a parabola through the neighbours that the neighbours themselves
-    keep to. Of a step, a kink, a knock that rings or a swing hardly sampled they do not.
+    An outlier is one sample, or one of two close ones, far from a parabola that its neighbours follow. Beside a step, a kink, a
+    ringing knock or a coarsely sampled swing the neighbours do not follow one.
 
     Args:
         time: Strictly increasing [s], shape (n,).
         signal: In any unit, shape (n,).
-        rate: Whether it is a rate: two rows in a row may be half a swing from rest to rest; of an angle they would be a whole one.
+        rate: True for a rate. Two neighbouring rows of a rate may be half a swing from rest to rest, so they are not tested as a pair.
     """
     found = np.zeros(signal.size)
     if signal.size < 2 * NEIGHBOURS + PAIR_ROWS:
         return found
-    # 6 times the distance of one outlier; of two that are close it may be nothing in one of them
+    # 6 times the distance of one outlier; of a pair, one of the two may have no bend
     bends = np.zeros(signal.size)
     bends[2:-2] = np.abs(np.diff(signal, 4))
     low, high = np.percentile(signal, (1, 99))
@@ -60,7 +59,7 @@ def lone_outliers(time: Array, signal: Array, *, rate: bool) -> Array:
 
 
 def _beside(time: Array, signal: Array, outliers: npt.NDArray[np.intp], scale: float) -> tuple[Array, Array]:
-    """Return the distance of some samples of each window from the parabola through its others, as it is and studentised.
+    """Return the distance of some samples of each window from the parabola through the others, raw and studentised.
 
     Args:
         time: [s], shape (m, w).

@@ -10,17 +10,16 @@ from sysid.roll import Array
 BLOCK = 64
 MAX_BLOCKS = 2000
 DIFFERENCE = 6
-"""Samples of a block, blocks looked at at most, order of the differences: choices. Of a motion with 25 samples a period
-0.03 % is left in sixth differences."""
+"""Samples of a block, largest number of blocks, order of the differences: choices. Sixth differences keep 0.03 % of a motion with
+25 samples a period."""
 BAND, SIDE = 4.0, 3
-"""Noise of a sample [1] within which those of a flat top agree, and by which a round one would be higher at least; and rows on each side
-that tell, three for a parabola through noise."""
+"""Scatter of a flat top, and least height of a round one above it [noise of a sample]; rows on each side of a top for its parabola."""
 FULL_SCALES = np.deg2rad([scale * 2.0**k for scale in (125.0, 2**15 * 4.375e-3) for k in range(5)])
 FULL_SCALE_ERROR = 0.03
-"""Limits of gyros [rad/s]: ±125 to 2000 deg/s, and those of ST's, whose counts are 4.375 mdeg/s and multiples; and share by which they
-differ."""
+"""Limits of gyros [rad/s]: ±125 to 2000 deg/s, and those of ST, whose counts are multiples of 4.375 mdeg/s; relative tolerance of a
+limit."""
 SOFT = 0.9
-"""Share of its limit from which a sensor may already give way; what goes beyond it is left out in every swing."""
+"""Share of its limit from which a sensor may saturate softly; larger readings are left out in every swing."""
 _GAIN = 924.0
 """Sum of the squared coefficients of the sixth difference: the factor by which the variance of white noise grows."""
 
@@ -32,17 +31,16 @@ class Noise:
     std: float
     """Standard deviation of one sample, in the signal's unit."""
     step: float
-    """Quantisation step in the signal's unit; 0 where none can be seen."""
+    """Quantisation step in the signal's unit; 0 if it is not visible."""
 
 
 def estimate_noise(signal: Array) -> Noise:
     """Estimate a sensor's noise from the smoothness of its signal.
 
-    White noise is what is left of a smooth motion in sixth differences (a sine of angular frequency ω,
-    sampled every T, leaves (ωT)⁶ of its amplitude); the median over short blocks ignores release, catch
-    and knocks. A filtered sensor has less noise in high differences than it has, so the scatter about a
-    straight line in the quietest blocks is a second estimate, and the larger one counts. Neither can be
-    below what rounding to the quantisation step leaves, step / √12.
+    Sixth differences keep white noise and suppress a smooth motion: of a sine of angular frequency ω, sampled every
+    T, (ωT)⁶ of the amplitude remains. The median over short blocks ignores release, catch and knocks. High
+    differences underestimate the noise of a filtered sensor. A second estimate is therefore the scatter about a
+    straight line in the quietest blocks; the larger one counts. Both are at least the rounding noise, step / √12.
 
     Args:
         signal: Evenly sampled signal in any unit, shape (n,).
@@ -53,13 +51,13 @@ def estimate_noise(signal: Array) -> Noise:
     high = float(np.median(np.sqrt(np.mean(differences**2, axis=1) / _GAIN)))
     scatter = np.sort(_scatter_about_line(blocks))
     quiet = float(np.median(scatter[: max(1, len(scatter) // 5)]))
-    # Blocks as quiet as this may still move; where motion is all there is, high differences know better.
+    # Even the quietest blocks may move; then only the high differences count.
     quiet = quiet if quiet < 3 * max(high, step / np.sqrt(12)) else 0.0
     return Noise(std=max(high, quiet, step / np.sqrt(12)), step=step)
 
 
 def quantisation_step(differences: Array) -> float:
-    """Return the step that nearly all differences of neighbouring samples, shape (n,), are multiples of, in their unit; 0 if there is none."""
+    """Return the step of a quantised signal: nearly all its differences, shape (n,), are multiples of it. 0 if it has no step."""
     changes = np.abs(differences)
     size = float(changes.max(initial=0.0))
     changes = changes[changes > 1e-9 * size]
@@ -75,12 +73,11 @@ def quantisation_step(differences: Array) -> float:
 
 
 def saturated(signal: Array, noise: Noise) -> Array | None:
-    """Return how far each sample may lie beyond the value that the sensor stopped at, shape (n,) in its unit, 0 where free.
+    """Return by how much the true value of each saturated sample may exceed the limit, shape (n,) in its unit; 0 elsewhere.
 
-    A sensor at its limit repeats its largest or smallest value, and goes in and out of it steeply. At a
-    turning point, even of a coarsely quantised signal, the way in and out is flat; a deck that is held
-    leaves gently. Beyond the limit the motion is taken as a parabola through the slopes at both ends:
-    height = slope · duration / 4. None where nothing is saturated.
+    A sensor at its limit repeats its largest or smallest value, with steep slopes on both sides. At a turning point,
+    even of a coarsely quantised signal, the slopes are flat; a held deck leaves gently. Beyond the limit the motion
+    is a parabola through the slopes at both ends: height = slope · duration / 4. None without saturation.
     """
     excess: Array | None = None
     for limit in (signal.max(), signal.min()):
@@ -103,11 +100,11 @@ def saturated(signal: Array, noise: Noise) -> Array | None:
 
 
 def clipped_rows(rate: Array, noise: Noise) -> npt.NDArray[np.bool_]:
-    """Return which samples of a rotation rate [rad/s], shape (n,), its sensor may have cut off.
+    """Return which samples of a rotation rate [rad/s], shape (n,), its sensor may have clipped.
 
-    Beside tops of one value (`saturated`) these are tops that are flat but for noise, or that bend softly: where the parabola through
-    the rows on both sides of a round one would lie beyond it. A motion that decays has no two of them at one level, in either
-    direction; one alone, as a deck with play has in each swing, is the sensor's at a limit that gyros have. Of an angle this would take a deck that is held, or that stands at a stop; a rate that stays large is the sensor's.
+    A clipped top repeats one value (`saturated`), is flat but for noise, or bends softly: the parabola through the rows on both sides
+    lies above it. Two such tops in a decay are clipped. A single one may be freeplay; it is clipped if its height is the full scale of
+    a gyro. The test is for rates only: a held deck, or one at a stop, has flat tops of the angle.
     """
     size = np.abs(rate)
     band, top = BAND * max(noise.std, noise.step), float(np.partition(size, -4)[-4])
@@ -122,7 +119,7 @@ def clipped_rows(rate: Array, noise: Noise) -> npt.NDArray[np.bool_]:
             parabola = np.polyfit(beside - middle, level[beside], 2)
             height, round_top = float(level[start:stop].max()), float(parabola[-1])
             bend = round_top - float(np.polyval(parabola, 0.5 * (stop - start - 1)))
-            # A top of few rows, or of a spring that hardens, is no parabola either; but it bends, and a flat one does not.
+            # A top of few rows, or of a hardening spring, is not a parabola either, but it bends; a clipped one does not.
             if round_top > height + band and height - level[start:stop].min() - band < 0.5 * bend:
                 flat.append(height)
     at_limit = any(np.abs(height / FULL_SCALES - 1).min() < FULL_SCALE_ERROR for height in flat)

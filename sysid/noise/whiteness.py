@@ -1,4 +1,4 @@
-"""Whether residuals are noise: their autocorrelation, and tests for whiteness."""
+"""Autocorrelation of residuals, and tests for whiteness."""
 
 from collections.abc import Sequence
 
@@ -20,7 +20,7 @@ def autocorrelation(residuals: Sequence[Array], lags: int) -> Array:
 
 
 def lag_one(residuals: Sequence[Array]) -> float:
-    """Return the correlation [1] of successive residuals, each of shape (n,) in any unit, where it is significantly positive, else 0."""
+    """Return the correlation of successive residuals [1], each of shape (n,) in any unit; 0 unless significantly positive."""
     count = sum(len(residual) for residual in residuals)
     power = sum(float(residual @ residual) for residual in residuals)
     if power == 0 or count < 10:
@@ -34,7 +34,7 @@ def ljung_box(residuals: Sequence[Array], lags: int = 20) -> tuple[float, int]:
 
     Args:
         residuals: Of each release, shape (n,), in any unit.
-        lags: Lags that count, at most.
+        lags: Largest lag.
     """
     statistic, degrees = 0.0, 0
     for residual in residuals:
@@ -49,7 +49,7 @@ def ljung_box(residuals: Sequence[Array], lags: int = 20) -> tuple[float, int]:
 
 
 def correlation_length(residuals: Sequence[Array]) -> float:
-    """Return over how many samples residuals are correlated: 1 + 2 Σ ρ up to the first lag within noise.
+    """Return the correlation length of residuals [samples]: 1 + 2 Σ ρ up to the first insignificant lag.
 
     Args:
         residuals: Of each release, shape (n,), in any unit.

@@ -1,4 +1,4 @@
-"""Where a recording was released, and until when it decays freely."""
+"""Find the releases of a log, and the end of each free decay."""
 
 from sysid.releases.find import find_releases
 from sysid.releases.phases import Phase, log_phases, settling_time

@@ -1,8 +1,7 @@
-"""Segments of shrinking swings: the skeletons of free decays, told from what a hand does.
+"""Segments of shrinking swings: free decays, separated from motions of a hand.
 
-A free decay is a segment of swings between turning points, each shorter than the one before, about one and
-the same rest angle and at one and the same pace. A hand that lifts the deck moves away from that angle,
-at another pace, or makes swings that grow.
+The swings of a free decay lie between turning points. Each is shorter than the one before; all have the same rest
+angle and the same pace. A hand that lifts the deck moves away from that angle, at another pace, or makes swings that grow.
 """
 
 import math
@@ -15,20 +14,20 @@ from sysid.errors import SysidError
 from sysid.releases.extrema import HalfCycle, SmoothedSignal
 
 SMALLEST_RELEASE = 0.08
-"""Segments below this share of the largest one's first swing are not counted as releases."""
+"""Smallest first swing of a release, over that of the largest release."""
 SMALLEST_OF_LOG = 0.12
-"""Nor are they where the largest one's first swing is below this share of the log's whole range."""
+"""Smallest first swing of the largest release, over the range of the log."""
 MANY = 6
-"""Swings at one pace that are surely a decay's."""
+"""So many swings at one pace are a decay."""
 PACE, YIELDS = 2.5, 3.2
-"""How many times as long as another a swing of the same decay lasts at most, and as the second the first: a slider that yields in that
-one and holds in all that follow makes them up to three times as quick. A hand takes four times as long as a deck to lift it."""
+"""Largest ratio of the durations of two swings of a decay, and of the first to the second. A slider that yields in the first swing only
+makes the later ones up to three times as quick. A hand takes four times as long as a deck to lift it."""
 AGAIN = 0.12
-"""Share of the first swing over which nothing swings on in the way that it came: a hand let go of it, or took it home."""
+"""A larger move in the same direction as the swing before, over the first swing, is made by a hand."""
 WANDER = 0.03
-"""Share of the first swing by which the zero of a sensor may move within one swing: a gyro's integral, a warm IMU."""
+"""Zero drift of a sensor within one swing, over the first swing: a gyro's integral, a warm IMU."""
 SURE, TURN = 4.0, 0.015
-"""Deviations from which a loss is too small, and the share of a swing to which its turns are known: 18 samples a period lose so much."""
+"""Standard deviations from which a loss is too small; error of a turning point over the swing, at 18 samples a period."""
 SHARE_OF_HALF = 0.59
 """10 to 90 % time of a swing over half a period, lightly damped."""
 
@@ -40,13 +39,13 @@ class Segment:
     swings: tuple[HalfCycle, ...]
     rest: float
     settles: bool
-    """Whether the deck stays, or moves less than can be told, after the last swing."""
+    """Whether the deck stays at rest after the last swing."""
     after: HalfCycle | None
-    """The swing that breaks the segment: a hand moves the deck again."""
+    """The swing that ends the segment: a hand moves the deck again."""
     start: float | None = None
-    """Time of the release [s] where the user gave it."""
+    """Time of the release [s] if the user gave it."""
     driven_until: float | None = None
-    """Until when something drove the joint before [s]."""
+    """End of the driven motion before [s]."""
 
     @property
     def pace(self) -> float:
@@ -60,7 +59,7 @@ class Segment:
 
     @property
     def wide(self) -> list[HalfCycle]:
-        """Its swings that are more than noise about where dry friction holds the deck."""
+        """Its swings without the small ones at the end, about the angle at which dry friction holds the deck."""
         return [swing for swing in self.swings if swing.size > AGAIN * self.swings[0].size]
 
     @property
@@ -91,10 +90,10 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
 
 
 def _undriven(signal: SmoothedSignal, segment: Segment) -> Segment:
-    """Return a segment without the swings at its beginning that something drives.
+    """Return a segment without the driven swings at its beginning.
 
-    A passive joint loses at least as much of a wide swing as of a small one. Where the first swings lose less than a quarter of
-    the later ones' loss, energy comes from outside. The first and the last swing give the mean loss and its deviation.
+    A passive joint loses at least as much of a wide swing as of a small one. First swings that lose less than a quarter of
+    the later loss are driven. The first and the last swing give the mean loss and its standard deviation.
     """
     whole = segment.swings[:-2]  # a hand or the end of the log cuts the last ones
     sizes = np.array([swing.size for swing in whole])
@@ -113,24 +112,28 @@ def _undriven(signal: SmoothedSignal, segment: Segment) -> Segment:
 
 
 def _segment_score(group: list[Segment], signal: SmoothedSignal) -> tuple[float, float, float]:
-    """Rank a group of segments: by the way that it swings beyond the first ones, then by the visits of its rest, then by its pace.
+    """Rank a group of segments: by the path of all but its first swings, then by the visits of its rest angle, then by its pace.
 
     A hand makes one swing and stays; a joint comes back to one rest.
     """
     room = max(5.0 * signal.noise, 0.1 * group[0].sizes[0])
     there = [any(abs(level - one.rest) < room for one in group) for level in signal.levels]
     visits = sum(now and not before for before, now in pairwise([False, *there]))
-    return sum(swing.size for one in group for swing in one.swings[1:]), visits, -float(np.median([one.pace for one in group]))
+    return (
+        sum(swing.size for one in group for swing in one.swings[1:]),
+        visits,
+        -float(np.median([one.pace for one in group])),
+    )
 
 
 def _same_board(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
-    """Whether two segments are about the same angle and move at the same pace.
+    """Whether two segments have the same rest angle and the same pace.
 
-    No hand makes many swings at one pace: the angle of such segments may have moved, with a sensor or with rubber, however far.
+    Many swings at one pace are a decay; their rest angle may have moved, with a sensor or with rubber, by any amount.
     """
     share = math.inf if min(len(one.swings), len(other.swings)) >= MANY else 0.35
     room = max(5.0 * signal.noise, share * min(one.sizes[0], other.sizes[0]))
-    # Dry friction holds a deck beside its rest: what has swung once or twice shows that no better.
+    # Dry friction holds a deck beside its rest; one or two swings show the rest only to half a swing.
     room = max(
         [room, *(0.5 * min(swing.size for swing in s.swings) for s in (one, other) if len(s.swings) < 3)]
     )
@@ -139,7 +142,7 @@ def _same_board(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
 
 
 def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segment]:
-    """Split the swings into segments that shrink, each followed as far as it goes on about its own rest."""
+    """Split the swings into segments that shrink, each as long as it continues about its own rest angle."""
     segments: list[Segment] = []
     swings = _with_tails(signal, _without_hitches(signal, swings))
     begin = 0
@@ -156,9 +159,9 @@ def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list
 
 
 def _without_hitches(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[HalfCycle]:
-    """Join two swings in one direction that together swing back from the one before: noise made the deck hesitate.
+    """Join two swings in one direction that together are the swing back: noise split them.
 
-    A hand that catches a deck is felt for longer than a swing lasts, or holds it away from rest.
+    A hand that catches a deck acts for longer than a swing, or holds it away from rest.
     """
     joined: list[HalfCycle] = []
     for swing in swings:
@@ -178,7 +181,7 @@ def _without_hitches(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Ha
 
 
 def _with_tails(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[HalfCycle]:
-    """Join to a swing from a hold what it creeps on in the end: a joint that does not swing comes home ever more slowly."""
+    """Join a swing from a hold and the creep at its end: an overdamped joint returns ever more slowly."""
     joined: list[HalfCycle] = []
     for swing in swings:
         one = joined[-1] if joined else swing
@@ -207,8 +210,8 @@ def _continues(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle, other: 
 def _room(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle) -> float:
     """Return by how much the swing after `one` may be longer without a hand [rad], in a segment that begins with `first`.
 
-    Noise, a zero that wanders, and few samples about a turning point: the largest of n in half a cycle falls short of
-    the turn by up to 1 - cos(π / 2n) of the amplitude.
+    The causes are noise, zero drift and coarse sampling. The largest of n samples in half a cycle misses the turning
+    point by up to `1 - cos(π / 2n)` of the amplitude.
     """
     interval = float(signal.time[1] - signal.time[0])
     count = max(one.duration / (SHARE_OF_HALF * interval), 2.0)
@@ -216,21 +219,21 @@ def _room(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle) -> float:
 
 
 def _same_pace(signal: SmoothedSignal, pace: float, swing: HalfCycle, most: float = PACE) -> bool:
-    """Whether a swing takes about as long as others; the time of a small one is not known."""
+    """Whether a swing takes about as long as the others; the duration of a small one is unknown."""
     return pace / most < swing.duration < most * pace or swing.size < 3.0 * signal.min_movement
 
 
 def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish: int) -> Segment | None:
-    """Build the segment of swings `begin` to `finish` - 1 and of what follows about the same rest angle.
+    """Build the segment of swings `begin` to `finish` - 1 and of all later swings about the same rest angle.
 
-    Returns None where that angle is not to be seen.
+    Returns None if the swings do not show that angle.
     """
     chosen = swings[begin:finish]
     if len(chosen) == 1 and not chosen[0].to_plateau:
         return None
     rest = _rest_angle(chosen)
     longest = 2.5 * max(swing.duration for swing in chosen[:3])
-    # A slow turning point looks like a stay, and close to rest the noise makes a swing grow: neither ends it.
+    # A slow turning point looks like a stay, and near rest a swing may grow by noise: neither ends the segment.
     while finish < len(swings):
         swing = swings[finish]
         homeward = (rest - swing.origin) * swing.way > 0.3 * swing.size**2
@@ -254,10 +257,10 @@ def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish
 
 
 def _rest_angle(swings: list[HalfCycle]) -> float:
-    """Return the angle about which the turning points of a segment converge [rad].
+    """Return the angle to which the turning points of a segment converge [rad].
 
-    Three successive ones of a linear decay give it exactly, (a c - b²) / (a + c - 2 b) (Aitken); the
-    widest count most. One or two swings that end at rest leave no choice but their last point.
+    Three successive turning points of a linear decay give it exactly, `(a c - b²) / (a + c - 2 b)` (Aitken). Wide
+    swings have the largest weight. For one or two swings that end at rest it is the last point.
     """
     turns = np.array([swings[0].origin, *(swing.target for swing in swings)])
     if len(turns) == 2 or (len(turns) == 3 and swings[-1].to_plateau):
@@ -268,7 +271,7 @@ def _rest_angle(swings: list[HalfCycle]) -> float:
 
 
 def given_segment(signal: SmoothedSignal, swings: list[HalfCycle], time: float, log: str) -> Segment:
-    """Return the segment that begins at a given time; where the deck is still held then, from when it leaves."""
+    """Return the segment that begins at a given time; if the deck is still held then, the segment begins when it leaves."""
     later = [swing for swing in swings if signal.time[swing.reached] > time]
     if not later or time < signal.time[0]:
         raise SysidError(

@@ -1,4 +1,4 @@
-"""Releases that stand clear of their noise: only of those does a fit learn anything."""
+"""Releases with an amplitude well above their noise; the others are not fitted."""
 
 from collections.abc import Sequence
 
@@ -10,21 +10,21 @@ from sysid.roll import Release, shown
 from sysid.text import display
 
 CLEAR_AMPLITUDE = 5.0
-"""Widest swing over the noise of a sample from which on a release is fitted: below, chance makes half its peaks."""
+"""Smallest amplitude of a fitted release, over the noise of a sample: below it, half of the peaks are noise."""
 
 
 def clear_of_noise(releases: Sequence[Release]) -> tuple[list[Release], list[str]]:
-    """Return the releases that stand clear of their noise, and what is said of the others.
+    """Return the releases well above their noise, and a warning for each of the others.
 
     Raises:
-        SysidError: None does.
+        SysidError: All releases are too small.
     """
     clear: list[Release] = []
     weak: list[str] = []
     for release in releases:
         noise = float(np.median(release.std))
         show = display(is_rate=False, slides=release.slides)
-        # Not its first sample: what was pushed may begin anywhere in a swing.
+        # Not the first sample: a pushed release may begin anywhere in a swing.
         widest = float(np.abs(smoothed(release).roll - release.rest).max())
         if widest >= CLEAR_AMPLITUDE * noise:
             clear.append(release)

@@ -1,10 +1,8 @@
 """Free stretches of a decay: a change point in the innovations of a Kalman filter.
 
-    ẍ = -k (x - r) - d ẋ + torque noise
-
-A free joint needs little torque noise: its departure from the linear law. A hand or a motor needs as much as the joint's own torque.
+The filter's law is `ẍ = -k (x - r) - d ẋ + torque noise`. A free joint needs little torque noise: its departure from the linear law. A hand or a motor needs as much as the joint's own torque.
 The same filter runs with a ladder of noises. A stretch is free while a small noise is likelier than the large one. The change point
-maximises the sum of log-likelihood ratios (Page, 1954). Its price is that of the two numbers that a change adds (BIC).
+maximises the sum of log-likelihood ratios (Page, 1954). A change adds two parameters, with their BIC penalty.
 """
 
 import math
@@ -18,15 +16,15 @@ from sysid.noise.sensor import quantisation_step
 from sysid.roll import Array
 
 FINE = 48
-"""Samples a period that are looked at, of more: means over a block, so that no noise is lost."""
+"""Samples per period; more are averaged in blocks."""
 ERRORS = np.array([0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0])
-"""Torque noise as a share of the joint's own torque at its widest swing, over a radian of its swing; the last one is a hand's."""
+"""Torque noise over a radian of the swing, as a share of the joint's own torque at its widest swing; the last one is a hand's."""
 TREMOR = 0.01
-"""Way that a hand which holds a joint trembles in a radian of its swing, as a share of the widest one."""
+"""Tremor of a hand that holds the joint, over a radian of the swing, as a share of the widest swing."""
 ASIDE = 0.03
-"""Distance from its rest at which dry friction may hold a joint, as a share of its widest swing; farther off a hand holds it."""
+"""Largest distance from rest at which dry friction may hold a joint, as a share of its widest swing; farther off a hand holds it."""
 LAG = 0.2
-"""Periods between the samples that the law is learned from: near a quarter, where the motion tells stiffness and damping apart."""
+"""Lag of the recurrence that gives the law [periods]: near a quarter, at which the motion separates stiffness and damping."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +48,7 @@ class Span:
     size: float
     """Widest swing [rad]."""
     let_go: bool = False
-    """Whether it was held still and then pulled home at once: then it begins there, however its law bends."""
+    """Whether it was held still and then returned at once: the decay begins there, even if its law is nonlinear."""
 
 
 def free_stretches(
@@ -61,16 +59,16 @@ def free_stretches(
     Args:
         time: Of the whole log [s], shape (n,).
         roll: Of the whole log [rad], shape (n,).
-        spans: Its decays, as their turning points tell them.
+        spans: Its decays, from their turning points.
         period: Of the joint [s], roughly.
     """
     found = [[(span.begin, span.end)] for span in spans]
     inside = [slice(*np.searchsorted(time, (span.begin, span.end))) for span in spans]
     std = difference_std([(roll[rows], time[rows]) for rows in inside])
     std, rounding = std if math.isfinite(std) else 0.0, quantisation_step(np.diff(roll)) / math.sqrt(12)
-    for _ in range(3):  # the law of the free stretches tells them better
+    for _ in range(3):  # each pass improves law and stretches
         when, where, noise = _blocks(time, roll, std, period)
-        noise = max(noise, rounding)  # rounding is no less in a mean
+        noise = max(noise, rounding)  # averaging does not reduce rounding
         law = _learned(when, where, noise, spans, found, period)
         if law is None:
             return found
@@ -95,9 +93,9 @@ def _learned(
     free: Sequence[Sequence[tuple[float, float]]],
     period: float,
 ) -> Law | None:
-    """Return the law of the free stretches by least squares, each with its own rest; None where they tell none.
+    """Return the law of the free stretches by least squares, each with its own rest angle; None if they are too short.
 
-    A linear decay at even times obeys x(t + s) = α x(t) + β x(t - s) + c for any s. So does any moving average of it.
+    A linear decay at even times, and any moving average of it, obeys `x(t + s) = α x(t) + β x(t - s) + c` for any s.
     """
     step = float(np.median(np.diff(time)))
     lag = max(1, round(LAG * period / step))
@@ -116,7 +114,7 @@ def _learned(
             table = np.zeros((len(mean) - 2 * lag, 3 + len(spans)))
             table[:, 0], table[:, 1], table[:, 2] = mean[2 * lag :], mean[lag:-lag], mean[: -2 * lag]
             table[:, 3 + i] = 1.0
-            # Where nothing moves there is no law to learn.
+            # Rows without motion hold no information on the law.
             rows.append(table[np.ptp(table[:, :3], axis=1) > 3 * noise / spans[i].size])
     if sum(map(len, rows)) < 2 * (2 + len(spans)):
         return None
@@ -124,7 +122,7 @@ def _learned(
     target, table = whole[:, 0], whole[:, 1:][:, whole[:, 1:].any(axis=0)]
     weights = np.ones(len(target))
     solution = np.zeros(2)
-    for _ in range(4):  # a hand in the stretch weighs little (Cauchy)
+    for _ in range(4):  # Cauchy weights: little for samples with a hand
         solution = np.linalg.lstsq(table * weights[:, None], target * weights, rcond=None)[0]
         left = target - table @ solution
         scale = 4.5 * float(np.median(np.abs(left))) or 1e-300  # three deviations
@@ -153,7 +151,7 @@ def _stretches(time: Array, roll: Array, noise: float, span: Span, law: Law) -> 
             begin = end - _free_for(-time[back], roll[back], noise, span, Law(law.stiffness, -law.damping))
             start = span.begin if begin == first or (span.let_go and not found) else float(time[begin])
             stop = span.end if last - end <= step / 4 else float(time[end - 1])
-            if found and begin - since < step / 2:  # no hand is that quick: the law is not all linear there
+            if found and begin - since < step / 2:  # too quick for a hand: the law is nonlinear there
                 start = found.pop()[0]
             found.append((start, stop))
             since = end
@@ -162,9 +160,9 @@ def _stretches(time: Array, roll: Array, noise: float, span: Span, law: Law) -> 
 
 
 def _free_for(time: Array, roll: Array, noise: float, span: Span, law: Law) -> int:
-    """Return for how many samples from the first on the joint moves freely.
+    """Return the number of samples, from the first on, in which the joint moves freely.
 
-    A hand acts from one sample to another, or to the last. Each change costs its price.
+    A hand acts from one sample to another, or to the last. Each change has a BIC penalty.
     """
     likelihood = _log_likelihood_ratio(time, roll - span.rest, noise, span.size, law)
     gain = np.cumsum(likelihood, axis=0)
@@ -185,10 +183,10 @@ def _free_for(time: Array, roll: Array, noise: float, span: Span, law: Law) -> i
 
 
 def _log_likelihood_ratio(time: Array, angle: Array, noise: float, size: float, law: Law) -> Array:
-    """Return how much likelier each sample is of a free joint than of a hand, given those before it, for each torque noise, shape (n, m).
+    """Return the log-likelihood ratio of a free joint to a hand for each sample and torque noise, given the samples before, shape (n, m).
 
     The filter's state is angle about rest and rate; its transition is exact for any step (matrix exponential). A hand moves the joint,
-    as the last torque noise does, or holds it, and changes once a period.
+    with the last torque noise, or holds it; it changes once a period.
     """
     steps = np.abs(np.diff(time, prepend=time[0]))
     root = complex(0.25 * law.damping**2 - law.stiffness) ** 0.5 or 1e-9
@@ -219,7 +217,7 @@ def _log_likelihood_ratio(time: Array, angle: Array, noise: float, size: float, 
         still = math.exp(-0.5 * away * away / spread_held) / math.sqrt(spread_held)
         held += (1 - noise**2 / spread_held) * away
         spread_held = noise**2 * (1 - noise**2 / spread_held)
-        if abs(held) < ASIDE * size:  # at rest, as far as dry friction lets it
+        if abs(held) < ASIDE * size:  # at rest within dry friction
             still = float(density[-1])
         hand = moves * float(density[-1]) + (1 - moves) * still
         found[i] = np.log(density[:-1] + 1e-300) - math.log(hand + 1e-300)

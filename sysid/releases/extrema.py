@@ -12,12 +12,12 @@ from sysid.roll import Array, Release
 
 SMOOTHING_REACH = 0.25
 """Half-width of the smoothing window, as phase of the fastest motion [rad]: local parabolas over it
-take 1e-5 off a sine."""
+reduce a sine by 1e-5."""
 ABRUPT = 4.0
-"""How many times farther a roll goes in one step than in the two before and the two after it, where that is no swing: of a sine,
-however often it is sampled, no step is more than twice the largest of these."""
+"""A step this many times larger than the two steps before and after it is a jump. In a sine, at any sampling rate, the ratio
+is at most two."""
 PAUSE = 30.0
-"""A pause of the record is looked at as if it were no longer than this [s]."""
+"""Longer pauses of the record are shortened to this [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,15 +29,15 @@ class SmoothedSignal:
     roll: Array
     """Smoothed roll [rad], shape (m,)."""
     noise: float
-    """Standard deviation of the noise that is left in `roll` [rad]."""
+    """Standard deviation of the remaining noise of `roll` [rad]."""
     min_movement: float
-    """Smallest movement that counts as one [rad]."""
+    """Smallest movement that counts [rad]."""
     plateaus: tuple[tuple[int, int], ...]
-    """First and last grid index of each stretch in which it stays where it is."""
+    """First and last grid index of each stretch at a constant angle."""
     levels: tuple[float, ...]
     """Mean roll of each of these stretches [rad]."""
     jumps: tuple[int, ...] = ()
-    """Grid index before each step that is none of a joint's motion: a hand was quicker than a sample, or the log was cut."""
+    """Grid index before each jump: a hand was quicker than a sample, or the log was cut."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +77,8 @@ class HalfCycle:
 def noise_level(roll: Array) -> float:
     """Estimate the white noise in a signal [rad], shape (n,), from its third differences; 0 for a clean one.
 
-    The median makes it indifferent to the short stretches that move fast. A quantised signal has at
-    least the noise of its quantum, which differences do not show where it rests on one value.
+    The median ignores short stretches of fast motion. A quantised signal has at least the noise of its step, which
+    differences do not show while it stays at one value.
     """
     if len(roll) < 8:
         return 0.0
@@ -92,8 +92,8 @@ def smooth_signal(time: Array, roll: Array, std: float, slower: float = 1.0) -> 
     Args:
         time: Time [s], shape (n,), increasing; need not be even.
         roll: Roll [rad], shape (n,).
-        std: Standard deviation of a sample as the reader knows it [rad].
-        slower: How many times slower than its fastest motion the joint swings: who kicks it is quicker.
+        std: Standard deviation of a sample [rad].
+        slower: Ratio of the fastest speed in the log to that of the swing: a kick is faster than the joint.
     """
     interval = float(np.median(np.diff(time)))
     own, time = time, _without_pauses(time, interval)
@@ -106,7 +106,7 @@ def smooth_signal(time: Array, roll: Array, std: float, slower: float = 1.0) -> 
     steps[jumps + 1] = 0.0
     speed = _top_speed(np.cumsum(steps), interval, std) / slower
     quickness = 2.0 * speed / span if span > 0 else 0.0
-    if quickness * interval < 0.5:  # else too few samples a swing to tell noise from motion
+    if quickness * interval < 0.5:  # else too few samples per swing to separate noise from motion
         std = max(std, noise_level(roll))
     reach = int(SMOOTHING_REACH / (quickness * interval)) if quickness > 0 else 0
     smooth, gain = _smooth(even, _least_reach(std, span, reach))
@@ -121,7 +121,7 @@ _SMOOTHED: WeakKeyDictionary[Release, SmoothedSignal] = WeakKeyDictionary()
 
 
 def _without_pauses(time: Array, interval: float) -> Array:
-    """Return a clock that runs through pauses of more than `PAUSE` in that time: an hour off needs no million samples."""
+    """Return a clock with pauses shortened to `PAUSE`: an hour without samples would need a million grid points."""
     longest = max(PAUSE, 100 * interval)
     steps = np.diff(time)
     if steps.max() <= longest:
@@ -130,17 +130,17 @@ def _without_pauses(time: Array, interval: float) -> Array:
 
 
 def smoothed(release: Release) -> SmoothedSignal:
-    """Return a release's roll smoothed; worked out once for each release."""
+    """Return a release's roll smoothed; computed once for each release."""
     if release not in _SMOOTHED:
         _SMOOTHED[release] = smooth_signal(release.time, release.roll, float(np.median(release.std)))
     return _SMOOTHED[release]
 
 
 def half_cycles_of(signal: SmoothedSignal) -> list[HalfCycle]:
-    """Return the swings between turning points, in order of time; none where nothing moves.
+    """Return the swings between turning points, in order of time; empty without motion.
 
-    A swing never passes through a stretch in which the deck stays: lifting on from rest is a swing of its
-    own, even in the direction in which the decay came in.
+    A swing ends at a stretch in which the deck stays. Lifting the deck from rest is a swing of its own, even in the
+    direction of the last swing.
     """
     middles = ((first + last) // 2 for first, last in signal.plateaus)
     stays = dict(zip(middles, signal.levels, strict=True))
@@ -172,7 +172,7 @@ def crossing_time(time: Array, level: Array, threshold: float) -> float:
 
 
 def _without_slow_turns(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[HalfCycle]:
-    """Take back a stay that is no longer than a turning point of the swings about it."""
+    """Remove stays that last no longer than a turning point of the swings beside them."""
     swings = list(swings)
     for i, (one, other) in enumerate(pairwise(swings)):
         pause = float(signal.time[other.left] - signal.time[one.reached])
@@ -189,7 +189,7 @@ def _without_slow_turns(signal: SmoothedSignal, swings: list[HalfCycle]) -> list
 def _half_cycle(
     signal: SmoothedSignal, a: int, b: int, stays_at: float | None, will_stay_at: float | None
 ) -> HalfCycle:
-    """Measure the swing between two pivots; where the deck stays, its level counts and not one extreme."""
+    """Measure the swing between two pivots; at a stay the mean level counts, not the extreme."""
     origin = float(signal.roll[a]) if stays_at is None else stays_at
     target = float(signal.roll[b]) if will_stay_at is None else will_stay_at
     size = max(abs(target - origin), 1e-15)
@@ -212,7 +212,7 @@ def _half_cycle(
 
 
 def _plateaus(roll: Array, step: float, quickness: float) -> tuple[tuple[int, int], ...]:
-    """Return the stretches that go nowhere for about a radian of the fastest motion's phase."""
+    """Return the stretches without motion for about a radian of the fastest motion's phase."""
     if quickness <= 0:
         return ((0, len(roll) - 1),)
     half = min(max(1, round(0.5 / quickness)), len(roll))
@@ -221,7 +221,7 @@ def _plateaus(roll: Array, step: float, quickness: float) -> tuple[tuple[int, in
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
     pieces: list[tuple[int, int]] = []
     for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        while first < end:  # what creeps on, as a slow hand does, is cut where it has gone too far
+        while first < end:  # a slow hand creeps: cut the stretch after too long a way
             part = roll[first:end]
             span = np.maximum.accumulate(part) - np.minimum.accumulate(part)
             last = first + int(np.searchsorted(span, 2.0 * step, side="right")) - 1
@@ -231,7 +231,7 @@ def _plateaus(roll: Array, step: float, quickness: float) -> tuple[tuple[int, in
 
 
 def _jumps(even: Array, least: float) -> npt.NDArray[np.intp]:
-    """Return the index before each lone step of at least `least` [rad], between stretches that hardly move, shape (k,)."""
+    """Return the index before each isolated step of at least `least` [rad] between nearly still samples, shape (k,)."""
     size = np.abs(np.diff(even))
     padded = np.pad(size, 2, mode="edge")
     beside = np.max([padded[i : i + len(size)] for i in (0, 1, 3, 4)], axis=0)
@@ -239,7 +239,7 @@ def _jumps(even: Array, least: float) -> npt.NDArray[np.intp]:
 
 
 def _top_speed(even: Array, interval: float, std: float) -> float:
-    """Return the highest speed that is surely motion and not noise [rad/s]."""
+    """Return the highest speed that noise cannot explain [rad/s]."""
     best, lag = 0.0, 1
     while lag < len(even):
         change = float(np.abs(even[lag:] - even[:-lag]).max()) - 6.0 * std
@@ -249,7 +249,7 @@ def _top_speed(even: Array, interval: float, std: float) -> float:
 
 
 def _least_reach(std: float, span: float, reach: int) -> int:
-    """Return the smallest half-window that leaves noise well below what counts as movement."""
+    """Return the smallest half-window after which the noise is well below the smallest movement."""
     for half in range(min(reach, 2000)):
         if 6.0 * std * _gain(half) <= 0.01 * span:
             return half
@@ -273,7 +273,7 @@ def _smooth(even: Array, half: int) -> tuple[Array, float]:
     offsets = np.arange(-half, half + 1.0)
     basis = np.vander(offsets / half, 3, increasing=True)
     weights: Array = np.linalg.pinv(basis)[0]
-    # Mirrored through the end points, so that a slope at the very start stays one.
+    # Mirrored through the end points, which keeps a slope at the very start.
     head = 2 * even[0] - even[half:0:-1]
     tail = 2 * even[-1] - even[-2 : -half - 2 : -1]
     padded = np.concatenate([head, even, tail])
@@ -282,7 +282,7 @@ def _smooth(even: Array, half: int) -> tuple[Array, float]:
 
 
 def _pivots(roll: Array, step: float) -> tuple[int, ...]:
-    """Return the indices where the signal turns round by more than `step`, and both its ends."""
+    """Return the indices of the turning points of more than `step`, and both ends."""
     slope = np.sign(np.diff(roll))
     turns = np.flatnonzero(slope[1:] != slope[:-1]) + 1
     candidates = [0, *turns.tolist(), len(roll) - 1]

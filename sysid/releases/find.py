@@ -1,7 +1,7 @@
-"""Where a log is at rest, held by a hand, let go, swinging freely, and caught again.
+"""Find the free decays of a log.
 
-Turning points tell where a decay lies (`sysid.releases.chains`), so that no threshold on angle or rate is needed. The innovations of a
-filter tell from when until when nothing but the joint acts (`sysid.releases.contact`).
+Turning points locate a decay (`sysid.releases.chains`), without a threshold on angle or rate. The innovations of a filter give the
+stretch in which only the joint acts (`sysid.releases.contact`).
 """
 
 import math
@@ -20,17 +20,17 @@ from sysid.roll import Release, Roll
 from sysid.text import display
 
 STILL = 0.03
-"""A deck within this share of the first amplitude counts as held still."""
+"""A deck that moves by less than this share of the first amplitude is held still."""
 FEWEST_SAMPLES = 8
-"""Samples of a decay."""
+"""Fewest samples of a decay."""
 COARSE = 0.5
-"""Share of all the motion from which a step between neighbours tells of too few samples: a sine goes so far with six a swing."""
+"""Largest step between neighbours over the range of the motion: larger ones mean too few samples (a sine with six a period)."""
 PULLED = 0.15
-"""Share of its way home that a joint goes in an eighth of its period: half of a free one's."""
+"""Least share of the way to rest in an eighth of the period after a release: half of a free joint's."""
 SLOWER = (5.0, 25.0)
-"""How many times slower than a kick a joint may swing; tried where nothing swings at the pace of the fastest motion."""
+"""Ratios of the speed of a kick to that of the joint, tried if nothing swings at the pace of the fastest motion."""
 SETS_OFF = 0.25
-"""Share of a hold, at its end, in which a hand may already set off or let go: a choice."""
+"""Share of a hold, at its end, in which a hand may already let go: a choice."""
 
 
 def find_releases(
@@ -40,10 +40,9 @@ def find_releases(
 
     Args:
         roll: The whole log.
-        start: Look from here on only [s].
-        stop: Look up to here only [s].
-        releases: Times at which the deck was let go [s], instead of finding them; where each decay
-            ends is still found.
+        start: Begin of the search [s].
+        stop: End of the search [s].
+        releases: Times at which the deck was let go [s], instead of finding them; the end of each decay is still found.
 
     Returns:
         The free decays in order of time, at least one.
@@ -74,7 +73,7 @@ def find_releases(
     found: list[Release] = []
     for free in _free(part, signal, segments):
         release = _release(part, signal, free, len(found) + 1)
-        if releases or len(release.time) >= FEWEST_SAMPLES:  # else hands have left nothing of it
+        if releases or len(release.time) >= FEWEST_SAMPLES:  # else hands touched all of it
             found.append(release)
     if not found:
         raise SysidError(
@@ -97,10 +96,8 @@ def _where_free(roll: Roll) -> list[Release]:
         if last - first < FEWEST_SAMPLES:
             continue
         part = roll[first:last]
-        for given in (
-            (),
-            (float(part.time[0]),),
-        ):  # a return that the log cuts off has no rest to be found by
+        # A decay that the end of the part cuts off has no rest: its start is given then.
+        for given in ((), (float(part.time[0]),)):
             try:
                 found += find_releases(part, releases=given)
                 break
@@ -119,22 +116,22 @@ class _Free:
     begin: float
     """[s]"""
     hold: float
-    """Time for which the deck was held still before [s]."""
+    """Duration of the hold before [s]."""
     end: float
     """[s]"""
     settles: bool
     """Whether it comes to rest by itself before."""
     held_until: float
-    """Until when the deck was held still [s], where it was; else `begin`."""
+    """End of the hold [s]; `begin` without one."""
     held_for: float
-    """For how long, until then [s]."""
+    """Duration of the hold that ends then [s]."""
 
 
 def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> list[_Free]:
     """Return the free stretches of all segments, in order of time."""
     if not segments:
         return []
-    # A hand that pushes makes the first swing last.
+    # A push makes the first swing longer.
     later = [swing.duration for segment in segments for swing in segment.wide[1:4] or segment.wide]
     period = 2 * float(np.median(later)) / SHARE_OF_HALF
     spans: list[Span] = []
@@ -151,7 +148,7 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
         holds.append(hold)
     if roll.free is None:
         stretches = free_stretches(roll.time, roll.roll, spans, period)
-    else:  # a column of the log says that nothing else acts
+    else:  # a column of the log marks the free samples
         stretches = [[(span.begin, span.end)] for span in spans]
     found: list[_Free] = []
     for segment, span, hold, parts in zip(segments, spans, holds, stretches, strict=True):
@@ -168,13 +165,13 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
             for i, (begin, end) in enumerate(parts)
             if begin == span.begin or (segment.start is None and _swings_in(signal, segment, begin, end))
         ]
-        # One swing does not tell a hand from a joint that is not linear.
+        # In one swing a hand and a nonlinear joint look alike.
         found += kept or [_Free(segment, span.begin, hold, span.end, segment.settles, span.begin, hold)]
     return found
 
 
 def _pulled(signal: SmoothedSignal, segment: Segment, begin: float, period: float) -> bool:
-    """Whether a joint goes home from a hold [s] as its own torque pulls it, and no hand keeps it back.
+    """Whether the joint returns from a hold at `begin` [s] as fast as its own torque pulls it, without a hand.
 
     In an eighth of a period half a cosine goes 29 % of its way, and 19 % at critical damping.
     """
@@ -183,7 +180,7 @@ def _pulled(signal: SmoothedSignal, segment: Segment, begin: float, period: floa
 
 
 def _swings_in(signal: SmoothedSignal, segment: Segment, begin: float, end: float) -> bool:
-    """Whether a joint swings twice and more between two times [s]."""
+    """Whether a joint swings at least twice between two times [s]."""
     inside = [
         one for one in segment.swings if begin < signal.time[one.reached] and signal.time[one.left] < end
     ]
@@ -191,14 +188,14 @@ def _swings_in(signal: SmoothedSignal, segment: Segment, begin: float, end: floa
 
 
 def _rested(signal: SmoothedSignal, segment: Segment, begin: float, stop: float) -> float:
-    """Return until when a decay is looked at [s]: where it settles, not long beyond that."""
+    """Return the end of a decay [s]: soon after it settles."""
     if not segment.settles:
         return stop
     settled, leaves = settled_between(
         signal, segment.swings[-1].reached, int(np.searchsorted(signal.time, stop)), segment.size
     )
     tail = max(4.0 * segment.pace, 0.5 * (settled - begin))
-    if segment.after is not None:  # a hand is felt before it is seen
+    if segment.after is not None:  # a hand acts before its motion shows
         leaves -= max(0.5 * segment.pace, 0.25 * (leaves - settled))
     return max(settled, min(settled + tail, leaves))
 
@@ -219,7 +216,7 @@ def _given(
 
 
 def _coarse(roll: Roll) -> str:
-    """Return the doubt that a roll is sampled too slowly, as a sentence; '' where it is not."""
+    """Return a warning if a roll is sampled too slowly, else ''."""
     step = float(np.abs(np.diff(roll.roll)).max())
     if not step > COARSE * float(np.ptp(roll.roll)):
         return ""
@@ -256,16 +253,16 @@ def _release(roll: Roll, signal: SmoothedSignal, free: _Free, number: int) -> Re
     inside = (roll.time >= begin - 1e-9) & (roll.time <= finish + 1e-9)
     if not inside.any():
         inside[int(np.searchsorted(roll.time, begin)) :][:1] = True
-    kept = min(hold, finish - begin)  # as much as there is of the decay is enough
+    kept = min(hold, finish - begin)  # no more of the hold than of the decay
     before = (roll.time >= begin - kept) & (roll.time <= begin - SETS_OFF * kept)
     rest = segment.rest
     if end == "rest":
         late = signal.roll[(signal.time >= finish - segment.pace) & (signal.time <= finish)]
-        rest = float(np.median(late)) if late.size else rest  # where a sample lasts longer than a swing
+        rest = float(np.median(late)) if late.size else rest  # empty if a sample lasts longer than a swing
     held = roll[before] if kept > 0 else None
     release = Release.of(roll[inside], number=number, rest=rest, hold=hold, end=end, held=held)
     whole = None
-    if free.held_until < begin:  # a strong law and a hand look alike there
+    if free.held_until < begin:  # a strongly nonlinear law and a hand look alike there
         until, held_for = free.held_until, free.held_for
         whole = _release(
             roll, signal, _Free(segment, until, held_for, finish, free.settles, until, held_for), number
@@ -274,7 +271,7 @@ def _release(roll: Roll, signal: SmoothedSignal, free: _Free, number: int) -> Re
 
 
 def _let_go(signal: SmoothedSignal, segment: Segment) -> tuple[float, float]:
-    """Return when the deck was let go and how long it had been held still before [s]."""
+    """Return the time of the release and the duration of the hold before [s]."""
     swing = segment.swings[0]
     width = max(5, round(0.25 * segment.pace / float(signal.time[1] - signal.time[0])))
     wide = np.pad(signal.roll[: swing.left + 1], (width // 2, width - 1 - width // 2), "edge")
@@ -283,7 +280,7 @@ def _let_go(signal: SmoothedSignal, segment: Segment) -> tuple[float, float]:
     last = int(np.flatnonzero(still)[-1]) if still.any() else swing.left
     moving = np.flatnonzero(~still[:last])
     since = int(moving[-1]) + 1 if len(moving) else 0
-    # Where friction holds it, later swings are small and quick: the first one tells how long a turning point lasts.
+    # With dry friction later swings are small and quick: the first one gives the duration of a turning point.
     if signal.time[last] - signal.time[since] < 0.5 * max(segment.pace, swing.duration):
         found = _onset(signal, swing, swing.origin) if swing.begin else float(signal.time[0])
         return found if segment.start is None else segment.start, 0.0
@@ -296,9 +293,9 @@ def _let_go(signal: SmoothedSignal, segment: Segment) -> tuple[float, float]:
 def _onset(signal: SmoothedSignal, swing: HalfCycle, level: float) -> float:
     """Return when a swing left its level [s].
 
-    Released from rest, the square root of the way gone is a power series in time, so time is one in that
-    root. Fitted between 8 and 40 % of the way, clear of noise and smoothing, two terms come out early and
-    three late; mixed as here they are right to 0.3 % of a period for ζ from 0.02 to 0.8.
+    After a release from rest, time is a power series in the square root of the way. It is fitted between 8 and 40 %
+    of the way, clear of noise and smoothing. Two terms give an early time, three a late one. The weighted mean is
+    right to 0.3 % of a period for ζ from 0.02 to 0.8.
     """
     side = math.copysign(1.0, swing.target - swing.origin)
     way = side * (signal.roll[swing.left : swing.finish + 1] - level)
@@ -313,7 +310,7 @@ def _onset(signal: SmoothedSignal, swing: HalfCycle, level: float) -> float:
 
 
 def settled_between(signal: SmoothedSignal, reached: int, stop: int, amplitude: float) -> tuple[float, float]:
-    """Return from when until when the deck stays at rest, about its first stay after index `reached` [s]."""
+    """Return begin and end [s] of the rest around the first stay after index `reached`."""
     stays = [(first, last) for first, last in signal.plateaus if last > reached and first < stop]
     first, last = stays[0] if stays else (reached, stop)
     first, last = max(first, reached), min(last, stop)

@@ -1,4 +1,4 @@
-"""What happens when in a log: rest, a hand that holds or catches the deck, and the free decays between."""
+"""Phases of a log: rest, a hand that holds or catches the deck, and free decays."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from sysid.roll import Release, Roll
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """A stretch of the log in which one thing happens."""
+    """A stretch of the log of one kind."""
 
     start: float
     """[s] on the log's clock."""
@@ -23,11 +23,11 @@ class Phase:
 
 
 def log_phases(roll: Roll, releases: Sequence[Release]) -> list[Phase]:
-    """Return what happens when in a log, without gaps, from its first sample to its last.
+    """Return the phases of a log without gaps, from its first sample to its last.
 
-    Between two decays the deck is at rest, then held from when it last leaves the rest angle; after a
-    catch it is caught until it is at rest or held for the next release. Where friction stops it, it may rest anywhere
-    between the levels at which the decays before and after it end.
+    Between two decays the deck is at rest. It is held from the time at which it last leaves the rest angle. After a
+    catch it is caught until it rests or is held for the next release. With dry friction it may rest anywhere between
+    the final levels of the decays before and after.
     """
     phases: list[Phase] = []
     done, caught = float(roll.time[0]), False
@@ -63,7 +63,7 @@ def _between(
     caught: bool,
     hold: float,
 ) -> list[Phase]:
-    """Split the time between two decays into what a hand does and rest."""
+    """Split the time between two decays into phases of hand and rest."""
     inside = (roll.time >= begin) & (roll.time <= finish)
     rests = [other.rest for other in near]
     time, angle = roll.time[inside], roll.roll[inside]
