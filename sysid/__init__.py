@@ -1,7 +1,7 @@
 """Find out why a MuJoCo joint does not behave like the real one, and correct it.
 
-Twelve names are the public API; everything else can be imported from its module, and may move. Each is loaded when it
-is first used, so that `import sysid` costs nothing.
+Twelve names are the public API. All others can be imported from their modules, and may move. A name is loaded at its
+first use, so that `import sysid` is fast.
 """
 
 from importlib import import_module
@@ -54,7 +54,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> "Any":
-    """Load a public name when it is first asked for."""
+    """Load a public name at its first use."""
     if name not in _HOMES:
         raise AttributeError(f"module 'sysid' has no attribute '{name}'; it offers {', '.join(__all__)}")
     value = globals()[name] = getattr(import_module(_HOMES[name]), name)

@@ -40,7 +40,7 @@ TILT_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad
 """`range` is the largest tilt to either side; `rest_angle` is a roll (right edge down is positive)."""
 DECAY_UNITS = {"period": "s", "first_peak": "rad", "second_peak": "rad"}
 MAY_LACK = ("stiffness", "damping")
-"""Quantities that may be 0: gravity pulls a pendulum back, and dry friction alone stops a servo."""
+"""Quantities that may be 0: gravity alone pulls a pendulum back, and dry friction alone stops a servo."""
 ROLLING_UNITS = {"deceleration": "m/s^2"}
 """Loss of speed at 1 m/s on level ground."""
 PUBLISHED_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad"}
@@ -55,8 +55,8 @@ TOLD = {"fit": "fit", "check": "last_check", "model": "model"}
 TOLD_NUMBERS = {"rmse_before", "rmse", "heldout_rmse", "noise_floor", "nrmse", "tolerance"}
 """Numbers that commands read from these sections and from the history."""
 PHYSICAL = (1e-9, 1e6)
-"""Smallest and largest size of a record's quantities [SI unit], from a watch's balance wheel to a lorry's axle. A simulation of other
-sizes runs forever or divides by zero."""
+"""Smallest and largest size of a record's quantities [SI unit], from a watch's balance wheel to a lorry's axle. Other sizes make a
+simulation endless or divide by zero."""
 FINEST = 1e-4
 """Smallest length [m] and mass [kg] of a record."""
 
@@ -69,7 +69,7 @@ class BoardEffect:
     """A name of the effect catalogue (`sysid.effects`)."""
     parameters: Mapping[str, Quantity]
     file: str = ""
-    """The file that it needs, where it is an effect of the user's own."""
+    """File of the user's own effect, else ''."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -165,7 +165,7 @@ class Board(Shown):
 
     @property
     def passed(self) -> bool:
-        """Whether `check` accepted the board as it is recorded now."""
+        """Whether `check` accepted the current record."""
         return bool(self.last_check.get("passed", False)) and not self.check_is_stale
 
     @property
@@ -175,7 +175,7 @@ class Board(Shown):
 
     @property
     def digest(self) -> str:
-        """SHA-256 of geometry, masses, inertia, tilt joint and effects, which a check judges."""
+        """SHA-256 of the numbers that a check judges: geometry, masses, inertia, tilt joint and effects."""
         judged = replace(
             self, description="", source="", decay={}, published={}, fit={}, last_check={}, history=()
         )

@@ -1,4 +1,4 @@
-"""The one exception that a user may see."""
+"""Exceptions for expected failures."""
 
 import difflib
 from collections.abc import Generator, Iterable
@@ -20,23 +20,23 @@ HuskyError = SysidError
 
 
 class UsageError(SysidError):
-    """A command was given too little, or options that do not go together."""
+    """A command lacks an argument, or its options conflict."""
 
     exit_code = 2
 
 
 class QualityGateError(SysidError):
-    """The computation went well and its answer is no (see `check`)."""
+    """The computation succeeded, and its answer is no (see `check`)."""
 
     exit_code = 3
 
 
 @contextmanager
 def needs_extra(extra: str, what: str, otherwise: str = "") -> Generator[None]:
-    """Say of which extra of pyproject.toml a package is that cannot be imported for `what`, and what to do without it.
+    """Name the extra of pyproject.toml that `what` needs, if an import fails, and the way without it.
 
     Raises:
-        SysidError: It cannot be imported.
+        SysidError: A package cannot be imported.
     """
     try:
         yield
@@ -47,7 +47,7 @@ def needs_extra(extra: str, what: str, otherwise: str = "") -> Generator[None]:
 
 
 def install_extra(extra: str) -> str:
-    """Return the command that installs an extra of this package where it was installed from: a checkout, or a wheel."""
+    """Return the command that installs an extra of this package, from its checkout or wheel."""
     from pathlib import Path
 
     root = Path(__file__).resolve().parents[1]

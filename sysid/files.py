@@ -1,4 +1,4 @@
-"""Writing files so that a failure at any moment leaves the old file whole."""
+"""Atomic writing of files: after a failure the old file is intact."""
 
 import errno
 import hashlib
@@ -17,23 +17,23 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MAX_TEXT = 4 << 20
-"""Longest text that is read as a record or a manifest [bytes]."""
+"""Largest record or manifest [bytes]."""
 RECORDS = "data/boards/*.toml"
 """Records of boards in a workspace."""
 
 
 def shipped_data() -> Path:
-    """Return the data folder that ships with the tool: in an installed wheel, or in the repository."""
+    """Return the data folder of the tool: in an installed wheel, or in the repository."""
     package = Path(__file__).resolve().parent
     installed = package / "_data"
     return installed if installed.is_dir() else package.parent / "data"
 
 
 def regular(path: Path) -> Path:
-    """Return a path that can be read at once: a pipe would wait for its writer, and a device need not end.
+    """Return a path to a file, or to nothing: a pipe waits for its writer, and a device may have no end.
 
     Raises:
-        OSError: It is there, and is no file.
+        OSError: It exists, and is not a file.
     """
     if path.exists() and not path.is_file():
         raise OSError(errno.EINVAL, "it is no file but a folder, a pipe or a device", str(path))
@@ -44,7 +44,7 @@ def read_small(path: Path, encoding: str = "utf-8") -> str:
     """Return the text of a file that people write by hand, such as a record or a manifest.
 
     Raises:
-        OSError: It cannot be read, or is larger than 4 MiB: a thousand refits fill a tenth of that.
+        OSError: It cannot be read, or is larger than 4 MiB, ten times a record with a thousand refits.
     """
     if regular(path).stat().st_size > MAX_TEXT:
         raise OSError(errno.EFBIG, "more than 4 MiB: too long for a text typed by hand", str(path))
@@ -55,15 +55,14 @@ def read_small(path: Path, encoding: str = "utf-8") -> str:
 def atomic_path(path: Path, *, is_record: bool = False) -> Generator[Path]:
     """Yield a temporary path beside `path`, and rename it to `path` only if the block succeeds.
 
-    For writers that want a file name (matplotlib, Rerun, video). The suffix is kept, because some
-    of them choose the format by it. A link stays a link: its target is replaced. A device or a pipe cannot be
-    replaced: the content is copied into it.
+    For writers that need a file name (matplotlib, Rerun, video). It keeps the suffix, which gives some of them the
+    format. A link stays a link: its target is replaced. Into a device or a pipe the content is copied.
 
     Args:
-        is_record: It is a board's record; nothing else is written in place of one.
+        is_record: Whether it is a board's record; only a record replaces a record.
 
     Raises:
-        SysidError: The folder cannot be made or written to, or a record lies there.
+        SysidError: The folder cannot be made or written to, or the path is that of a record.
     """
     try:
         target = path.resolve()
@@ -95,7 +94,7 @@ def atomic_path(path: Path, *, is_record: bool = False) -> Generator[Path]:
 
 
 def require_writable(path: Path) -> None:
-    """Check that a file can be written, before minutes are spent on its content; create nothing.
+    """Check that a file can be written, before long work on its content; create nothing.
 
     Raises:
         SysidError: It is a folder, or its folder cannot be made or written to.
@@ -124,10 +123,10 @@ def _unwritable(path: Path, error: OSError | RuntimeError) -> SysidError:
 
 @contextmanager
 def locked(path: Path, *, patience: float = 60.0) -> Generator[None]:
-    """Hold the right to read and rewrite a file that other processes rewrite too.
+    """Lock a file against other processes.
 
-    The lock lies in the folder of temporary files and ends with the process. Its file is deleted before the release,
-    so that the next process makes a new one.
+    The lock is in the folder of temporary files and ends with the process. Its file is deleted before the release, so
+    that the next process makes a new one.
 
     Args:
         path: The file; need not exist.
@@ -145,9 +144,7 @@ def locked(path: Path, *, patience: float = 60.0) -> Generator[None]:
             try:
                 yield
             finally:
-                with suppress(
-                    PermissionError
-                ):  # Windows deletes no open file; there FileLock does, afterwards
+                with suppress(PermissionError):  # Windows cannot delete an open file; FileLock does so later
                     lock.unlink(missing_ok=True)
     except Timeout as error:
         raise SysidError(
@@ -156,24 +153,24 @@ def locked(path: Path, *, patience: float = 60.0) -> Generator[None]:
 
 
 def refuse_other_kind(output: Path, *endings: str) -> None:
-    """Refuse to write over a file of another kind: a log whose name was typed for that of a model.
+    """Refuse to overwrite a file of another kind, such as a log named by mistake.
 
     Raises:
-        SysidError: A file of this name exists, and its ending is another.
+        SysidError: A file of this name exists and has another ending.
     """
     if output.is_file() and output.suffix.lower() not in endings:
         raise SysidError(
-            f"--output {output}: is there already, and is no {' or '.join(endings)} file as the one that is written; it would be "
-            "lost. Choose another name."
+            f"--output {output}: exists, and is not a {' or '.join(endings)} file like the output; it would be lost. Choose another "
+            "name."
         )
 
 
 def refuse_overwriting(inputs: Iterable[Path], outputs: Mapping[str, Path | None]) -> None:
-    """Refuse to write over a file that is read, by whatever name either is given.
+    """Refuse to overwrite an input, also under another name.
 
     Args:
-        inputs: Files that are read; of a folder, all files in it.
-        outputs: Files that will be written, by the option that names them.
+        inputs: Input files; a folder stands for all files in it.
+        outputs: Output files by their options.
 
     Raises:
         SysidError: An output is an input.
@@ -181,14 +178,12 @@ def refuse_overwriting(inputs: Iterable[Path], outputs: Mapping[str, Path | None
     read = [path for path in inputs if path.exists()]
     for option, output in outputs.items():
         if output is None or not output.exists():
-            continue  # nothing there yet to lose
+            continue  # nothing to lose
         for path in read:
             inside = path.is_dir() and output.resolve().is_relative_to(path.resolve())
             if inside or output.samefile(path):
-                where = f"lies in {path}, which" if inside else "is the very file that"
-                raise SysidError(
-                    f"{option} {output}: {where} is read here; it would be overwritten. Choose another name."
-                )
+                where = f"is in the input folder {path}" if inside else "is an input"
+                raise SysidError(f"{option} {output}: {where}; it would be overwritten. Choose another name.")
 
 
 def write_figure(path: Path, figure: "Figure", *, dpi: int = 140) -> Path:

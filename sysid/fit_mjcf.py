@@ -1,7 +1,7 @@
 """Fit the tilt joint to measured releases: nonlinear least squares with CasADi.
 
-A free decay fixes only k/I, d/I and τ/I. The roll inertia is taken from the board, and its uncertainty
-goes into every torque. Residuals of a real log are correlated; the intervals account for that.
+A free decay fixes only k/I, d/I and τ/I. The roll inertia is that of the board, and its uncertainty is part of that of every
+torque. Residuals of a real log are correlated; the intervals account for that.
 """
 
 import math
@@ -36,12 +36,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CONTRADICTED = 16.0
-"""Rise of χ² from which logs contradict what a record says of an effect: four standard deviations."""
+"""Rise of χ² from which logs contradict the record of an effect: four standard deviations."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Fit(Shown):
-    """A joint fitted to recordings, and the record that it makes."""
+    """A joint fitted to recordings, and its new record."""
 
     joint: JointFit
     """Covariance, residuals and starts."""
@@ -50,7 +50,7 @@ class Fit(Shown):
     releases: tuple[Release, ...]
     options: FitOptions
     recordings: tuple[Recording, ...]
-    """The logs, where they were given whole."""
+    """The logs; empty if only releases were given."""
     warnings: tuple[str, ...]
     """Problems of the logs, of the logs for this board, and of the fit."""
 
@@ -61,17 +61,17 @@ class Fit(Shown):
 
     @property
     def quantities(self) -> Mapping[str, Quantity]:
-        """'stiffness', 'damping', 'rest_angle' and 'effect.parameter', the inertia's uncertainty included."""
+        """'stiffness', 'damping', 'rest_angle' and 'effect.parameter', with the uncertainty of the inertia."""
         return self.joint.quantities
 
     @property
     def rmse(self) -> float:
-        """Root mean square residual [rad; rad/s where the rate was fitted]."""
+        """Root mean square residual [rad; rad/s if the rate was fitted]."""
         return self.joint.rmse
 
     @property
     def noise(self) -> NoiseFloor:
-        """Sensor noise of what was fitted [rad or rad/s]."""
+        """Sensor noise of the fitted signal [rad or rad/s]."""
         return self.joint.noise
 
     @property
@@ -86,17 +86,17 @@ class Fit(Shown):
 
     @cached_property
     def heldout_rmse(self) -> float:
-        """Error on releases that were left out, one after another [rad or rad/s]."""
+        """Error on a release that the fit did not see; each is left out once [rad or rad/s]."""
         return self.joint.heldout_rmse()
 
     @cached_property
     def rmse_before(self) -> float:
-        """Error of the record as it stood [rad or rad/s]."""
+        """Error of the record before the fit [rad or rad/s]."""
         return error_of(self.before, self.joint)
 
     @cached_property
     def formula(self) -> Formula | None:
-        """The formula nearest to what was learned; None where nothing was."""
+        """Formula nearest to the learned torque; None without one."""
         return formula_of(self.joint, slides=self.before.slides)
 
     @cached_property
@@ -130,7 +130,7 @@ class Fit(Shown):
         """Return the record with the fit in it.
 
         Args:
-            logs: The fitted logs, by the names under which the record lists them.
+            logs: The fitted logs, by their names in the record.
 
         Raises:
             SysidError: The fit did not converge, or the logs leave a parameter open.
@@ -151,11 +151,11 @@ class Fit(Shown):
         return "\n".join(lines)
 
     def report(self, width: int = WIDTH) -> str:
-        """Return what `husky-sysid fit` prints, in tables of at most `width` characters."""
+        """Return the text of `husky-sysid fit`, in tables of at most `width` characters."""
         return fit_report.report(self, width)
 
     def to_json(self) -> dict[str, Any]:
-        """Return what `husky-sysid fit --json` writes."""
+        """Return the result of `husky-sysid fit --json`."""
         return fit_report.to_json(self)
 
     def to_dataframe(self) -> "pd.DataFrame":
@@ -166,9 +166,9 @@ class Fit(Shown):
 def _leaning_on_record(
     releases: Sequence[Release], board: Board, effects: Sequence[str], options: FitOptions, joint: JointFit
 ) -> tuple[FitOptions, JointFit, list[str]]:
-    """Return a fit that takes from the record what its logs leave open of the record's effects, and says so.
+    """Return a fit that uses the record's effect parameters as measurements if its logs leave them open, and a warning.
 
-    A log of small swings meets no stop. What the record knows of it counts as a measurement then, unless the logs contradict it.
+    A log of small swings does not reach an end stop, for example. A fit whose logs contradict the record stays unchanged.
     """
     wanting = {name.split(".")[0] for name in left_open(joint) if "." in name}
     known = [
@@ -185,19 +185,19 @@ def _leaning_on_record(
     if left_open(told) or worse > CONTRADICTED * max(correlation_length(joint.residuals), 1.0):
         return options, joint, []
     return richer, told, [
-        f"these logs leave {', '.join(known)} open: what the record says of them counts as a measurement. More of it would show "
-        f"in a log like those that it was fitted to; --plain fits without what the record has"
+        f"these logs leave {', '.join(known)} open: the record's values count as measurements. A log like those of the record "
+        "would fix them; --plain fits without the effects of the record"
     ]  # fmt: skip
 
 
 def _misfit(joint: JointFit) -> list[str]:
-    """Say so where the fitted law is not that of the logs: its intervals are only right for a law that is."""
+    """Return a warning if the fitted law leaves a residual: its intervals are then too narrow."""
     if joint.excess <= TOLERANCE:
         return []
     return [
-        f"the fitted law leaves {joint.rmse / joint.noise.std:.3g} times the noise, {100 * joint.excess:.2g} % of the motion "
-        f"beyond it, where {100 * TOLERANCE:.2g} % would pass: its numbers are a compromise, and their intervals too "
-        "narrow. An effect is missing, or a hand was on it"
+        f"the residual is {joint.rmse / joint.noise.std:.3g} times the noise ({100 * joint.excess:.2g} % of the motion beyond it, "
+        f"{100 * TOLERANCE:.2g} % allowed). The numbers are a compromise, and their intervals too narrow. An effect is missing, or "
+        "a hand touched the joint"
     ]
 
 
@@ -216,22 +216,22 @@ def fit(
 ) -> Fit:
     """Fit stiffness, damping, rest angle and effects to recordings.
 
-    The roll inertia is taken from the record: a free decay alone fixes only k/I, d/I and torque/I.
+    The roll inertia is that of the record: a free decay alone fixes only k/I, d/I and torque/I.
 
     Args:
         data: Free decays of one board: a recording, several, or releases.
         board: The record.
         effects: Effects to add to those of the record.
-        plain: Drop the effects that the record has.
-        robust: Let outliers of the sensor count less.
+        plain: Drop the effects of the record.
+        robust: Reduce the weight of outliers.
         fixed: Parameters held at a value, by 'stiffness', 'damping', 'rest_angle' or 'effect.parameter'.
         bounds: Lowest and highest value of parameters, by the same names.
-        priors: Parameters of which the record's value and deviation count as a measurement, by the same names.
-        signal: What is fitted.
-        any_period: Accept a natural period above 100 s or below 1 ms, else taken for a wrong unit of time.
+        priors: Parameters whose value and standard deviation in the record count as a measurement, by the same names.
+        signal: Fit the roll or the rate; 'auto' fits the measured one.
+        any_period: Accept a natural period above 100 s or below 1 ms. Without it, such a period is a wrong unit of time.
 
     Raises:
-        SysidError: An effect that free decays cannot identify, no convergence, or a period that nothing has.
+        SysidError: A free decay cannot identify an effect, the search does not converge, or the period is impossible.
     """
     recordings, releases, weak = unpack(data, whole=True)
     require_record(board)

@@ -1,6 +1,6 @@
-"""Free decay: one linear law fitted to whole releases, and the judgement whether that law holds.
+"""Free decay: one linear law fitted to whole releases, and a test of that law.
 
-`decay`, `live`, `batch`, the library and the report all show the `FreeDecay` that `fit_decay` returns.
+`decay`, `live`, `batch`, the library and the report all show the result of `fit_decay`, a `FreeDecay`.
 """
 
 import math
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PENDULUM = 0.3
-"""Angle from which a pendulum's law is tried [rad]: there gravity's sine is 1.5 % below its tangent, and the period 0.6 % longer."""
+"""Amplitude from which a pendulum's law is fitted too [rad]: its sine is then 1.5 % below the angle, and its period 0.6 % longer."""
 FIXED = 0.25
-"""Relative deviation of ω_n from which the decay does not fix it: the 95 % interval of k is then as wide as k."""
+"""Largest relative standard deviation of an ω_n that is fixed: the 95 % interval of k is then as wide as k."""
 SMALL_SHARE = 0.1
-"""Share of a log in free decay below which the command warns: most of the log was something else."""
+"""Least share of free decay in a log without a warning."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -53,9 +53,9 @@ class FreeDecay(Shown):
     judgement: Judgement
     """Whether a linear law holds."""
     peaks: tuple[tuple[Peak, ...], ...]
-    """Turning points of each release that stand above the noise."""
+    """Turning points of each release above the noise."""
     two_peaks: Quantity | None
-    """The classic δ of two peaks of the first release that has them."""
+    """Classic δ of two peaks, from the first release with two."""
     rest_angles: tuple[Quantity, ...]
     """Rest angle of each release [rad]."""
     floor: NoiseFloor
@@ -65,9 +65,9 @@ class FreeDecay(Shown):
     warnings: tuple[str, ...] = ()
     """Problems of the logs and of the decay, and contradictions to the board's record."""
     recordings: tuple[Recording, ...] = ()
-    """The logs, where they were given whole."""
+    """The logs; empty if only releases were given."""
     board: str | None = None
-    """Name of the board, where its record was given."""
+    """Name of the board, if its record was given."""
 
     @property
     def slides(self) -> bool:
@@ -76,17 +76,17 @@ class FreeDecay(Shown):
 
     @property
     def position(self) -> Display:
-        """How the roll, or the position of a slide, is displayed."""
+        """Display of the roll, or of the position of a slide."""
         return display(is_rate=False, slides=self.slides)
 
     @property
     def show(self) -> Display:
-        """How the fitted signal is displayed."""
+        """Display of the fitted signal."""
         return self.position if self.trace.signal == "roll" else display(is_rate=True, slides=self.slides)
 
     @property
     def has_inertia(self) -> bool:
-        """Whether the roll inertia was given; without it there is no k and no d."""
+        """Whether the roll inertia was given; k and d need it."""
         return math.isfinite(self.numbers.inertia.value)
 
     @property
@@ -127,7 +127,7 @@ class FreeDecay(Shown):
 
 
 NO_INERTIA = Quantity(math.nan, math.nan, "kg*m^2", "not given")
-"""A free decay holds k/I and d/I only."""
+"""A free decay fixes k/I and d/I only."""
 
 
 def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | None = None) -> FreeDecay:
@@ -135,12 +135,12 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
 
     Args:
         data: Free decays of one board: a recording, several, or releases.
-        inertia: Roll inertia about the tilt axis [kg*m^2]; its uncertainty goes into k and d. Without it, and without
-            a board, the numbers are ω, ζ and δ only, and k and d are NaN.
-        board: The record; gives the inertia where that is left out, and is compared with the decay.
+        inertia: Roll inertia about the tilt axis [kg*m^2], with its uncertainty; that of the board if left out. Without
+            both, k and d are NaN.
+        board: The record to compare with the decay.
 
     Raises:
-        SysidError: The releases are too short, no decay, or driven.
+        SysidError: The releases are too short, driven, or not a decay.
     """
     recordings, releases, weak = unpack(data)
     if inertia is None:
@@ -227,7 +227,7 @@ def judged_coast_down(ratio: float) -> Judgement:
 
 
 def _numbers(trace: TraceFit, inertia: Quantity, method: str) -> tuple[DecayNumbers, dict[str, Quantity]]:
-    """Return the numbers that a fit fixes, and k/d where the joint hardly oscillates."""
+    """Return the numbers of a fit, and k/d if the joint is overdamped."""
     omega, zeta, tau = trace.omega_n, trace.damping_ratio, float(trace.poles[1])
     jacobian = np.array([[-omega / 2, 0.0], [-zeta / 2, omega / 2]])
     freedom = trace.degrees_of_freedom
@@ -247,7 +247,7 @@ def _numbers(trace: TraceFit, inertia: Quantity, method: str) -> tuple[DecayNumb
 
 
 def _refuse_nonsense(releases: Sequence[Release], trace: TraceFit) -> None:
-    """Refuse releases whose numbers would mean nothing."""
+    """Refuse releases that are not a decay, driven, or too short."""
     log = releases[0].log
     if trace.explained < 0.5:
         raise SysidError(
@@ -291,13 +291,13 @@ def _rest_angles(
 
 
 def _with_zero(rest: Quantity, release: Release) -> Quantity:
-    """Return a rest angle [rad] with the deviation that it has beside those of other releases: the sensor's zero may wander."""
+    """Return a rest angle [rad] with the drift of the sensor's zero between releases in its standard deviation."""
     zero = float(np.median(release.std)) if release.zero == "drifting" else 0.0
     return replace(rest, std=math.hypot(rest.std, zero))
 
 
 def _level(time: Array, roll: Array, trace: TraceFit) -> tuple[float, float, Array]:
-    """Return the rest angle of an integrated rate, its std and the residual, the poles being known."""
+    """Return the rest angle of an integrated rate, its std and the residual, for known poles."""
     u, v = decay_basis(time - time[0], *rates(trace.poles))
     basis = np.column_stack([u, v, np.ones_like(time)])
     inverse = np.asarray(np.linalg.pinv(basis), dtype=np.float64)
@@ -307,7 +307,7 @@ def _level(time: Array, roll: Array, trace: TraceFit) -> tuple[float, float, Arr
 
 
 def _shares(recordings: Sequence[Recording]) -> list[str]:
-    """Return a warning for each log of which hardly anything is free decay."""
+    """Return a warning for each log with little free decay."""
     warnings: list[str] = []
     for recording in recordings:
         if recording.used < SMALL_SHARE:

@@ -3,8 +3,8 @@
 A free decay gives k/I and d/I only; the inertia turns them into k and d. Every method returns it with its uncertainty,
 propagated to first order from independent inputs. Distances are from the tilt axis, in the plane across the deck.
 
-Symbols: mass m [kg], lengths [m], distance e of the centre of mass from the tilt axis [m], period T of a full swing [s],
-ω [rad/s], stiffness [N*m/rad], gravity g [m/s^2].
+Symbols: mass m [kg], lengths [m], distance e [m] of the centre of mass from the tilt axis, period T [s] of a full swing.
+Further ω [rad/s], stiffness [N*m/rad] and gravity g [m/s^2].
 """
 
 import math
@@ -109,11 +109,11 @@ def compound(
 ) -> Quantity:
     """Return the inertia of a deck that swings as a pendulum about an axis parallel to its roll axis.
 
-    About the pivot, l from the centre of mass, I = m g l T₀² / 4π². The centre of mass has m l² less, the tilt axis m e² more
-    than that. T₀ = T / (1 + θ²/16) corrects for the mean amplitude θ of the timed cycles.
+    About the pivot, l from the centre of mass, `I = m g l T₀² / 4π²`. About the centre of mass it is smaller by m l², and about
+    the tilt axis then larger by m e². `T₀ = T / (1 + θ²/16)` corrects for the mean amplitude θ of the timed cycles.
 
     Raises:
-        SysidError: The period is too short for the pivot's distance: less than a point mass needs.
+        SysidError: The period is shorter than that of a point mass at the pivot's distance.
     """
 
     def about_axis(m: float, l: float, t: float, e: float, theta: float, g: float) -> float:  # noqa: E741
@@ -142,11 +142,11 @@ def added_mass(
 ) -> Quantity:
     """Return the inertia from two decays, without and with a known mass on the deck.
 
-    The spring is the same: I ω₁² = k and (I + ΔI) ω₂² = k − m g z. So I = (ΔI ω₂² + m g z) / (ω₁² − ω₂²), with
-    ΔI = m (y² + z²) + I_own. Half of the mass is y to the left and half to the right, z above the tilt axis.
+    The spring is the same: `I ω₁² = k` and `(I + ΔI) ω₂² = k − m g z`. So `I = (ΔI ω₂² + m g z) / (ω₁² − ω₂²)`, with
+    `ΔI = m (y² + z²) + I_own`. Half of the mass is y to the left and half to the right, z above the tilt axis.
 
     Raises:
-        SysidError: The frequency did not fall, or less than three of its standard deviations.
+        SysidError: The frequency did not fall by three standard deviations.
     """
 
     def about_axis(w1: float, w2: float, m: float, y: float, z: float, i: float, g: float) -> float:
@@ -173,7 +173,7 @@ class Combination:
     """Several methods' inertia in one number."""
 
     inertia: Quantity
-    """Weighted mean [kg*m^2]; where the methods disagree its deviation is widened by their scatter."""
+    """Weighted mean [kg*m^2]; if the methods disagree, their scatter widens its standard deviation."""
     chi_square: float
     degrees_of_freedom: int
     p_value: float
@@ -188,7 +188,7 @@ class Combination:
 
     @property
     def odd_one(self) -> str | None:
-        """The method farthest from the others, where at least three disagree."""
+        """The method farthest from the others, if at least three disagree."""
         if self.agree or len(self.pulls) < 3:
             return None
         return max(self.pulls, key=lambda name: abs(self.pulls[name]))

@@ -1,7 +1,7 @@
 """Bounded nonlinear least squares: Levenberg–Marquardt on normal equations.
 
-Small on purpose: the residuals of a joint fit come with an exact Jacobian, have a dozen unknowns, and
-are reduced to normal equations release by release, which scipy's solvers cannot take.
+A joint fit has an exact Jacobian and a dozen unknowns. Its normal equations are summed release by release, which scipy's
+solvers cannot use.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ class Normal:
     """Cost and normal equations at one point."""
 
     cost: float
-    """Half the sum of squared residuals; inf where the model cannot be evaluated."""
+    """Half the sum of squared residuals; inf if the model cannot be evaluated."""
     gradient: Array
     """Jᵀ r, shape (p,)."""
     hessian: Array
@@ -59,9 +59,9 @@ def minimise(
         start: Start, shape (p,), each variable in a unit of its own; it is moved into the box.
         low: Lower bounds, shape (p,).
         high: Upper bounds, shape (p,).
-        tolerance: Relative fall of the cost, predicted and found, below which the search ends; or what says it of a cost.
-        known: Cost and normal equations at the start, where an earlier search has them.
-        abandons: Whether `evaluate` takes a cost too, beyond which it may leave off with an infinite one: a step that fails says no more.
+        tolerance: Relative fall of the cost, predicted and found, at which the search ends; or a function of the cost that gives it.
+        known: Cost and normal equations at the start, if an earlier search has them.
+        abandons: Whether `evaluate` also takes the current cost; it may stop at a larger one and return infinity, as the step fails.
     """
     point = np.clip(start, low, high)
     here = evaluate(point) if known is None else known
@@ -99,9 +99,9 @@ def minimise(
 
 
 def _step(here: Normal, point: Array, low: Array, high: Array, factor: float) -> Array:
-    """Return the damped Gauss–Newton step that stays in the box.
+    """Return the damped Gauss–Newton step within the box.
 
-    Variables whose step would leave the box go to their bound, and the others are solved for again.
+    Variables whose step leaves the box go to their bound, and the step of the others is computed again.
     """
     step = np.zeros_like(point)
     held = ((point <= low) & (here.gradient > 0)) | ((point >= high) & (here.gradient < 0))
@@ -127,7 +127,7 @@ def _solve(hessian: Array, gradient: Array, factor: float) -> Array:
     floor = max(float(diagonal.max()), 1e-279) * 1e-12
     damped = hessian.copy()
     damped.flat[:: len(damped) + 1] += factor * np.maximum(diagonal, floor)
-    # Rounding may leave less than nothing where a variable says nothing.
+    # The diagonal of a variable without influence may be negative by rounding.
     scale = 1.0 / np.sqrt(np.maximum(damped.diagonal(), factor * floor))
     scaled = damped * (scale[:, None] * scale)
     try:

@@ -1,7 +1,7 @@
 """The loop in Python: a joint from a record or a model, its check, its MJCF and its report.
 
 `Joint` is the record of one joint, and `Board` a joint with a board's geometry. Both are the records of `sysid.board` with
-the steps after the fit as methods; `fit`, `compare` and `diagnose` take them as they are.
+the steps after the fit as methods; `fit`, `compare` and `diagnose` accept them.
 """
 
 import shlex
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from sysid.diagnosis.diagnose import Diagnosis
 
 WHOLE_TURN = 3.14159
-"""Range of a joint whose stops are not known [rad]."""
+"""Range of a joint with unknown stops [rad]."""
 
 
 class Joint(records.Board):
-    """The record of one joint: inertia, stiffness, damping, effects, and where each number comes from."""
+    """The record of one joint: inertia, stiffness, damping and effects, each with its source."""
 
     __slots__ = ()
 
@@ -62,15 +62,15 @@ class Joint(records.Board):
         mass_error: float = 0.0,
         name: str = "",
     ) -> Self:
-        """Take a hinge or slide of a MuJoCo model, as it was measured.
+        """Take a hinge or slide of a MuJoCo model, in the setup of the measurement.
 
         Args:
             path: The MJCF, with its includes.
-            joint: The joint that was let go; all others were held.
+            joint: The released joint; all others were held.
             pose: Positions of other joints in the measurement [rad or m].
             keyframe: Keyframe of the model with the pose of the measurement.
-            free: Joints that were free to follow.
-            payload: Known masses that were added: 'MASS@X,Y,Z' [kg, m] in the frame of the joint's body, or 'MASS@SITE'.
+            free: Other joints that moved freely.
+            payload: Known added masses: 'MASS@X,Y,Z' [kg, m] in the frame of the joint's body, or 'MASS@SITE'.
             mass_error: Half-width of the 95 % interval of the model's masses, as a share.
             name: Of the record; MODEL_JOINT if left out.
 
@@ -95,11 +95,11 @@ class Joint(records.Board):
 
         Args:
             name: Of the record.
-            inertia: Inertia about the axis [kg*m^2]: a quantity, a number that is exact, or a text such as '0.0087±0.0001'.
+            inertia: Inertia about the axis [kg*m^2]: a quantity, an exact number, or a text such as '0.0087±0.0001'.
             description: In words.
 
         Raises:
-            SysidError: The inertia is no positive number.
+            SysidError: The inertia is not a positive number.
         """
         if isinstance(inertia, Quantity):
             known = inertia
@@ -123,19 +123,19 @@ class Joint(records.Board):
         scene_joint: str | None = None,
         timestep: float | None = None,
     ) -> "Verdict":
-        """Let the joint go in its MuJoCo scene as it was let go in the logs, and compare.
+        """Release the joint in its MuJoCo scene as in the logs, and compare.
 
-        The record stays as it is; `joint.checked(verdict.entry())` is the record with the verdict in it.
+        The record does not change; `joint.checked(verdict.entry())` is the record with the verdict.
 
         Args:
             data: Measured decays.
-            tolerance: Largest accepted NRMSE: RMS error over RMS motion about rest, sensor noise taken out [1].
-            scene_file: An MJCF scene to check instead of the one that is built.
+            tolerance: Largest accepted NRMSE: RMS error without sensor noise over RMS motion about rest [1].
+            scene_file: An MJCF scene to check instead of the built one.
             scene_joint: Its tilt joint.
             timestep: Step [s]; 0.005, or that of the scene file or model, if left out.
 
         Returns:
-            The verdict; `.passed` says whether the scene moves as measured.
+            The verdict; `.passed` is True if the scene moves as measured.
 
         Raises:
             SysidError: The scene cannot be built, or no decay can be compared in it.
@@ -156,10 +156,10 @@ class Joint(records.Board):
         Args:
             path: XML file to write.
             bench: Of a board, only the deck on its joint, clamped.
-            timestep: Step for which a board's file is meant [s].
+            timestep: Step of a board's scene [s].
 
         Returns:
-            The files that were written.
+            The written files.
 
         Raises:
             SysidError: A number cannot be written, the copy does not load, or a board lacks geometry.
@@ -179,7 +179,7 @@ class Joint(records.Board):
 
 
 class Board(Joint):
-    """A joint with a board's geometry: its record can become a scene to train in."""
+    """A joint with a board's geometry, for a training scene."""
 
     __slots__ = ()
 
@@ -192,14 +192,14 @@ def report(
     diagnosis: "Diagnosis | None" = None,
     tolerance: float = 0.02,
 ) -> Path:
-    """Write one HTML file with everything known of a joint.
+    """Write one HTML file with all results of a joint.
 
     Args:
         joint: The record.
-        data: Recordings to show; the logs that the record was fitted to, if left out.
+        data: Recordings to show; the logs of the record's fit if left out.
         path: File to write.
-        diagnosis: What `diagnose` found for this record.
-        tolerance: Error beyond the noise, over the RMS motion, at which the comparison passes [1].
+        diagnosis: Result of `diagnose` for this record.
+        tolerance: Largest error beyond the noise, over the RMS motion, of a comparison that passes [1].
 
     Returns:
         The file.

@@ -1,7 +1,7 @@
 """Progress reports of long work to a listener, such as a bar in a terminal.
 
-What takes a while goes through its parts with `steps`, or says with `stage` which share of the whole a part is. What these do
-inside counts within them, so nobody passes a callback on. Where nobody listens it costs nothing.
+Long work iterates over its parts with `steps`, or marks a part of the whole with `stage`. Stages nest, so no function passes a
+callback on. Without a listener they do nothing.
 """
 
 from collections.abc import Callable, Generator, Iterable, Sequence
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 Listener = Callable[[str, float], None]
-"""Takes what is being done and which share of all is done."""
+"""Called with the name of the current stage and the share of all work that is done."""
 T = TypeVar("T")
 
 
@@ -19,10 +19,10 @@ class _Now:
     listener: Listener | None = None
     low: float = 0.0
     high: float = 1.0
-    """Shares of the whole at which the present stage begins and ends."""
+    """Shares of the whole at which the current stage begins and ends."""
     name: str = ""
     done: float = 0.0
-    """The largest share told."""
+    """Largest reported share."""
 
 
 _now = _Now()
@@ -30,7 +30,7 @@ _now = _Now()
 
 @contextmanager
 def listening(listener: Listener | None) -> Generator[None]:
-    """Tell a listener what is done inside."""
+    """Report the progress of the block to a listener."""
     before, _now.listener, _now.done = _now.listener, listener, 0.0
     try:
         yield
@@ -40,15 +40,15 @@ def listening(listener: Listener | None) -> Generator[None]:
 
 @contextmanager
 def stage(low: float, high: float, name: str = "") -> Generator[None]:
-    """Say that what is done inside is a part of the present stage, from the share `low` of it to `high`.
+    """Mark the block as a part of the current stage, from its share `low` to `high`.
 
-    It is called as the stage is, if it has no name of its own.
+    Without a name it has that of the current stage.
     """
     begin, end, outer = before = _now.low, _now.high, _now.name
     _now.low, _now.high = begin + low * (end - begin), begin + high * (end - begin)
     _now.name = name or outer
     if _now.listener is not None:
-        _now.done = max(_now.done, _now.low)  # what was not announced as a part must not set it back
+        _now.done = max(_now.done, _now.low)  # progress never falls, even after an unmarked part
         _now.listener(_now.name, _now.done)
     try:
         yield
@@ -57,7 +57,7 @@ def stage(low: float, high: float, name: str = "") -> Generator[None]:
 
 
 def steps(parts: Sequence[T], name: Callable[[T], str] = lambda _: "") -> Iterable[T]:
-    """Go through parts that take about as long each; `name` says of a part what is done."""
+    """Iterate over parts of about equal duration; `name` gives the stage of a part."""
     return parts if _now.listener is None else _told(parts, name)
 
 

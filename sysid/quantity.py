@@ -23,7 +23,7 @@ _PATTERN = re.compile(rf"\s*({_NUMBER})\s*(?:(?:±|\+-|\+/-)\s*({_NUMBER}))?\s*(
 
 
 def printed(unit: str) -> str:
-    """Return a unit as people write it, e.g. 'N·m/rad'."""
+    """Return a unit in print, e.g. 'N·m/rad'."""
     return unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
 
 
@@ -33,13 +33,13 @@ class Quantity:
 
     value: float
     std: float
-    """Standard deviation in `unit`; NaN where it is not known, inf where the data leave it open."""
+    """Standard deviation in `unit`; NaN if unknown, inf if the data leave the value open."""
     unit: str
     """SI unit in MuJoCo's spelling, e.g. 'N*m/rad'; '1' for a pure number."""
     method: str = ""
-    """How the number was obtained, for people."""
+    """Source of the number, in words."""
     interval: tuple[float, float] | None = None
-    """95 % interval where it is not value ± 1.96 std (asymmetric, or from few samples)."""
+    """95 % interval if it is not value ± 1.96 std (asymmetric, or from few samples)."""
 
     @property
     def ci95(self) -> tuple[float, float]:
@@ -68,7 +68,7 @@ class Quantity:
 
     @property
     def printed_unit(self) -> str:
-        """The unit as people write it."""
+        """The unit in print."""
         return printed(self.unit)
 
     @property
@@ -86,7 +86,7 @@ class Quantity:
 
 
 def slide_unit(unit: str) -> str:
-    """Return the unit that a hinge's unit is for a slide, e.g. 'N/m' for 'N*m/rad'; also amid a sentence."""
+    """Return the unit of a slide for that of a hinge, e.g. 'N/m' for 'N*m/rad'; also amid a sentence."""
     return re.sub(r"\brad\b", "m", unit.replace("N*m", "N").replace("kg*m^2", "kg"))
 
 
@@ -108,7 +108,7 @@ def round_to_error(value: float, error: float) -> tuple[str, str]:
 
 
 def parse_quantity(text: str, unit: str, name: str = "the quantity", *, positive: bool = True) -> Quantity:
-    """Return the quantity that a text means; ± is the half-width of the 95 % interval, as in all output.
+    """Parse a quantity; ± is the half-width of the 95 % interval, as in all output.
 
     Args:
         text: Such as '2.58', '2.58±0.05', '2.58+-0.05' or '20±0.2cm'.
@@ -146,7 +146,7 @@ def propagate(formula: Callable[..., float], inputs: Sequence[Quantity], unit: s
 def error_budget(method: Callable[..., Quantity], inputs: Mapping[str, Quantity]) -> dict[str, float]:
     """Return each input's share of the variance of `method(**inputs)`, largest first; they sum to 1.
 
-    Inputs that the caller left to `method`'s defaults (gravity, say) are named too.
+    It includes defaults of `method`, such as gravity.
     """
     defaults = {
         name: parameter.default
@@ -164,9 +164,8 @@ def error_budget(method: Callable[..., Quantity], inputs: Mapping[str, Quantity]
 def t95(degrees_of_freedom: float) -> float:
     """Half-width of a 95 % interval in standard deviations: Student's t, 1.96 for many samples.
 
-    With t = √ν tan θ the density of θ is cos^(ν-1) θ, so the quantile is read off its running integral;
-    for many degrees of freedom Cornish and Fisher's series is right to 4e-5. Neither needs scipy, whose
-    import would take longer than the whole fit.
+    With t = √ν tan θ the density of θ is cos^(ν-1) θ; its running integral gives the quantile. For many degrees of
+    freedom the series of Cornish and Fisher is right to 4e-5. Importing scipy would take longer than a whole fit.
     """
     nu = max(degrees_of_freedom, 1.0)
     if nu > 40:

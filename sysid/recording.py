@@ -1,4 +1,4 @@
-"""A recording: one log's roll, the releases in it, and the notes and warnings of reading it."""
+"""A recording: the roll of one log, its releases, and the notes and warnings of its reader."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
     import pandas as pd
 
 EARLY_RELEASE_SHARE = 0.1
-"""Share of the hold by which a release may be given too early without a word."""
+"""A release given too early by this share of the hold gets a warning."""
 FOREIGN_ZERO_RATIO = 3.0
-"""Distance of the rest from zero, over the widest swing, from which that zero is the sensor's and not the joint's: a choice. Whoever
-tilts a joint by hand goes through a good part of what it can do."""
+"""Distance of the rest from zero, over the widest swing, from which the zero is that of the sensor: a choice. A hand tilts a joint
+through a large part of its range."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Recording(Shown):
-    """A log or film of a joint that was let go, read."""
+    """A log or film with the releases of a joint."""
 
     roll: Roll
     """Roll against time, the whole log."""
@@ -61,26 +61,26 @@ class Recording(Shown):
         release: Sequence[float] = (),
         keep_zero: bool = False,
     ) -> Self:
-        """Read a log or film and find the releases in it; what is not given is inferred.
+        """Read a log or film and find its releases; options left out are inferred.
 
         Args:
             path: CSV, Parquet, MCAP, phone export (zip or folder) or video.
             column: Column with the roll angle or rate: its name, or its number counted from 1.
             unit: Its unit ('deg', 'rad/s', ...), or the size of one count in rad or rad/s.
             axis: Sensor axis that points forward ('x', '-y', ...), or the angle to take ('roll', ...).
-            rate: Sampling or film frame rate [Hz], where the file's own is missing or wrong.
+            rate: Sampling or film frame rate [Hz], if that of the file is missing or wrong.
             time_column: Column with the time: its name, or its number counted from 1.
-            source: What to make roll from, where a log holds several.
+            source: Sensor to use, if a log has several.
             lever_arm: From the tilt axis to the accelerometer, along the sensor's axes [m].
-            keep_outliers: Keep lone samples far beside their neighbours, which are left out.
-            video: How a film is read.
+            keep_outliers: Keep isolated outliers.
+            video: Options for a film.
             start: Ignore the log before this time [s].
             stop: Ignore the log after this time [s].
             release: Times at which the deck was let go [s], instead of finding them.
-            keep_zero: Count roll from the log's own zero, however far beside it the joint rests.
+            keep_zero: Keep the log's own zero, even far from the rest of the joint.
 
         Raises:
-            SysidError: The file cannot be read as roll, or no free decay is in it.
+            SysidError: The file cannot be read as roll, or contains no free decay.
         """
         options = LogOptions(
             column=column, unit=unit, axis=axis, rate=rate, time_column=time_column, source=source,
@@ -109,17 +109,17 @@ class Recording(Shown):
         Args:
             time: Time of each sample [s], shape (n,).
             angle: Angle of the joint, or position of a slide, in `unit`, shape (n,).
-            rate: Its rate in `unit`, shape (n,), where a gyro measured that and no angle.
+            rate: Its rate in `unit`, shape (n,), of a gyro, instead of the angle.
             unit: 'rad', 'deg', 'm' or 'mm'; of a rate 'rad/s', 'deg/s' or 'm/s'. SI if left out.
             name: Name of the log, for tables and messages.
-            keep_outliers: Keep lone samples far beside their neighbours, which are left out.
+            keep_outliers: Keep isolated outliers.
             start: Ignore the log before this time [s].
             stop: Ignore the log after this time [s].
             release: Times at which the joint was let go [s], instead of finding them.
-            keep_zero: Count the angle from the log's own zero, however far beside it the joint rests.
+            keep_zero: Keep the log's own zero, even far from the rest of the joint.
 
         Raises:
-            SysidError: The arrays do not fit together, or no free decay is in them.
+            SysidError: The arrays do not fit together, or contain no free decay.
         """
         table = table_of_arrays(time, angle=angle, rate=rate, unit=unit, name=name)
         roll = roll_of_table(table, LogOptions(keep_outliers=keep_outliers, start=start, stop=stop))
@@ -145,21 +145,21 @@ class Recording(Shown):
         """Take a log from a data frame; columns, units and axes are inferred as those of a file.
 
         Args:
-            frame: Columns of numbers; its index counts as a column unless it only numbers the rows.
+            frame: Columns of numbers; an index other than the row numbers is a column too.
             column: Column with the angle or rate.
             unit: Its unit ('deg', 'rad/s', ...).
             axis: Sensor axis that points forward ('x', '-y', ...), or the angle to take ('roll', ...).
-            rate: Sampling rate [Hz], where there is no column of time.
+            rate: Sampling rate [Hz], without a column of time.
             time_column: Column with the time.
-            source: Which sensor to use, where there are several.
+            source: Sensor to use, if the frame has several.
             name: Name of the log, for tables and messages.
             start: Ignore the log before this time [s].
             stop: Ignore the log after this time [s].
             release: Times at which the joint was let go [s], instead of finding them.
-            keep_zero: Count the angle from the log's own zero, however far beside it the joint rests.
+            keep_zero: Keep the log's own zero, even far from the rest of the joint.
 
         Raises:
-            SysidError: It is no data frame, holds no motion, or no free decay is in it.
+            SysidError: It is not a data frame, or contains no motion or no free decay.
         """
         options = LogOptions(
             column=column, unit=unit, axis=axis, rate=rate, time_column=time_column, source=source, start=start, stop=stop,
@@ -180,21 +180,21 @@ class Recording(Shown):
     ) -> Self:
         """Find the releases in a roll that is in memory.
 
-        An encoder counts from wherever it was mounted: where the log's rest is far beside the joint's, roll is counted from the joint's rest.
+        The zero of an encoder depends on its mounting. If the log's rest is far from the joint's, roll counts from the joint's rest.
 
         Args:
             start: Ignore the log before this time [s].
             stop: Ignore the log after this time [s].
             release: Times at which the deck was let go [s], instead of finding them.
-            keep_zero: Count roll from the log's own zero all the same.
-            rest: Where the joint rests, as its record or model states [rad or m]; an angle gets the whole turns that bring it nearest.
+            keep_zero: Keep the log's own zero.
+            rest: Rest of the joint in its record or model [rad or m]; an angle is shifted by whole turns to the nearest one.
 
         Raises:
-            SysidError: No free decay is in it.
+            SysidError: It contains no free decay.
         """
         found = tuple(find_releases(roll, start=start, stop=stop, releases=tuple(release)))
         held = tuple(
-            f"at {given:.6g} s, where the release was said to be, the deck was still held: its decay begins at "
+            f"at {given:.6g} s, the given release, the deck was still held: its decay begins at "
             f"{shown(one.start)}, when it leaves"
             for given, one in zip(sorted(release), found, strict=False)
             if one.hold and one.start - given > EARLY_RELEASE_SHARE * one.hold
@@ -226,19 +226,19 @@ class Recording(Shown):
         show = display(is_rate=False, slides=self.roll.slides)
         said = (
             f"the joint rests at {show.scale * own:+.4g}{show.unit}, and its widest swing is {show(widest, 2)}: that zero is the "
-            "sensor's. Roll is counted from the rest; --keep-zero leaves it as it is"
+            "sensor's. Roll is counted from the rest; --keep-zero keeps the sensor's zero"
         )
         found = self._shifted(rest - own, zero="constant")
         return replace(found, roll=replace(found.roll, warnings=(*found.roll.warnings, said)))
 
     @property
     def path(self) -> Path:
-        """The file, as it was named."""
+        """The file, as the user named it."""
         return Path(self.roll.log)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was inferred while reading: column, unit, clock, noise."""
+        """Facts inferred while reading: column, unit, clock, noise."""
         return self.roll.notes
 
     @property
@@ -248,7 +248,7 @@ class Recording(Shown):
 
     @property
     def used(self) -> float:
-        """Share of the motion in the log that is free decay [1]: of the way that the joint goes."""
+        """Share of the joint's way in the log that is free decay [1]."""
         signal = smooth_signal(self.roll.time, self.roll.roll, float(np.median(self.roll.std)))
         free, whole = 0.0, 0.0
         for swing in half_cycles_of(signal):
@@ -295,18 +295,18 @@ def _moved(release: Release, by: float, **changes: Any) -> Release:
 
 
 Data = Recording | Release | str | Path | Iterable[Recording | Release | str | Path]
-"""Measured decays, as every verb takes them: a recording, a release, the path of a log, or several of these."""
+"""Measured decays, as input of every verb: a recording, a release, the path of a log, or several of these."""
 
 
 def unpack(data: Data, *, whole: bool = False) -> tuple[tuple[Recording, ...], list[Release], list[str]]:
-    """Return the recordings in given data, all releases that stand clear of their noise, and a remark on each other one.
+    """Return the recordings of given data, all releases well above their noise, and a warning for each other one.
 
     Args:
-        data: As a verb takes it.
-        whole: Whether releases begin at the hold, also where a law that is not linear bends their start.
+        data: Input of a verb.
+        whole: Whether releases begin at the hold, even if their start is not linear.
 
     Raises:
-        SysidError: There is none, a measurement was given twice, or something is no measurement.
+        SysidError: The data are empty, contain a measurement twice, or something other than a measurement.
     """
     items = _measured(data)
     recordings = tuple(item for item in items if isinstance(item, Recording))
@@ -322,10 +322,10 @@ def unpack(data: Data, *, whole: bool = False) -> tuple[tuple[Recording, ...], l
 
 
 def _measured(data: Data) -> list[Recording | Release]:
-    """Return what a verb was given as recordings and releases; paths are read.
+    """Return the input of a verb as recordings and releases; paths are read.
 
     Raises:
-        SysidError: Something is no measurement.
+        SysidError: An item is not a measurement.
     """
     items: list[Recording | Release] = []
     given: list[Any] = list(data) if isinstance(data, Iterable) and not isinstance(data, str) else [data]
@@ -343,16 +343,16 @@ def _measured(data: Data) -> list[Recording | Release]:
 
 
 def reading_warnings(recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Return the warnings of some logs; where there are several, each names its log."""
+    """Return the warnings of some logs; with several logs, each names its own."""
     if len(recordings) == 1:
         return recordings[0].warnings
     return tuple(f"{recording.path}: {text}" for recording in recordings for text in recording.warnings)
 
 
 def refuse_duplicates(logs: Iterable[Path]) -> None:
-    """Accept logs that are different measurements: one given twice would count as new data.
+    """Refuse a measurement that was given twice, which would count as new data.
 
-    A copy under another name is told by its content; a folder, or a file that is not there, by its path only.
+    Files are compared by content, folders and missing files by path.
 
     Raises:
         SysidError: Two of the logs are the same.
@@ -367,7 +367,7 @@ def refuse_duplicates(logs: Iterable[Path]) -> None:
         if first is not None:
             copy = f"{first} was given twice" if first == log else f"{first} and {log} hold the same bytes"
             raise SysidError(
-                f"{copy}: a measurement counts once, for a repeated one would narrow every interval without saying "
-                "anything new. Leave one out, or record another."
+                f"{copy}: a measurement counts once, as a repeated one would narrow every interval without new information. "
+                "Leave one out, or record another."
             )
         seen[key] = log

@@ -1,8 +1,7 @@
-"""Roll of the deck against time, and the free decays found in it.
+"""Roll of the deck against time, and its free decays.
 
-Sign, everywhere: x forward, y left, z up; roll is the rotation about +x, so positive roll is right
-edge down. The tilt joint of our MJCF turns about +x too, so its position is the roll; the paper's tilt
-turns about -x (γ = -roll), and that sign flips in `sim/skate` only.
+Sign, everywhere: x forward, y left, z up. Roll is the rotation about +x, so positive roll is right edge down. The tilt joint of our
+MJCF turns about +x too, so its position is the roll. The paper's tilt turns about -x (γ = -roll); only `sim/skate` uses that sign.
 """
 
 from collections.abc import Mapping
@@ -16,7 +15,7 @@ Array = npt.NDArray[np.float64]
 
 
 def shown(time: float) -> str:
-    """Return a time [s] of a log in words: as it is typed for `--from`, `--to` and `--release`."""
+    """Return a time [s] of a log in words, as for `--from`, `--to` and `--release`."""
     return f"{time:.4g} s" if abs(time) < 1000 else f"{time:.1f} s"
 
 
@@ -25,7 +24,7 @@ Rows = slice | npt.NDArray[np.bool_] | npt.NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False, weakref_slot=True)
 class Signal:
-    """Roll against time, with what whoever uses it must know of the sensor that it came from."""
+    """Roll against time, with the facts of its sensor."""
 
     log: str
     """Path of the log, as the user named it."""
@@ -36,30 +35,30 @@ class Signal:
     std: Array
     """Standard deviation of each sample [rad], shape (n,), without an offset common to all."""
     rate: Array | None = None
-    """Roll rate [rad/s], shape (n,), where a gyro measured it."""
+    """Roll rate [rad/s] of a gyro, shape (n,), or None."""
     rate_std: Array | None = None
     """Standard deviation of each sample of `rate` [rad/s], shape (n,)."""
     own_std: Array | None = None
-    """Share of `std` that is not common to all samples [rad], shape (n,), where that is known: a lens or a slant
-    stretches or skews a whole swing, which hardly touches its frequency and its damping."""
+    """Share of `std` that is not common to all samples [rad], shape (n,), or None. A lens or a slant stretches or skews
+    a whole swing, with little influence on its frequency and damping."""
     scale_std: float = 0.0
-    """Standard deviation of the scale of roll and rate [1]: one unknown factor for all samples, that of a gyro whose gain was estimated."""
+    """Standard deviation of the scale of roll and rate [1], one factor for all samples: the estimated gain of a gyro."""
     origin: str
-    """What the roll was made from, for people; what follows from it stands in the three facts below."""
+    """Source of the roll, in words; the three facts below follow from it."""
     zero: Literal["known", "constant", "drifting"] = "known"
-    """Zero of roll: that of the joint, an unknown angle that stays, or one that differs from release to release."""
+    """Zero of roll: that of the joint, an unknown constant, or one that differs from release to release."""
     measured: Literal["roll", "rate"] = "roll"
-    """What has independent errors: the roll, or the rate of which the roll is only the integral."""
+    """Signal with independent errors: the roll, or the rate, with the roll as its integral."""
     errors_last: bool = False
-    """Whether `std` states errors that last until the deck has moved on (see `sysid.noise.lasting`)."""
+    """Whether errors are correlated until the deck has moved on (see `sysid.noise.lasting`)."""
 
     @property
     def slides(self) -> bool:
-        """Whether it is the position of a slide [m], as the unit of the log says."""
+        """Whether it is the position of a slide [m], by the unit of the log."""
         return self.origin in ("position", "speed")
 
     def __repr__(self) -> str:
-        """Return the kind, the log, and how many samples of what."""
+        """Return kind, log, source and number of samples."""
         span = f"{shown(float(self.time[0]))} to {shown(float(self.time[-1]))}" if len(self.time) else "empty"
         return f"<{type(self).__name__} of {self.log}: {self.origin}, {len(self.time)} samples, {span}>"
 
@@ -78,9 +77,9 @@ class Roll(Signal):
     """One log's roll."""
 
     free: npt.NDArray[np.bool_] | None = None
-    """Whether no motor, brake or hand acts, as a column of the log says, shape (n,); None without such a column."""
+    """Samples without motor, brake or hand, from a column of the log, shape (n,); None without such a column."""
     notes: tuple[str, ...] = ()
-    """What was inferred while reading (column, unit, sampling rate, clock repairs), for people."""
+    """Facts inferred while reading (column, unit, sampling rate, clock repairs), in words."""
     warnings: tuple[str, ...] = ()
     """Problems of the log, in words."""
     extra: Mapping[str, Array] = field(default_factory=dict[str, Array])
@@ -99,29 +98,28 @@ class Release(Signal):
     number: int
     """Counted from 1 within its log."""
     rest: float
-    """Roll at rest about this release, as first estimated from the log [rad]."""
+    """Roll at rest, as first estimated from the log [rad]."""
     hold: float
-    """Time for which the deck was held still before the release [s]; 0 where it was not."""
+    """Duration of the hold before the release [s]; 0 without one."""
     end: Literal["rest", "caught", "log"]
-    """Why it ends: the deck came to rest, somebody caught it, or the log stops."""
+    """Its end: the deck came to rest, somebody caught it, or the log stops."""
     held: Signal | None = None
-    """What was read while it was held still before, for no longer than it then swung and without the moment of the release; None where it
-    was not, or that is not known."""
+    """Samples of the hold before, without the moment of the release, at most as long as the decay; None without a hold."""
     known: Mapping[str, float] = field(default_factory=dict[str, float])
-    """Parameters that differ from the record in this release, by the names of the joint's parameters: the inertia [kg*m^2] and the weight of a
-    robot's joint in the pose, and with the load, of this release."""
+    """Parameters of this release that differ from the record, by name: inertia [kg*m^2] and weight of a robot's joint in its pose and
+    with its load."""
 
     driven_until: float | None = None
-    """Until when something drove the joint before this release [s]; None where nothing did."""
+    """End of a driven motion before this release [s]; None without one."""
     whole: "Release | None" = None
-    """The same from the hold on, where a hand, or a law that is not linear, bends its start; None where nothing does."""
+    """The same decay from the hold on, if a hand or a nonlinear law affects its start, else None."""
 
     @classmethod
     def of(
         cls, part: Signal, *, number: int, rest: float, hold: float, end: Literal["rest", "caught", "log"],
         held: Signal | None = None,
     ) -> "Release":  # fmt: skip
-        """Return the free decay that a part of a log is."""
+        """Return a part of a log as a free decay."""
         shared = {one.name: getattr(part, one.name) for one in fields(Signal)}
         return cls(**shared, number=number, rest=rest, hold=hold, end=end, held=held)
 

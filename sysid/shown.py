@@ -1,7 +1,7 @@
-"""How a result shows itself: a short `repr`, a picture in a notebook, `plot` into axes.
+"""Display of a result: a short `repr`, a picture in a notebook, `plot` into axes.
 
-Results are data and know no picture. The module that draws them is loaded by name at the first picture, as pandas loads
-its plotting backend.
+Results are data without pictures. The module that draws them is loaded by name at the first picture, like the plotting
+backend of pandas.
 """
 
 from importlib import import_module
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 BACKEND = "reports.plots"
 """Module that draws results."""
 MOST_SHOWN = 8
-"""Items of a list that `repr` shows: a choice, so that a result with a table in it stays below 2,000 characters."""
+"""Items of a list in `repr`: a choice that keeps a result with a table below 2,000 characters."""
 
 
 class Backend(Protocol):
@@ -29,12 +29,12 @@ class Backend(Protocol):
 
 
 class Shown:
-    """A public result; subclasses say in `brief` how they print."""
+    """A public result; subclasses print `brief`."""
 
     __slots__ = ()
 
     def brief(self) -> str:
-        """Return a few lines: what it is, its numbers, and no array."""
+        """Return a few lines: its kind and its numbers, without arrays."""
         raise NotImplementedError
 
     def __repr__(self) -> str:
@@ -53,7 +53,7 @@ class Shown:
         return _backend().plot(self, axes)
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows."""
+        """Return the HTML for a notebook."""
         return _backend().html(self)
 
 

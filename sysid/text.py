@@ -1,4 +1,4 @@
-"""Tables and small words of a report: plain text, the same in a terminal, a pipe and a notebook."""
+"""Tables and short texts of a report: plain text for terminal, pipe and notebook."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from sysid.quantity import Quantity
 
 WIDTH = 160
-"""Of a report that is not written to a terminal [characters]."""
+"""Width of a report outside a terminal [characters]."""
 DEGREES = 57.29577951308232
 """One radian [deg]."""
 
@@ -19,7 +19,7 @@ DEGREES = 57.29577951308232
 def table(
     columns: Sequence[str], rows: Sequence[Sequence[str]], title: str | None = None, *, width: int = WIDTH
 ) -> str:
-    """Return a table as lines of text, cells wrapped where it would be wider than `width` characters."""
+    """Return a table as lines of text; cells are wrapped to fit `width` characters."""
     from io import StringIO
 
     from rich.console import Console
@@ -67,7 +67,7 @@ class Display:
 
 
 def display(*, is_rate: bool, slides: bool = False, angle: str = "angle") -> Display:
-    """Return how a position, called `angle`, or its rate is shown: in degrees and rad/s; of a slide in mm and m/s."""
+    """Return the display of a position, called `angle`, or its rate: in degrees and rad/s; of a slide in mm and m/s."""
     if slides:
         return Display("speed", " m/s", 1.0) if is_rate else Display("position", " mm", 1e3)
     return Display("rate", " rad/s", 1.0) if is_rate else Display(angle, "°", DEGREES)
@@ -79,7 +79,7 @@ def effort(*, slides: bool) -> str:
 
 
 LEAST_REST = 5e-4
-"""A rest angle below this, half the last digit that is printed, is left out of a printed law [rad]."""
+"""Smallest rest angle in a printed law [rad]."""
 
 
 def linear_law(inertia: float, damping: float, stiffness: float, rest: float) -> str:
@@ -91,7 +91,7 @@ def linear_law(inertia: float, damping: float, stiffness: float, rest: float) ->
 
 
 def in_brackets(quantity: "Quantity") -> str:
-    """Return a value with its 95 % interval, e.g. '0.812 [0.790, 0.833]'; '–' if it is not known."""
+    """Return a value with its 95 % interval, e.g. '0.812 [0.790, 0.833]'; '–' if unknown."""
     if not math.isfinite(quantity.value):
         return "–"
     low, high = quantity.ci95
@@ -112,5 +112,5 @@ def short(value: float) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a probability in words of whole percents."""
+    """Return a probability in whole percents."""
     return "over 99 %" if share > 0.99 else f"{100 * share:.0f} %"

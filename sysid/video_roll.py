@@ -1,7 +1,7 @@
 """Roll of the deck from a film taken from behind.
 
-Something on the deck is followed (`sysid.video.trackers`). All trackers give points in pictures. These are freed of lens, camera shake and rolling shutter, and give the
-angle of a body that turns about an axis seen at a slant.
+A tracker (`sysid.video.trackers`) follows points on the deck. They are corrected for lens, camera shake and rolling shutter. They give
+the angle of a body that turns about an axis at a slant to the camera.
 """
 
 from contextlib import closing
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from sysid.video.types import Rows
 
 MIN_FRAMES_PER_PERIOD = 8
-"""Frames a period below which the fastest part of a swing is guessed rather than seen."""
+"""Fewest frames a period; with fewer the fastest part of a swing is a guess."""
 SLOW_RATE, SLOW_PERIOD = 31.0, 0.6
-"""Slow motion plays at 30 frames/s [Hz] or less, and makes a board of 0.1 to 0.3 s swing slower than this [s]."""
+"""Slow motion plays at 30 frames/s [Hz] or less. The period of a board, 0.1 to 0.3 s, is then longer than this [s]."""
 RATES = (60, 120, 240)
 """Frame rates of phones [frames/s]."""
 
@@ -32,16 +32,15 @@ RATES = (60, 120, 240)
 def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
     """Read the roll of a board from a film.
 
-    Roll zero is the picture's horizontal if the target shows it, else the rest at the end of the film.
-    Times are the container's, counted from the film's first frame; of one another, they are when the sensor read the board.
+    Roll zero is the picture's horizontal if the target shows it, else the rest at the end of the film. Times are those of the
+    container, from the film's first frame on, corrected for the readout of the sensor.
 
     Args:
         path: Film taken from behind the board, one uncut take.
         options: Options that overrule inference.
 
     Raises:
-        SysidError: The file is not a film, is damaged, cut or too large. No board is found in it. It has fewer than 8 frames a
-            period.
+        SysidError: The file is not a film, is damaged, cut or too large, shows no board, or has fewer than 8 frames a period.
     """
     from sysid.video.film.camera import lens_of
     from sysid.video.film.frames import open_clip
@@ -96,16 +95,16 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
             f"{MIN_FRAMES_PER_PERIOD} are needed. Film at {min((one for one in RATES if one >= needed), default=round(needed))} "
             "frames/s or more (slow motion), or use an IMU."
         )
-    # When the sensor reads the board of the first frame is its stamp: a delay that all frames share shows nowhere.
+    # The readout of the first frame keeps the frame's stamp: a delay common to all frames has no effect.
     delay = time[0] - track.time[rows[0]]
     notes = list(inferred(clip, lens, target, track, followed.before, found, options))
     warnings = list(faults(clip, target, track, found))
     if lone.any():
-        notes.append(f"frames: {np.sum(lone)} that those before and after do not bear out are left out")
+        notes.append(f"frames: {np.sum(lone)} outliers are left out")
     if not followed.turns:
         warnings.append(
-            f"the target turns by {np.degrees(np.ptp(angle)):.2g}° in all, less than a release or than its noise: no measurement of a "
-            "board. Look at --overlay. Then give the board's region with --roi, or film a release"
+            f"the target turns by {np.degrees(np.ptp(angle)):.2g}° in all, less than a release or than its noise: no measurement of a board. Look at "
+            "--overlay. Then give the board's region with --roi, or film a release"
         )
     if len(lost := np.delete(track.time, seen)):
         warnings.append(

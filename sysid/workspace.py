@@ -1,4 +1,4 @@
-"""Where boards are found and outputs land."""
+"""Folder of a user's boards and outputs."""
 
 import os
 import shlex
@@ -12,7 +12,7 @@ from sysid.files import locked, write_atomically
 from sysid.files import shipped_data as shipped_data
 
 MOST_NAMED = 4
-"""Logs written out in a command."""
+"""Most logs in a printed command."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,7 @@ class Workspace:
 
     root: Path
     reading: tuple[str, ...] = ()
-    """Options that the logs needed to be read; commands that are printed repeat them."""
+    """Options for reading the logs; printed commands repeat them."""
 
     @property
     def boards(self) -> Path:
@@ -29,11 +29,11 @@ class Workspace:
         return boards_folder(self.root)
 
     def command(self, name: str, *options: str, logs: Iterable[str | Path] | None = None) -> str:
-        """Return a command that runs as it is printed, where the one that prints it was run.
+        """Return a command that the user can copy and run in the current folder.
 
         Args:
-            options: Its words beside logs and workspace.
-            logs: Its logs; 'LOG...' stands for none and for many, and nothing for None.
+            options: Its words besides logs and workspace.
+            logs: Its logs; no logs or many are written as 'LOG...'. None: a command without logs.
         """
         named = [] if logs is None else [str(log) for log in logs]
         if logs is not None and not 0 < len(named) <= MOST_NAMED:
@@ -47,7 +47,7 @@ class Workspace:
         return record_names(self.root)
 
     def board_path(self, name: str) -> Path:
-        """Return the record that `name` means: the workspace's, else the shipped one.
+        """Return the path of a record: the workspace's, else the shipped one.
 
         Raises:
             SysidError: There is no board of that name.
@@ -55,7 +55,7 @@ class Workspace:
         return find_record(name, self.root)
 
     def load_board(self, name: str) -> Board:
-        """Read the board that `name` means.
+        """Read a board.
 
         Raises:
             SysidError: There is no such board, or its record is not valid.
@@ -67,17 +67,16 @@ class Workspace:
         return board
 
     def save_board(self, board: Board, *, since: Board | None = None) -> Path:
-        """Write a board into the workspace and return its path; in a clone that is where the shipped ones are, too.
+        """Write a board into the workspace and return its path.
 
-        Commands run for minutes, and others may write the record meanwhile. What they added to its history stays; only
-        a refit, which finds the whole joint anew, may replace a joint that has changed since.
+        Another command may have changed the record meanwhile. Its history lines are kept. Only a refit, which determines the
+        whole joint, may replace a changed joint.
 
         Args:
-            since: The record as it was read, which `board` was made from; None to write whatever is there.
+            since: The record from which `board` was made; None to overwrite any record.
 
         Raises:
-            SysidError: The folder cannot be written to, or what `board` says was found for a joint that has changed
-                since.
+            SysidError: The folder cannot be written to, or the joint has changed since.
         """
         path = self.boards / f"{board.name}.toml"
         with locked(path):
@@ -90,15 +89,14 @@ class Workspace:
             )
             if now.digest != since.digest and not is_refit:
                 raise SysidError(
-                    f"{path}: the joint was changed by another command while this one ran, so what this one found is "
-                    "not true of it. The record stays as the other wrote it; run this again."
+                    f"{path}: another command changed the joint during this run. This result was discarded; run the command again."
                 )
             new = board.history[len(since.history) :]
             self._replace(replace(board, history=(*now.history, *new)), path)
         return path
 
     def _replace(self, board: Board, path: Path) -> None:
-        """Write a record, and keep the one that it replaces for `undo`."""
+        """Write a record, and keep the old one for `undo`."""
         try:
             old = self.board_path(board.name).read_bytes()
         except SysidError:  # there is none
@@ -113,11 +111,11 @@ class Workspace:
         return self.boards / ".earlier" / name
 
     def earlier(self, name: str) -> list[Path]:
-        """Return the records that a board had before, oldest first."""
-        return sorted(self._earlier(name).glob("[0-9]*.toml"))  # not what a killed command left half-written
+        """Return the earlier records of a board, oldest first."""
+        return sorted(self._earlier(name).glob("[0-9]*.toml"))  # without temporary files of killed commands
 
     def first(self, name: str) -> Board | None:
-        """Return a board as it was before it was first written in this workspace; None if it never was.
+        """Return the first record of a board, before any change in this workspace; None without a change.
 
         Raises:
             SysidError: That record is not valid.
@@ -126,7 +124,7 @@ class Workspace:
         return load_board(kept[0]) if kept else None
 
     def undo(self, name: str) -> Path:
-        """Put a board's record back to what it was before it was last written, and return its path.
+        """Restore the record of a board before its last change, and return its path.
 
         Raises:
             SysidError: It was never changed here.
@@ -144,16 +142,16 @@ class Workspace:
         return path
 
     def named(self, path: Path) -> str:
-        """Return how a record of this workspace names a file: from the workspace on, so that it is found from anywhere.
+        """Return the name of a file in a record: its path relative to the workspace.
 
-        An absolute path stays as it is. Folders count where they really are: `..` out of a linked workspace leads there.
+        An absolute path stays absolute. Links are resolved first, so `..` in a linked workspace is right.
         """
         if path.is_absolute():
             return str(path)
         return Path(os.path.relpath(path.parent.resolve() / path.name, self.root.resolve())).as_posix()
 
     def recorded(self, name: str) -> Path:
-        """Return the file that a record of this workspace names so, as seen from the current folder, or from / where either is absolute."""
+        """Return the file of a name in a record: relative to the current folder, or absolute if the name or the workspace is."""
         path = self.root / name
         if Path(name).is_absolute():
             return path
@@ -161,15 +159,15 @@ class Workspace:
         return found if path.is_absolute() else Path(os.path.relpath(found))
 
     def outputs(self, board: str) -> Path:
-        """Return the folder for a board's outputs; it is made when something is written to it."""
+        """Return the folder for a board's outputs; it is made with the first output."""
         return self.root / "reports" / board
 
 
 def _require_known(board: Board, name: str, file: str) -> None:
-    """Ask for the file of a user's effect that a record's law needs.
+    """Check that a user's effect in a record is loaded.
 
     Raises:
-        SysidError: The effect is not known; the message names the file.
+        SysidError: The effect is unknown; the message names the file.
     """
     from sysid.effects import catalogue
 

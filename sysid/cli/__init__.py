@@ -382,10 +382,10 @@ def main() -> None:
 
 
 def require_own_packages() -> None:
-    """Make sure that `sysid` and `reports` are this tool's: other projects have packages of these names.
+    """Check that the packages `sysid` and `reports` are those of this tool: other projects use these names too.
 
     Raises:
-        SysidError: One of them is another's.
+        SysidError: One of them is another project's.
     """
     from importlib.util import find_spec
 
@@ -403,7 +403,7 @@ def require_own_packages() -> None:
 
 
 def _end(error: BaseException) -> None:
-    """Say in one line why a command ended, and exit; come back where it was nothing that was expected."""
+    """Print in one line why a command ended, and exit; return after an unexpected error."""
     number = stop_listening()
     if isinstance(error, BrokenPipeError):  # the reader (head, less) has gone
         drop_output()
@@ -420,7 +420,7 @@ def _end(error: BaseException) -> None:
 
 
 def _fail(message: str, code: int) -> NoReturn:
-    """Say the one line that a user sees, and exit."""
+    """Print one line for the user, and exit."""
     with contextlib.suppress(OSError):
         print(f"error: {one_line(message)}", file=sys.stderr, flush=True)  # noqa: T201
     raise SystemExit(code) from None

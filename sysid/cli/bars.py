@@ -11,7 +11,7 @@ from sysid.progress import Listener, listening
 
 
 class TimeLeft(ProgressColumn):
-    """Time left at the pace so far, which runs down between two updates too."""
+    """Time left at the pace so far; it counts down between two updates."""
 
     def __init__(self) -> None:
         """Begin with no update seen."""
@@ -19,7 +19,7 @@ class TimeLeft(ProgressColumn):
         self._seen: dict[TaskID, tuple[float, float]] = {}
 
     def render(self, task: Task) -> Text:
-        """Return the time left in words; how long it has taken until the first part is done."""
+        """Return the time left in words; before the first part is done, the time so far."""
         elapsed = task.elapsed or 0.0
         done, when = self._seen.get(task.id, (-1.0, 0.0))
         if task.completed != done:
@@ -48,7 +48,7 @@ def bar(printer: Printer) -> Progress:
 
 @contextmanager
 def told_bar(printer: Printer) -> Generator[Listener | None]:
-    """Show a bar that its listener moves; None where there is no terminal."""
+    """Show a bar, and yield its listener; None without a terminal."""
     with bar(printer) as shown:
         task = shown.add_task("", total=1.0)
 
@@ -60,6 +60,6 @@ def told_bar(printer: Printer) -> Generator[Listener | None]:
 
 @contextmanager
 def working(printer: Printer) -> Generator[None]:
-    """Show a bar that the work inside moves, through `sysid.progress`."""
+    """Show a bar of the progress of the block, through `sysid.progress`."""
     with told_bar(printer) as update, listening(update):
         yield

@@ -22,7 +22,7 @@ def batch(
     cluster: str | None = None,
     common: Common = Common(),
 ) -> int:
-    """Run many jobs side by side, and put their results into one table and one page.
+    """Run many jobs in parallel, and put their results into one table and one page.
 
     Finished jobs are kept: the same command continues an interrupted or extended batch. No board's record is changed.
 

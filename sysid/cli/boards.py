@@ -1,4 +1,4 @@
-"""`husky-sysid boards`: list the boards, or show one whole."""
+"""`husky-sysid boards`: list the boards, or show all of one."""
 
 import math
 from collections.abc import Mapping
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 def boards(
     name: Annotated[
-        str | None, Parameter(help="Show this board whole; all boards in a table without.")
+        str | None, Parameter(help="Show all of this board; without it, a table of all boards.")
     ] = None,
     /,
     *,
     common: Common = Common(),
 ) -> int:
-    """List boards, their parameters, where these come from, and whether they passed the check."""
+    """List boards, their parameters with their sources, and the state of the check."""
     printer = Printer(common)
     if name is not None:
         _show(common.space, name, printer)
@@ -132,7 +132,7 @@ def _warn_of_unknown_effects(board: Board, printer: Printer) -> None:
 
 
 def derivation(board: Board) -> "DecayNumbers | None":
-    """Return the numbers that follow from the record's period and peaks, where it has them."""
+    """Return the numbers from the record's period and peaks, if it has them."""
     if not board.decay:
         return None
     from sysid.free_decay import decay_from_peaks
@@ -143,7 +143,7 @@ def derivation(board: Board) -> "DecayNumbers | None":
 
 
 def derivation_line(board: Board) -> str:
-    """Return derived k and d to the digits of the source, beside its own numbers."""
+    """Return derived k and d to the digits of the source, with the published numbers."""
     numbers = derivation(board)
     if numbers is None:
         return ""
@@ -155,7 +155,7 @@ def derivation_line(board: Board) -> str:
     )
     if board.published:
         k, d = board.published["stiffness"].value, board.published["damping"].value
-        # Both are proportional to the inertia; what the source rounded moves them by less than this.
+        # Both are proportional to the inertia; rounding by the source moves them by less than this.
         ratios = (k / numbers.stiffness.value, d / numbers.damping.value)
         rounded = any(abs(ratio - 1) < 0.001 for ratio in ratios)
         why = "rounded on the way" if rounded else "for another roll inertia"
@@ -164,7 +164,7 @@ def derivation_line(board: Board) -> str:
 
 
 def damping_ratio(board: Board) -> float | None:
-    """Return ζ = d / (2 √(k I)); None for a joint without a spring, which only its weight pulls back."""
+    """Return ζ = d / (2 √(k I)); None for a joint without a spring."""
     return board.damping / (2 * math.sqrt(board.stiffness * board.inertia.value)) if board.stiffness else None
 
 
@@ -174,7 +174,7 @@ def natural_frequency(board: Board) -> float | None:
 
 
 def provenance(board: Board) -> str:
-    """Say where stiffness and damping come from."""
+    """Return the source of stiffness and damping in words."""
     if board.fit:
         logs = board.fit.get("logs", ())
         rmse = board.fit.get("rmse")
@@ -184,7 +184,7 @@ def provenance(board: Board) -> str:
 
 
 def verdict(board: Board) -> str:
-    """Say whether the board passed the check."""
+    """Return the state of the check in words."""
     if not board.last_check:
         return "not run"
     nrmse = board.last_check.get("nrmse")
@@ -220,13 +220,13 @@ def summary(space: Workspace, board: Board) -> dict[str, Any]:
 
 
 def _bare(quantity: Quantity, board: Board) -> str:
-    """The value with its 95 % interval, without the unit that the column's head names; a slide has another."""
+    """Return the value with its 95 % interval, without the unit of the column's head; a slide has another unit."""
     unit = quantity.unit if board.slides else "1"
     return str(Quantity(quantity.value, quantity.std, unit, interval=quantity.interval))
 
 
 def _told(value: Any) -> str:
-    """Return a value of a record as it is read: a number to four digits, of a log its path."""
+    """Return a value of a record in words: a number to four digits, the path of a log."""
     if isinstance(value, list | tuple):
         return ", ".join(map(_told, value)) or "none"
     if isinstance(value, Mapping):
@@ -241,7 +241,7 @@ def _json(quantities: Mapping[str, Quantity]) -> dict[str, object]:
 
 
 def plain(content: Any) -> Any:
-    """TOML values as JSON has them: dates become text, NaN becomes null."""
+    """Return TOML values for JSON: dates become text, NaN becomes null."""
     if isinstance(content, Mapping):
         return {str(key): plain(value) for key, value in content.items()}
     if isinstance(content, list | tuple):

@@ -27,20 +27,18 @@ def check(
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:
-    """Release the deck in the training scene as it was released in the logs, and compare.
+    """Release the deck in the training scene as in the logs, and compare.
 
     Args:
-        logs: Measured decays; those that the record was fitted to, if left out.
+        logs: Measured decays; those of the record's fit, if left out.
         subject: Board or joint; a model's joint is released in the model itself.
-        tolerance: Largest accepted NRMSE: RMS error over RMS of the measured roll about rest, sensor noise
-            taken out.
-        scene_file: An MJCF scene with a board in it, instead of the scene that the tool builds. --joint names its tilt joint if
-            it is not board_tilt_joint.
+        tolerance: Largest accepted NRMSE: RMS error without sensor noise, over RMS of the measured roll about rest.
+        scene_file: An MJCF scene with a board, instead of the built one. --joint names its tilt joint (default
+            board_tilt_joint).
         timestep: Step in s; 0.005, or that of the scene file or model, if left out.
-        integrator: MuJoCo integrator of the scene that the tool builds.
-        coupling: How tilt steers the trucks in it: a joint equality, or trucks set directly after each step.
-        export: Which parameters are written into it: compensated so that the scene as a whole decays like
-            the board, for the step alone, or not at all.
+        integrator: MuJoCo integrator of the built scene.
+        coupling: Steering of its trucks by tilt: a joint equality, or set directly after each step.
+        export: Parameters of the built scene: compensated for the whole scene, for the step alone, or not at all.
 
     Raises:
         QualityGateError: The scene does not decay as measured.
@@ -77,7 +75,7 @@ def check(
         usual = GateOptions()
         names = ("integrator", "coupling", "export")
         if unused := [f"--{name}" for name in names if getattr(options, name) != getattr(usual, name)]:
-            printer.warn(f"not used: {', '.join(unused)}, which are for the scene that the tool builds")
+            printer.warn(f"not used: {', '.join(unused)}, which are for the built scene")
     with working(printer):
         gate = check_joint(record, releases, tolerance=tolerance, options=options)
     verdict = gate.verdict
@@ -93,7 +91,7 @@ def check(
         path = common.space.save_board(record.checked(verdict.entry()), since=record)
         printer.note(f"written into {path}")
     else:
-        printer.note("the board record is unchanged: its [check] speaks of the scene that the tool builds")
+        printer.note("the board record is unchanged: its [check] is of the built scene")
     if not verdict.passed:
         raise QualityGateError(verdict.refusal())
     printer.warnings(verdict.warnings)

@@ -1,4 +1,4 @@
-"""`husky-sysid compare`: measured against simulated, and where they part."""
+"""`husky-sysid compare`: the error of the simulation, and its location."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -28,13 +28,12 @@ def compare(
 ) -> int:
     """Compare the board's simulated decay with measured ones: how far off, and where.
 
-    Each release is simulated from its own start; the error is told apart from the sensor's noise, and placed
-    in time, amplitude, velocity, side and phase. Writes compare.json and compare.png into reports/BOARD
-    of the workspace.
+    Each release is simulated from its own start. The error without the sensor noise is located in time, amplitude,
+    velocity, side and phase. Writes compare.json and compare.png into reports/BOARD of the workspace.
 
     Args:
-        logs: Logs of one joint; those that its record was fitted to, if left out.
-        tolerance: Error beyond the noise, over the RMS motion, at which the comparison passes.
+        logs: Logs of one joint; those of its record's fit, if left out.
+        tolerance: Largest error beyond the noise, over the RMS motion, of a comparison that passes.
         picture: Draw compare.png.
         rerun: Write a Rerun recording (.rrd) here.
     """
@@ -84,7 +83,7 @@ def compare(
         write_recording(rerun, record, files, material, printer, tolerance=tolerance)
         written.append(rerun)
     printer.say(result.report(printer.width))
-    verb, why = ("check", "check it in MuJoCo") if result.passed else ("diagnose", "learn what is missing")
+    verb, why = ("check", "check it in MuJoCo") if result.passed else ("diagnose", "find the missing effect")
     command = space_of(common, arguments).command(verb, *record.options, logs=given)
     printer.say(f"next: {why}: {command}")
     printer.written(*written)

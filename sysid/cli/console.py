@@ -1,4 +1,4 @@
-"""Shared by every command: `--json`, `--workspace`, results on stdout, the rest on stderr."""
+"""Common parts of all commands: `--json`, `--workspace`, results on stdout, other output on stderr."""
 
 import json
 import os
@@ -28,9 +28,9 @@ LOG, FILM, FIT, OUTPUT = (
 """Groups of options, in the order of a command's help."""
 Output = Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)]
 LEAST_WIDTH = 40
-"""Below, a table's cells would be letters under one another [characters]."""
+"""Least width of a table [characters]; in a narrower one the cells are columns of letters."""
 Made = Annotated[Path, Parameter(group=OUTPUT)]
-"""Another file that is written if it is named."""
+"""An optional output file."""
 BoardName = Annotated[str, Parameter(name=("--board", "-b"))]
 Flag = Annotated[bool, Parameter(negative="")]
 FitFlag = Annotated[bool, Parameter(negative="", group=FIT)]
@@ -44,12 +44,12 @@ class Common:
     """Options of every command."""
 
     json: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
-    """Write the result as JSON to this file; '-' for stdout, and then nothing else is on stdout."""
+    """Write the result as JSON to this file; '-' for stdout without other output."""
     workspace: Path = Path()
     """Folder with the user's boards (data/boards) and outputs (reports/BOARD)."""
 
     effect_file: Annotated[tuple[Path, ...], Parameter(negative="", group=FIT, show_default=False)] = ()
-    """File with an effect of your own (see husky-sysid effects new), known to this command; repeat it for several."""
+    """File with an effect of your own (see husky-sysid effects new); repeat it for several."""
 
     def own_effects(self) -> tuple[str, ...]:
         """Add the effects of the user's files to the catalogue and return their names.
@@ -71,7 +71,7 @@ class Common:
 
 @dataclass(frozen=True)
 class Printer:
-    """Prints a command's results for people, and its JSON for machines.
+    """Prints a command's results as text and JSON.
 
     Colour only on a terminal, and never with NO_COLOR; a pipe gets plain text of any width.
     """
@@ -81,12 +81,12 @@ class Printer:
     _stderr: Console = field(init=False)
 
     def __post_init__(self) -> None:
-        """Take up effects of the user's own, and open both consoles."""
+        """Load the user's own effects, and open both consoles."""
         self.common.own_effects()
         quiet = self.common.json == "-"
         if self.common.json is not None and not quiet:
             require_writable(Path(self.common.json))
-        # A terminal breaks a line wherever it is full; we break between words. A pipe gets whole lines.
+        # On a terminal break lines between words; a pipe gets whole lines.
         out, err = sys.stdout.isatty(), sys.stderr.isatty()
         width = None if out else _piped_width()
         stdout = Console(quiet=quiet, highlight=False, width=width, soft_wrap=not out, emoji=False)
@@ -100,7 +100,7 @@ class Printer:
         return self._stderr
 
     def keep(self, inputs: Iterable[Path], outputs: Mapping[str, Path | None] | None = None) -> None:
-        """Refuse to write the command's JSON, or another of its outputs, over a file that it reads or where nothing can be written.
+        """Refuse outputs, the JSON included, that are inputs or cannot be written.
 
         Raises:
             SysidError: An output is an input, or its folder cannot be written to.
@@ -117,7 +117,7 @@ class Printer:
         self._stdout.print(text, markup=False)
 
     def written(self, *paths: Path) -> None:
-        """Say which files were written."""
+        """Print the written files."""
         self.say(f"written: {', '.join(map(str, paths))}")
 
     def warn(self, text: str) -> None:
@@ -134,7 +134,7 @@ class Printer:
         return self._stdout.width
 
     def warnings(self, texts: Iterable[str], recordings: Sequence["Recording"] = ()) -> None:
-        """Print warnings on stderr, but not again those that were printed when the logs were read."""
+        """Print warnings on stderr, except those already printed by the reader of the logs."""
         from sysid.recording import reading_warnings
 
         said = set(reading_warnings(recordings))
@@ -147,11 +147,11 @@ class Printer:
         self.say(table(columns, rows, title, width=self.width))
 
     def records(self, rows: Sequence[Mapping[str, str]], title: str | None = None) -> None:
-        """Print a table whose rows name their columns; at least one row."""
+        """Print a table; the keys of its rows, at least one, are the columns."""
         self.table(list(rows[0]), [list(row.values()) for row in rows], title)
 
     def quantities(self, rows: Sequence[tuple[str, Quantity]], title: str | None = None) -> None:
-        """Print quantities as a table: name, value ± 95 %, how."""
+        """Print quantities as a table: name, value ± 95 %, method."""
         self.table(
             ("quantity", "value ± 95 %", "how"),
             [(name, str(quantity), quantity.method) for name, quantity in rows],
@@ -159,7 +159,7 @@ class Printer:
         )
 
     def result(self, content: dict[str, Any]) -> None:
-        """Write the machine-readable result where `--json` says, if it was given."""
+        """Write the result as JSON, if `--json` was given."""
         if self.common.json is None:
             return
         if self.common.json == "-":
@@ -170,13 +170,13 @@ class Printer:
 
 
 def _piped_width() -> int:
-    """Return the width of tables that go into a pipe or a file [characters]: COLUMNS, where it is exported."""
+    """Return the width of tables for a pipe or a file [characters]: COLUMNS if it is exported."""
     columns = os.environ.get("COLUMNS", "")
     return max(LEAST_WIDTH, int(columns)) if columns.isdigit() else WIDTH
 
 
 def require_share(option: str, value: float) -> None:
-    """Accept an option that is a share of something.
+    """Check that an option is a share.
 
     Raises:
         SysidError: It is not between 0 and 1.

@@ -1,4 +1,4 @@
-"""`husky-sysid decay`: a log of a rocking board in, its stiffness and damping out."""
+"""`husky-sysid decay`: stiffness and damping of a joint from its log."""
 
 from pathlib import Path
 from typing import Annotated
@@ -30,8 +30,8 @@ def decay(
 
     Args:
         logs: CSV, Parquet, MCAP, phone exports (zip or folder) or videos of one board.
-        subject: Whose joint it is; the record gives the inertia. Without, there is no stiffness and no damping, and
-            nothing is written but what --json and --rerun name.
+        subject: Board or joint; its record gives the inertia. Without it there is no stiffness and no damping, and only the
+            files of --json and --rerun are written.
         picture: Draw decay.png.
         rerun: Write a Rerun recording (.rrd) here.
     """
@@ -41,7 +41,7 @@ def decay(
     printer = Printer(common)
     if rerun is not None and len(logs) > 1:
         raise SysidError(
-            f"--rerun {rerun}: {len(logs)} logs; a recording of a decay shows one. Give one, or use `view`."
+            f"--rerun {rerun}: {len(logs)} logs; a recording of a decay shows one log. Give one, or use `view`."
         )
     refuse_overwriting_logs(logs, arguments, printer, {"--rerun": rerun})
     record = subject.find(common, printer)
@@ -58,14 +58,14 @@ def decay(
             space_of(common, arguments),
             ("--board", "NAME") if record is None else record.options,
         )
-        made = " (`new NAME` writes the record that it needs)" if record is None else ""
-        printer.say(f"next: learn what is missing: {space.command('diagnose', *options, logs=logs)}{made}")
+        made = " (`new NAME` writes the record for it)" if record is None else ""
+        printer.say(f"next: find the missing effect: {space.command('diagnose', *options, logs=logs)}{made}")
         for log in logs:
             if found := driving_input(log):
                 kind, column = found
                 drive = ("--input", column, "--input-is", kind)
                 printer.say(
-                    f"if '{column}' drove the joint, it is no free decay (docs/driven.md): {space.command('compare', *options, *drive, logs=[log])}"
+                    f"if '{column}' drove the joint, it is not a free decay (docs/driven.md): {space.command('compare', *options, *drive, logs=[log])}"
                 )
     content = result.to_json()
     written: list[Path] = []

@@ -1,4 +1,4 @@
-"""`husky-sysid diagnose`: the missing effect, if there is one and the catalogue has it."""
+"""`husky-sysid diagnose`: the missing effect of a model."""
 
 from pathlib import Path
 
@@ -23,12 +23,12 @@ def diagnose(
 ) -> int:
     """Name the missing physical effects, or report that the model is complete.
 
-    Writes diagnose.json, where the report finds it, and diagnose.png into reports/BOARD of the workspace.
+    Writes diagnose.json, for the report, and diagnose.png into reports/BOARD of the workspace.
 
     Args:
-        logs: Logs of one joint, with several releases in all; those that its record was fitted to, if left out.
-        fix: Hold a parameter in every model, as NAME=VALUE in SI units; stiffness=0 for a pendulum whose record has
-            gravity. Repeat it for several.
+        logs: Logs of one joint, with several releases in all; those of its record's fit, if left out.
+        fix: Hold a parameter in every model, as NAME=VALUE in SI units; stiffness=0 for a pendulum with gravity in its
+            record. Repeat it for several.
     """
     if drive.given:
         from sysid.cli.driven import driven_diagnose, run_driven

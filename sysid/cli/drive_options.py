@@ -1,4 +1,4 @@
-"""Options of a joint that something drives."""
+"""Options of a driven joint."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,14 +12,14 @@ DRIVE = Group("Drive", sort_key=1)
 @Parameter(name="*", group=DRIVE)
 @dataclass(frozen=True, kw_only=True)
 class DriveArguments:
-    """What drove the joint, where the log is no free decay."""
+    """Input of a driven joint."""
 
     input: str | None = None
-    """Column with the input; with --joint all, what the names of those columns begin with."""
+    """Column with the input; with --joint all, the common beginning of the columns' names."""
     input_is: Literal["torque", "force", "current", "voltage", "command"] | None = None
-    """Kind of the input; a command is a position that a servo or a controller follows."""
+    """Kind of the input; a command is the position for a servo or a controller."""
     input_unit: float | Literal["rad", "deg"] | None = None
-    """Unit of the input, or the size of one unit in SI; radians, N·m, A or V if neither name nor option says one."""
+    """Unit of the input, or the size of one unit in SI; radians, N·m, A or V by default."""
     input_between: Literal["auto", "held", "smooth"] = "auto"
     """The input between samples: held by a controller, or smooth."""
     gains: Annotated[
@@ -30,7 +30,7 @@ class DriveArguments:
     """Side of the gear on which the angle is measured."""
 
     next_motion: Path | None = None
-    """Write the next motion that the robot should play here, as CSV: the one that narrows the widest interval most."""
+    """Write the next motion for the robot to this CSV file: the one that narrows the widest interval most."""
 
     @property
     def given(self) -> bool:

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from sysid.driven.log import DrivenLog
 
 EVERY = "all"
-"""The joint's name that means all joints with an actuator."""
+"""Joint name for all joints with an actuator."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Driven:
-    """Logs of driven joints, and what the model states of them."""
+    """Logs of driven joints, and the model's facts about these joints."""
 
     setup: "Setup"
     joints: tuple[str, ...]
@@ -51,7 +51,7 @@ def read_driven(
     """Read logs of driven joints.
 
     Raises:
-        SysidError: A log, a column or the model cannot be read, or options do not go together.
+        SysidError: A log, a column or the model cannot be read, or options conflict.
     """
     from sim.model.driven import load_along, stated
     from sysid.driven.columns import (
@@ -125,7 +125,7 @@ def read_driven(
 
 
 def _joints(setup: "Setup", printer: Printer) -> tuple[str, ...]:
-    """Return the joints that are meant."""
+    """Return the joints of a setup."""
     if setup.joint != EVERY:
         return (setup.joint,)
     import mujoco
@@ -173,7 +173,7 @@ def _scale(column: str, drive: DriveArguments) -> float:
 
 
 def driven_compare(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
-    """Replay the inputs in the model, and say how far it is off."""
+    """Replay the inputs in the model, and print its error."""
     from sim.model.driven import replay
 
     found: list[dict[str, Any]] = []
@@ -201,7 +201,7 @@ def driven_compare(driven: Driven, printer: Printer, tolerance: float) -> dict[s
 
 
 def _where(log: "DrivenLog", error: Any) -> list[dict[str, Any]]:
-    """Return where the error is, by time and by speed: the third with the most of it."""
+    """Return the location of the error, by time and by speed: the third with its largest share."""
     rate = np.abs(np.gradient(log.angle, log.time))
     found: list[dict[str, Any]] = []
     for axis, values, unit in (("time", log.time, "s"), ("velocity", rate, "rad/s")):
@@ -267,7 +267,7 @@ def driven_fit(
     driven: Driven, printer: Printer, *, effects: Sequence[str], fix: Sequence[str], bound: Sequence[str], plain: bool,
     output: Path | None, motion: Path | None = None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Fit each joint, say how far several logs agree, and write a patched copy of the model."""
+    """Fit each joint, print the agreement of its logs, and write a patched copy of the model."""
     from sim.model.driven import patch_driven
     from sim.model.driven_fit import fit_joints
     from sysid.driven.report import fit_text
@@ -310,7 +310,7 @@ def driven_fit(
 
 
 def driven_export(path: Path, output: Path | None, timestep: float, printer: Printer) -> dict[str, Any]:
-    """Write a fit of driven joints as a module for mjlab, and as JSON beside it."""
+    """Write a fit of driven joints as a module for mjlab, and as JSON."""
     from sysid.driven.export import handed_over, mjlab_module
 
     if not 0 < timestep <= 0.05:
@@ -325,7 +325,7 @@ def driven_export(path: Path, output: Path | None, timestep: float, printer: Pri
 
 
 def _usual(plain: bool) -> tuple[str, ...]:
-    """Return the effects that a driven joint is fitted with unless others are named: dry friction and a delay."""
+    """Return the default effects of a driven joint: dry friction and a delay."""
     from sysid.effects import coulomb, delay
 
     return () if plain else (coulomb.EFFECT.name, delay.EFFECT.name)
@@ -349,17 +349,17 @@ def run_driven(
 
 
 def driven_check(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
-    """Replay the inputs in the model, and refuse one that is farther off than the tolerance.
+    """Replay the inputs in the model, and compare its error with the tolerance.
 
     Raises:
-        QualityGateError: It is.
+        QualityGateError: The error is larger.
     """
     content = driven_compare(driven, printer, tolerance)
     if not content["passed"]:
         worst = max(content["joints"], key=lambda one: one["nrmse"])
         printer.result(content)
         raise QualityGateError(
-            f"joint '{worst['joint']}' is {100 * worst['nrmse']:.2f} % of its motion off, {100 * tolerance:.2f} % are allowed. "
+            f"joint '{worst['joint']}' has an error of {100 * worst['nrmse']:.2f} % of its motion, {100 * tolerance:.2f} % allowed. "
             "Run diagnose on the same log."
         )
     printer.say(f"passed: NRMSE {100 * content['nrmse']:.2f} %")

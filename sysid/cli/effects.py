@@ -1,4 +1,4 @@
-"""`husky-sysid effects`: every effect with its law and where it comes from; a file for one of your own."""
+"""`husky-sysid effects`: every effect with its law and origin; a file for one of your own."""
 
 from pathlib import Path
 from typing import Annotated
@@ -11,8 +11,8 @@ from sysid.files import write_atomically, write_figure
 
 
 def effects(
-    name: Annotated[str | None, Parameter(help="Show this effect whole; or 'new'.")] = None,
-    new: Annotated[str | None, Parameter(help="After 'new': name of the effect to write a file for.")] = None,
+    name: Annotated[str | None, Parameter(help="Show all of this effect; or 'new'.")] = None,
+    new: Annotated[str | None, Parameter(help="After 'new': name of the effect in the new file.")] = None,
     /,
     *,
     output: Output | None = None,
@@ -20,8 +20,8 @@ def effects(
 ) -> int:
     """List all effects with law and provenance, show one, or write the file of a new one.
 
-    The catalogue's own, those of installed packages (entry points `husky_sysid.effects`) and those of files that
-    `--effect-file` names.
+    They come from the catalogue, from installed packages (entry points `husky_sysid.effects`) and from the files of
+    `--effect-file`.
 
     Args:
         output: Write the picture of the effect here: a decay with and without it.

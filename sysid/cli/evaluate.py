@@ -22,16 +22,16 @@ CONDITION = Group("Condition", sort_key=0)
 @Parameter(name="*", group=CONDITION)
 @dataclass(frozen=True, kw_only=True)
 class Condition:
-    """What a policy rides under: nothing that makes it hard, unless asked for."""
+    """Conditions of a ride; the easy ones by default."""
 
     duration: float = 20.0
     """Length of an episode [s]."""
     pushes: float = 0.0
     """Largest change of velocity by shoves, one every 5 to 10 s [m/s]."""
     delay: float = 0.0
-    """From the policy's answer to the servos [s]."""
+    """Delay from the policy's answer to the servos [s]."""
     noise: float = 0.0
-    """Noise of the sensors, as a multiple of the training's."""
+    """Noise of the sensors, over that of the training."""
     mass: float = 1.0
     """Factor of the robot's masses and inertias."""
     friction: float | None = None
@@ -45,17 +45,17 @@ class Condition:
     terrain: Literal["flat", "slopes", "steps"] = "flat"
     """The ground: level, descents of 5 to 10 degrees, or ledges of 3 to 6 cm to roll down."""
     coupling: Literal["equality", "direct", "none"] = "equality"
-    """How the deck's tilt steers the trucks: by a constraint, set after every step, or not at all."""
+    """Steering of the trucks by the deck's tilt: a constraint, set after every step, or none."""
     board_scale: str | None = None
     """Factors of the board's stiffness, damping, inertia and rake, e.g. k=4,rake=0.9."""
     turn_deg: float = 45.0
-    """Largest turn that is asked for [degrees]; 0 for straight on."""
+    """Largest commanded turn [degrees]; 0 for straight on."""
     jump: float = 0.0
     """Time after which speed and turn are drawn anew [s]; 0 for one speed an episode and one turn a cycle."""
     stop: bool = False
-    """Tell the robot to stand for 9 s on the way, and to go on."""
+    """Command a stop of 9 s on the way."""
     hold_heading: bool = False
-    """Make up for what earlier turns missed."""
+    """Correct the heading errors of earlier turns."""
     randomised: bool = False
     """Draw every world as in training: friction, centres of mass, boards (mjlab only)."""
 
@@ -63,7 +63,7 @@ class Condition:
         """Return the conditions of the episodes.
 
         Raises:
-            SysidError: A number makes no ride.
+            SysidError: A number is out of range.
         """
         from policy_runtime.evaluation.plain import Protocol
         from policy_runtime.evaluation.stress import Stress
@@ -110,7 +110,7 @@ def evaluate(
     force: bool = False,
     common: Common = Common(),
 ) -> int:
-    """Measure a policy over many episodes, or several beside each other.
+    """Measure a policy, or several, over many episodes.
 
     Args:
         policy: An ONNX file of our interface or the HUSKY release's, or a scripted policy: zero, stand or push.
@@ -118,15 +118,14 @@ def evaluate(
         board: The board to ride.
         episodes: Episodes of each seed; the paper has 1000.
         seeds: Number of seeds: 0, 1, 2, …
-        condition: What the policy rides under.
-        suite: Ride a table of such conditions, one after the other, instead of one.
-        simulator: Plain MuJoCo, with the servos at 500 Hz as on the robot; or mjlab, in which policies are
-            trained, all episodes of a seed side by side.
-        workers: Processes in plain MuJoCo; as many as there are processors if not given.
-        breakdown: Show where the errors come from: by stretch, command, time within a stretch, and foot. The
-            JSON has it in any case.
+        condition: Conditions of the ride.
+        suite: Ride under a table of conditions, one after the other.
+        simulator: Plain MuJoCo, with the servos at 500 Hz as on the robot; or mjlab, the simulator of the training, with
+            all episodes of a seed in parallel.
+        workers: Processes in plain MuJoCo; one a processor if not given.
+        breakdown: Show the errors by stretch, command, time within a stretch, and foot. The JSON always has them.
         output: Folder for the picture; reports/BOARD of the workspace if not given.
-        force: Run where policy and board disagree, or the board has not passed `check`.
+        force: Run even if policy and board disagree, or the board has not passed `check`.
     """
     from policy_runtime.evaluation.parallel import evaluate_in_parallel
     from policy_runtime.evaluation.plain import Protocol, evaluate_policy, riders

@@ -23,18 +23,17 @@ def export(
 ) -> int:
     """Pack scene, policy and board record into one folder that runs by itself.
 
-    Run it with `husky-sysid run FOLDER` or `husky-sysid play FOLDER`, on a machine that has neither mjlab
-    nor torch.
+    Run it with `husky-sysid run FOLDER` or `husky-sysid play FOLDER`, without mjlab and torch.
 
     Args:
         board: The board.
-        mjlab: Fit of driven joints (fit.json): write them as a module with mjlab's actuators and randomisation, and as JSON.
-        timestep: Physics step of the training in s, in which mjlab counts delays.
-        policy: ONNX policy to put in.
+        mjlab: Fit of driven joints (fit.json): write it as a module with mjlab's actuators and randomisation, and as JSON.
+        timestep: Physics step of the training in s; mjlab counts delays in steps.
+        policy: ONNX policy to include.
         output: The folder; reports/BOARD/export of the workspace if not given.
-        coupling: How the deck's tilt steers the trucks.
+        coupling: Steering of the trucks by the deck's tilt.
         terrain: The ground.
-        force: Export where policy and board disagree, or the board has not passed `check`.
+        force: Export even if policy and board disagree, or the board has not passed `check`.
     """
     from policy_runtime.export import export_folder
 
@@ -51,7 +50,7 @@ def export(
     printer.keep([] if policy is None else [policy])
     record = common.space.load_board(board)
     if not record.passed:
-        printer.warn(f"board '{board}' has not passed `check`; the folder says so.")
+        printer.warn(f"board '{board}' has not passed `check`; the folder's manifest records it.")
     folder = output or common.space.outputs(board) / "export"
     files = export_folder(record, folder, policy=policy, coupling=coupling, terrain=terrain, force=force)
     size = sum(path.stat().st_size for path in files)

@@ -1,4 +1,4 @@
-"""The first screen of a command's help: the options that most people need."""
+"""First screen of a command's help: its most common options."""
 
 from collections.abc import Collection
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ class FirstScreen(DefaultFormatter):
     """Shows arguments and some of the options."""
 
     def __init__(self, shown: Collection[str]) -> None:
-        """Keep the names of the options that are shown."""
+        """Take the names of the shown options."""
         super().__init__()
         self._shown = frozenset(shown)
 

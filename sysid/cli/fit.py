@@ -1,4 +1,4 @@
-"""`husky-sysid fit`: the tilt joint that decays like the board, saved in its record."""
+"""`husky-sysid fit`: fit the tilt joint to logs, and save it in its record."""
 
 import shlex
 from dataclasses import replace
@@ -50,7 +50,7 @@ def fit(
 ) -> int:
     """Fit stiffness, damping and effects to logs, and save the board.
 
-    The roll inertia is taken from the record: a free decay alone fixes only k/I, d/I and torque/I.
+    The roll inertia is that of the record: a free decay alone fixes only k/I, d/I and torque/I.
 
     Args:
         logs: Logs of one board.
@@ -58,15 +58,15 @@ def fit(
         fix: Hold a parameter, as NAME=VALUE in SI units: stiffness, damping, rest, or EFFECT.PARAMETER; repeat it for
             several.
         bound: Keep a parameter within NAME=LOW:HIGH.
-        prior: Use the record's value and deviation of a parameter as a prior; repeat it for several.
-        plain: Drop the effects that the record has.
-        robust: Let outliers of the sensor count less.
-        in_scene: Also compensate the training scene (implicitfast at 5 ms, wheels on the ground, equality coupling),
-            so that it decays like the board.
-        profile: Compute profile-likelihood intervals too; they may be lopsided.
+        prior: Use the record's value and standard deviation of a parameter as a prior; repeat it for several.
+        plain: Drop the effects of the record.
+        robust: Reduce the weight of outliers.
+        in_scene: Also compensate the training scene, so that it decays like the board. It has implicitfast at 5 ms,
+            wheels on the ground, and equality coupling.
+        profile: Compute profile-likelihood intervals too; they may be asymmetric.
         bootstrap: Number of logs to resample from the residuals (block bootstrap) and to fit; 400 is a good number.
         output: The patched copy of a model; MODEL_JOINT.xml beside it if left out. A board has none.
-        any_period: Save a natural period above 100 s or below 1 ms too, which else is taken for a wrong unit of time.
+        any_period: Accept a natural period above 100 s or below 1 ms. Without it, such a period is a wrong unit of time.
     """
     if drive.given:
         from sysid.cli.driven import driven_fit, run_driven
@@ -118,10 +118,12 @@ def fit(
 
         printer.warnings(soft_friction_warning(result.joint, slides=record.slides))
     if result.joint.nonsmooth and not profile:
-        printer.note("With friction or stops the intervals may be lopsided; --profile computes them exactly.")
+        printer.note(
+            "With friction or stops the intervals may be asymmetric; --profile computes them exactly."
+        )
     scene: Compensation | None = None
     with working(printer):
-        with stage(0.0, 0.3, "predicting releases that are left out"):
+        with stage(0.0, 0.3, "held-out error"):
             new = result.updated_board({common.space.named(log): log for log in logs})
         if read := space_of(common, arguments).reading:
             new = replace(new, fit={**new.fit, "reading": shlex.join(read)})
@@ -138,7 +140,7 @@ def fit(
     for line in scene.lines() if scene else ():
         printer.say(line)
     missing = result.joint.excess > TOLERANCE
-    verb, why = ("diagnose", "learn what is missing") if missing else ("check", "check it in MuJoCo")
+    verb, why = ("diagnose", "find the missing effect") if missing else ("check", "check it in MuJoCo")
     command = space_of(common, arguments).command(verb, *record.options, logs=logs)
     printer.say(f"next: {why}: {command}")
     written = [_draw(common, result)]
@@ -150,7 +152,7 @@ def fit(
     if copy is not None:
         new, copies, unwritten = _patched(new, copy, printer)
         written += copies
-    # The record is saved last: a failure before leaves it as it was.
+    # The record is saved last: a failure before leaves it unchanged.
     written.insert(0, subject.save(new, record, common))
     printer.written(*written)
     content = {**result.to_json(), **intervals}
@@ -173,10 +175,10 @@ def _offer(common: Common, result: "Fit", printer: Printer) -> Path:
 
 
 def _copy_of(record: Board, output: Path | None, common: Common) -> Path | None:
-    """Return where the patched copy of a record's model goes, None without a model.
+    """Return the path of the patched copy of a record's model, None without a model.
 
     Raises:
-        SysidError: The joint's text cannot be patched, or the copy cannot be written; told before the fit.
+        SysidError: The joint's text cannot be patched, or the copy cannot be written.
     """
     if not record.model:
         if output is not None:
@@ -199,7 +201,7 @@ def _patched(record: Board, copy: Path, printer: Printer) -> tuple[Board, list[P
     """Write the fitted joint into a copy of its model.
 
     Returns:
-        The record, which names the copy; the files written; and the reason where the copy does not load.
+        The record with the copy as its model; the written files; an error if the copy does not load.
 
     Raises:
         SysidError: A fitted number is not physical, or MuJoCo has no element for an effect.

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 def show_intervals(
     fit: "JointFit", board: Board, common: Common, printer: Printer, *, profile: bool, draws: int
 ) -> dict[str, Any]:
-    """Profile the parameters, draw the logs `draws` times again, print and draw what comes out, and return it for the JSON.
+    """Compute profiles, and a bootstrap of `draws` logs; print, draw and return the intervals for the JSON.
 
-    Nothing is done where neither was asked for.
+    Without either it does nothing.
     """
     if not profile and not draws:
         return {}
@@ -40,7 +40,7 @@ def show_intervals(
                 again = bootstrap(fit, board, draws)
     verdicts = agreements(fit.quantities, shapes, again)
     printer.say(interval_report(fit, shapes, again, verdicts, printer.width))
-    title = f"{board.name}: how far each parameter can move while the others follow"
+    title = f"{board.name}: range of each parameter while the others follow"
     figure = interval_figure(fit.quantities, shapes, again, title)
     path = write_figure(common.space.outputs(board.name) / "intervals.png", figure)
     printer.say(f"written: {path}")

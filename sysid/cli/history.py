@@ -1,4 +1,4 @@
-"""`husky-sysid history`: how a board's record came about."""
+"""`husky-sysid history`: the changes of a board's record."""
 
 from sysid.cli.boards import plain
 from sysid.cli.console import BoardName, Common, Printer
@@ -6,7 +6,7 @@ from sysid.text import count
 
 
 def history(*, board: BoardName, common: Common = Common()) -> int:
-    """Show how a board's record came about: one line a fit, and how far `undo` can go back.
+    """Show the changes of a board's record: one line a fit, and the steps of `undo`.
 
     Args:
         board: Name of the board.
@@ -30,7 +30,7 @@ def history(*, board: BoardName, common: Common = Common()) -> int:
             ],
         )
         printer.say(
-            "held out: error on releases, or on the second half of a release alone, that the fit had not seen"
+            "held out: error on a release (or the second half of a single one) that the fit did not see"
         )
     printer.result(
         {"board": board, "history": [plain(line) for line in record.history], "undo_steps": len(earlier)}

@@ -27,7 +27,7 @@ class Outcome(Common):
     """Options of every method."""
 
     save: str | None = None
-    """Put the inertia into the record of this board in the workspace; stiffness, damping and torques follow."""
+    """Save the inertia in the record of this board in the workspace, and scale its stiffness, damping and torques."""
 
 
 Text = Annotated[str, Parameter(negative="", allow_leading_hyphen=True)]
@@ -38,7 +38,7 @@ UNITS = {
 }  # fmt: skip
 """Units of the options; all others are lengths in m."""
 MAX_INERTIA = 0.5
-"""Roll inertia above which the units are doubted [kg m^2]: a plank of 10 kg and 0.7 m width has it."""
+"""Largest roll inertia without a warning of wrong units [kg m^2]: that of a plank of 10 kg and 0.7 m width."""
 NATURAL_FREQUENCY = ("omega_n", "rad/s")
 """Key and unit of a natural frequency in the JSON of `decay`."""
 MAY_BE_ZERO = ("distance", "amplitude")
@@ -77,8 +77,8 @@ def parts(
     Args:
         cuboid: MASS,WIDTH,HEIGHT[,DISTANCE] of a cuboid; may be repeated, as all of these.
         cylinder: MASS,RADIUS,LENGTH[,DISTANCE] of a cylinder that lies across the deck (a bolt, a rail).
-        point: MASS,DISTANCE of something small (a sensor, a screw).
-        body: INERTIA,MASS,DISTANCE of anything whose inertia about its own centre is known.
+        point: MASS,DISTANCE of a small part (a sensor, a screw).
+        body: INERTIA,MASS,DISTANCE of a part with a known inertia about its own centre.
         outcome: Use of the result.
     """
     from sysid import inertia as methods
@@ -156,7 +156,7 @@ def compound(
         pivot: Distance l from the pivot to the centre of mass [m].
         period: Period T [s].
         distance: Distance e from the centre of mass to the tilt axis [m].
-        amplitude: Amplitude of the swing, to take its lengthening of the period out [rad].
+        amplitude: Amplitude of the swing, to correct its longer period [rad].
         outcome: Use of the result.
     """
     from sysid import inertia as methods
@@ -173,9 +173,9 @@ def added_mass(
     """Two decays, without and with a known mass: (ΔI ω₂² + m g z) / (ω₁² − ω₂²).
 
     Args:
-        bare: Natural frequency of the deck alone [rad/s], or the JSON file that `decay --json` wrote.
+        bare: Natural frequency of the deck alone [rad/s], or the JSON file of `decay --json`.
         loaded: The same with the added mass.
-        mass: All the mass that was added [kg].
+        mass: Total added mass [kg].
         offset: Its distance y to the side; best half to the left and half to the right [m].
         height: Its height z above the tilt axis, negative below [m].
         own: Its inertia about its own centre [kg*m^2].
@@ -204,7 +204,7 @@ def static_tilt(
         reading: MASS,OFFSET,ROLL of one weight, e.g. 1.00,0.08±0.001,3.1±0.1deg: kg, m to the right of the tilt axis, and roll
             with the right edge down. At least three, best to both sides.
         height: Height of the weights above the tilt axis [m].
-        frequency: Natural frequency of the same deck [rad/s], or the JSON file that `decay --json` wrote.
+        frequency: Natural frequency of the same deck [rad/s], or the JSON file of `decay --json`.
         outcome: Use of the result.
     """
     from sysid.experiments import static_tilt as tilt
@@ -220,13 +220,13 @@ def static_tilt(
     printer.quantities([("stiffness k", test.stiffness), ("rest angle", test.rest)])
     worst = max(test.residuals, key=abs)
     printer.say(f"largest distance of a reading from the line: {math.degrees(worst):+.3f} degrees")
-    # 95 % of all lines through good readings scatter less than this (Wilson and Hilferty).
+    # 95 % quantile of χ² over its degrees of freedom (Wilson and Hilferty).
     spread = 2 / (9 * test.degrees_of_freedom)
     limit = (1 - spread + 1.645 * math.sqrt(spread)) ** 3
     if test.chi_square > limit * test.degrees_of_freedom:
         printer.warn(
-            "the readings scatter more than their uncertainties say: friction, a spring that is not linear, or "
-            "angles read less well than stated. The interval was widened."
+            "the readings scatter more than their uncertainties allow: friction, a nonlinear spring, or too small "
+            "uncertainties of the angles. The interval was widened."
         )
     content = {"stiffness": test.stiffness.to_json(), "rest_angle": test.rest.to_json()}
     if frequency is None:
@@ -252,7 +252,7 @@ def combine(*estimates: Text, outcome: Outcome = Outcome()) -> int:
 
     Args:
         estimates: NAME=INERTIA for each method, e.g. cuboid=0.0087±0.0004 bifilar=0.0083±0.0001, or NAME=FILE with
-            the JSON that a method wrote.
+            the JSON of a method.
         outcome: Use of the result.
     """
     from sysid import inertia as methods
@@ -266,7 +266,7 @@ def combine(*estimates: Text, outcome: Outcome = Outcome()) -> int:
     result = methods.combine(named)
     printer = Printer(outcome)
     rows = [(name, str(q), f"{result.pulls[name]:+.1f} σ from the others") for name, q in named.items()]
-    printer.table(("method", "inertia ± 95 %", "where it stands"), rows)
+    printer.table(("method", "inertia ± 95 %", "distance"), rows)
     verdict = "agree" if result.agree else "disagree"
     text = f"the methods {verdict}: χ² = {result.chi_square:.2f} for {result.degrees_of_freedom}, p = {result.p_value:.2g}"
     if not result.agree:
@@ -301,7 +301,7 @@ def _finish(
     budget: Mapping[str, float],
     extra: Mapping[str, Any] | None = None,
 ) -> int:
-    """Print result and error budget, save it where asked to, write the JSON."""
+    """Print result and error budget, save it if `--save` is given, write the JSON."""
     printer = Printer(outcome)
     # The method of an input from a result file is that file's name.
     printer.keep([Path(q.method) for q in inputs.values() if q.method.endswith(".json")])
@@ -318,7 +318,7 @@ def _finish(
         )
     if result.value > MAX_INERTIA:
         printer.warn(
-            f"{result.value:.3g} kg·m² is far more than any deck of a board has (about 0.01). Lengths without a unit "
+            f"{result.value:.3g} kg·m² is far more than the inertia of a deck (about 0.01). Lengths without a unit "
             "are metres; write 20cm."
         )
     content: dict[str, Any] = {

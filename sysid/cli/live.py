@@ -27,9 +27,9 @@ from sysid.text import display
 from sysid.workspace import shipped_data
 
 POLL_PERIOD = 0.2
-"""Between two questions to the phone, or two looks into the folder [s]."""
+"""Time between two requests to the phone, or two scans of the folder [s]."""
 LOSSES = 5
-"""Answers in a row that a phone may owe."""
+"""Missing answers of the phone in a row after which the command ends."""
 
 
 def live(
@@ -44,13 +44,13 @@ def live(
 ) -> int:
     """Read a phone while the board rocks, and show stiffness and damping after each release.
 
-    The phone runs phyphox with gyroscope and accelerometer and allows remote access. A page with numbers, what to do next
-    and sliders is served on this machine only. The log is kept in logs/ of the workspace whatever happens; end with Ctrl-C.
+    The phone runs phyphox with gyroscope and accelerometer and allows remote access. A page with numbers, the next step
+    and sliders is served on this machine only. The log is kept in logs/ of the workspace; end with Ctrl-C.
 
     Args:
-        phone: Address that phyphox shows, such as 192.168.0.42:8080.
+        phone: Address in phyphox, such as 192.168.0.42:8080.
         watch: Instead of a phone: a folder in which logs appear.
-        releases: End by itself after so many.
+        releases: End after so many.
         port: Of the page; 0 takes a free one.
     """
     printer = Printer(common)
@@ -92,7 +92,7 @@ def live(
 
 
 def _warm_up(board: Board) -> None:
-    """Go once through everything with a log that is at hand: what a first release needs is then loaded and compiled."""
+    """Run once on a shipped log, to load and compile all code before the first release."""
     from reports.page.live import live_page
 
     session = Session(board)
@@ -101,7 +101,7 @@ def _warm_up(board: Board) -> None:
 
 
 def _say(session: Session, new: Mapping[int, Release], printer: Printer) -> None:
-    """Print a line for each new release, and beside the last the numbers of all so far."""
+    """Print a line for each new release; the last one has the numbers of all so far."""
     show = display(is_rate=False, slides=session.board.slides)
     *others, where = (f"release {n}: {show(r.amplitude, 2)} from the {r.side}" for n, r in new.items())
     for line in others:
@@ -117,7 +117,7 @@ def _say(session: Session, new: Mapping[int, Release], printer: Printer) -> None
 def _phoning(
     address: str, folder: Path, arguments: LogArguments, printer: Printer
 ) -> Callable[[], list[Recording] | None]:
-    """Return what fetches from a phone, and reads the log where the deck has come to rest."""
+    """Return a function that polls a phone, and reads its log when the deck has come to rest."""
     phone = Phone(address, folder)
     phone.connect()
     rest = Rest()
@@ -138,7 +138,7 @@ def _phoning(
             return None
         try:
             return [recording_of(read_roll(folder, arguments.options), arguments)]
-        except SysidError:  # nothing was let go yet
+        except SysidError:  # no release yet
             return None
 
     return look
@@ -147,7 +147,7 @@ def _phoning(
 def _watching(
     folder: Path, arguments: LogArguments, printer: Printer
 ) -> Callable[[], list[Recording] | None]:
-    """Return what reads the files that appear in a folder, once each has stopped growing, and says which are left out."""
+    """Return a function that reads new files of a folder when they have stopped growing, and reports bad ones."""
     if not folder.is_dir():
         raise SysidError(f"--watch {folder}: there is no such folder.")
     sizes: dict[Path, int] = {}
@@ -173,14 +173,14 @@ def _watching(
 
 
 class _Shown:
-    """The page as it is now, and its server."""
+    """The current page and its version."""
 
     def __init__(self, session: Session, log: str) -> None:
         self.session, self.log, self.version, self.page = session, log, 0, b""
         self.renew()
 
     def renew(self) -> None:
-        """Make the page anew."""
+        """Rebuild the page."""
         from reports.page.live import live_page
 
         self.page = live_page(self.session, self.version + 1, self.log).encode()

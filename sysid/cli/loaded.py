@@ -1,4 +1,4 @@
-"""`husky-sysid loaded`: whether the spring is another one under load, from decays with weights on the deck."""
+"""`husky-sysid loaded`: the spring under load, from decays with weights on the deck."""
 
 from typing import Annotated, Any
 
@@ -19,15 +19,14 @@ def loaded(
 ) -> int:
     """Measure the tilt spring under load, from decays of the deck with known weights on it.
 
-    A bushing that bears a rider may be another spring than the one that a bare deck shows. Fix weights on the deck, let it
-    decay under each, and once bare.
+    The stiffness of a bushing may change under a rider. Fix weights on the deck, let it decay under each, and once bare.
 
     Args:
-        board: The board; its roll inertia counts.
-        reading: MASS,HEIGHT,OMEGA[,OWN] of one decay; may be repeated. The weight's mass [kg], the height of its centre
-            above the tilt axis [m], ω_n [rad/s] or the JSON of `decay`, and the weight's own roll inertia [kg*m^2],
-            0 if not given. Quantities as 2.5±0.01, or with a unit as 10cm; '0,0,bare.json' is the bare deck.
-        rider: Mass under which the spring is asked for [kg].
+        board: The board; its roll inertia is used.
+        reading: MASS,HEIGHT,OMEGA[,OWN] of one decay; may be repeated. Mass of the weight [kg]. Height of its centre above
+            the tilt axis [m]. ω_n [rad/s] or the JSON of `decay`. Its own roll inertia [kg*m^2], 0 if left out.
+            Quantities as 2.5±0.01, or with a unit as 10cm; '0,0,bare.json' is the bare deck.
+        rider: Mass of the rider for the resulting stiffness [kg].
     """
     from sysid.experiments.loaded_decays import GRAVITY, LoadedDecay, loaded_stiffness
 
@@ -59,7 +58,7 @@ def loaded(
     printer.quantities(rows, f"{record.name}: the spring under load")
     low, high = found.per_newton.ci95
     if low <= 0 <= high:
-        printer.say("the decays do not tell a spring under load from the bare one")
+        printer.say("the load does not change the spring significantly")
     if rider > 1.5 * max(r.mass.value for r in readings):
         printer.warn(f"{rider:g} kg is far more than the weights tried; the line is extrapolated.")
     content: dict[str, Any] = {

@@ -28,12 +28,12 @@ _Pair = Annotated[tuple[float, float] | None, Parameter(negative="", allow_leadi
 @Parameter(name="*", group=FILM)
 @dataclass(frozen=True, kw_only=True)
 class VideoArguments:
-    """How a film is read, where the inference needs help."""
+    """Options for reading a film."""
 
     method: Method = "auto"
-    """What to follow."""
+    """Tracker of the film."""
     roi: Annotated[tuple[int, int, int, int] | None, Parameter(negative="")] = None
-    """Left, top, width and height in px of where the board moves."""
+    """Region of the board's motion: left, top, width and height in px."""
     calibration: Path | None = None
     """Camera calibration, a file or a film of a chessboard."""
     readout: float | None = None
@@ -41,9 +41,9 @@ class VideoArguments:
     camera_angle: _Pair = None
     """Direction of the deck's axis from the line of sight, to the right and down, in degrees."""
     pivot: _Pair = None
-    """Point that a single dot, or x and y of a table, turn about: in px, or in the table's unit."""
+    """Centre of rotation for a single dot, or for x and y of a table: in px, or in the table's unit."""
     no_shake: Flag = False
-    """The camera stands still; take no shake out."""
+    """The camera stands still; do not correct shake."""
     front: Flag = False
     """Taken from the front of the board, not from behind."""
     overlay: Path | None = None
@@ -56,7 +56,7 @@ class VideoArguments:
         if angle is not None and not max(map(abs, angle)) <= MAX_CAMERA_ANGLE:
             raise SysidError(
                 f"--camera-angle {angle[0]:g} {angle[1]:g}: expected degrees of at most {MAX_CAMERA_ANGLE:g} to either side; "
-                "from farther aside a deck shows its roll too little to be measured."
+                "at larger angles the roll of the deck is hardly visible."
             )
         radians: Any = None if angle is None else tuple(map(math.radians, angle))
         return VideoOptions(**(vars(self) | {"camera_angle": radians}))
@@ -74,7 +74,7 @@ else:
 @Parameter(name="*", group=LOG)
 @dataclass(frozen=True, kw_only=True)
 class LogArguments:
-    """How a log is read, where the inference needs help; and which part of it counts."""
+    """Options for reading a log, and the part of it to use."""
 
     column: str | None = None
     """Column with the roll angle or rate: its name, or its number counted from 1."""
@@ -83,7 +83,7 @@ class LogArguments:
     axis: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
     """Sensor axis that points forward (x, -y, ...), or the angle to take (roll, -pitch, ...)."""
     rate: float | None = None
-    """Sampling or film frame rate in Hz, where the file's own is missing or wrong (slow motion)."""
+    """Sampling or film frame rate in Hz, if that of the file is missing or wrong (slow motion)."""
     time_column: str | None = None
     """Column with the time: its name, or its number counted from 1."""
     source: _Source = "auto"
@@ -93,7 +93,7 @@ class LogArguments:
     ] = None
     """From the tilt axis to the accelerometer, along the sensor's x y z, in m; estimated if left out."""
     keep_outliers: Flag = False
-    """Keep lone samples far beside their neighbours, which are left out."""
+    """Keep isolated outliers, which are left out by default."""
     start: Annotated[float | None, Parameter(name="--from")] = None
     """Ignore the log before this time in s."""
     stop: Annotated[float | None, Parameter(name="--to")] = None
@@ -101,24 +101,24 @@ class LogArguments:
     release: Annotated[tuple[float, ...], Parameter(negative="", show_default=False)] = ()
     """Time of a release in s, instead of finding it; repeat it for several."""
     keep_zero: Flag = False
-    """Count roll from the log's own zero, however far beside it the joint rests."""
+    """Keep the log's own zero, even far from the rest of the joint."""
     video: VideoArguments = _NO_VIDEO
 
     @property
     def options(self) -> LogOptions:
-        """The part that reading needs."""
+        """The options of the reader."""
         given: dict[str, Any] = vars(self) | {"video": self.video.options}
         del given["release"], given["keep_zero"]
         return LogOptions(**given)
 
 
 def space_of(common: Common, arguments: LogArguments) -> Workspace:
-    """Return the workspace of a command; commands that it prints read the logs as this one did."""
+    """Return the workspace of a command; printed commands get its options for reading logs."""
     return Workspace(common.workspace, tuple(_typed(arguments)))
 
 
 def as_fitted(record: Board, logs: Sequence[Path], arguments: LogArguments, printer: Printer) -> LogArguments:
-    """Return how the logs that a record was fitted to were read, where neither they nor options were given again.
+    """Return the reading options of the record's fit, if neither logs nor options were given.
 
     Raises:
         SysidError: The record's options are unknown.
@@ -136,15 +136,15 @@ def as_fitted(record: Board, logs: Sequence[Path], arguments: LogArguments, prin
         found = app(shlex.split(words), exit_on_error=False, print_error=False, result_action="return_value")
     except (CycloptsError, ValueError) as error:
         raise SysidError(
-            f"record '{record.name}': field 'fit.reading' is {words!r}; expected options that read a log. Name the logs here, "
-            "with what they need."
+            f"record '{record.name}': field 'fit.reading' is {words!r}; expected options for reading a log. Give the logs and "
+            "their options on the command line."
         ) from error
-    printer.note(f"logs read as they were fitted: {words}")
+    printer.note(f"logs read with the options of the fit: {words}")
     return found
 
 
 def _typed(group: LogArguments | VideoArguments) -> Iterator[str]:
-    """Yield the options that are not as usual, as they are typed."""
+    """Yield the options other than the defaults, as typed."""
     hints = get_type_hints(type(group), include_extras=True)
     for option in fields(group):
         value, hint = getattr(group, option.name), hints[option.name]
@@ -165,11 +165,11 @@ def refuse_overwriting_logs(
     printer: Printer,
     outputs: Mapping[str, Path | None] | None = None,
 ) -> None:
-    """Refuse to write over a measurement.
+    """Refuse to overwrite a measurement.
 
     Args:
-        logs: The measurements; the camera's calibration is kept as well.
-        arguments: Names the overlay that reading a film writes.
+        logs: The measurements; the camera's calibration is protected too.
+        arguments: They name the overlay, an output of reading a film.
         outputs: Other outputs of the command, by option.
 
     Raises:
@@ -181,7 +181,7 @@ def refuse_overwriting_logs(
 
 
 def unused_options(log: Path, arguments: LogArguments) -> list[str]:
-    """Return the options given that the other kind of log takes."""
+    """Return the given options that belong to the other kind of log."""
     given, usual = (arguments, LogArguments()) if is_film(log) else (arguments.video, _NO_VIDEO)
     names = ("column", "unit", "axis", "time_column", "source", "lever_arm", "keep_outliers")
     if not is_film(log):
@@ -207,7 +207,7 @@ def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
 
 @contextmanager
 def reading(arguments: LogArguments, printer: Printer, *, shown: bool) -> Generator[LogOptions]:
-    """Yield how a log is read, with a bar on stderr while its frames are, if it is a film."""
+    """Yield the reading options of a log, with a bar on stderr for a film."""
     options = arguments.options
     if not shown:
         yield options
@@ -248,10 +248,10 @@ def load_recordings(
 def recording_of(
     roll: Roll, arguments: LogArguments, printer: Printer | None = None, *, rest: float = 0.0
 ) -> Recording:
-    """Find the releases in the part of a roll that the user named, and print their problems on stderr.
+    """Find the releases in the selected part of a roll, and print their problems on stderr.
 
     Raises:
-        SysidError: There is none.
+        SysidError: It has no release.
     """
     recording = Recording.of(
         roll, start=arguments.start, stop=arguments.stop, release=arguments.release, keep_zero=arguments.keep_zero,

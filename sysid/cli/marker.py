@@ -7,7 +7,7 @@ from sysid.errors import SysidError
 
 
 def marker(*, output: Output = Path("marker.pdf"), number: int = 0, common: Common = Common()) -> int:
-    """Write an A4 page with an ArUco marker in two sizes, how to fix it and how to film it.
+    """Write an A4 page with an ArUco marker in two sizes, and instructions to fix and film it.
 
     Args:
         output: PDF, SVG or PNG file to write.

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from sim.mjcf import Mjcf
 
 WARNING_NRMSE, MAX_NRMSE = 0.02, 0.1
-"""NRMSE of the unloaded decay above which a warning is printed, as the gate fails, and above which writing is refused [1]."""
+"""Largest NRMSE of the unloaded decay without a warning, as in `check`, and largest one that is written [1]."""
 
 
 def mjcf(
@@ -33,13 +33,13 @@ def mjcf(
         output: File to write: .xml, or .usd, .usda or .usdc.
         bench: The clamped free-decay rig: the deck on its tilt joint.
         scene: The free board with trucks and wheels on the ground; this is the default.
-        timestep: Step in s for which the file is meant.
-        integrator: MuJoCo integrator for which it is meant.
-        export: 'physical' writes the record's numbers; 'step-compensated' those that make the decay right at
-            this step; 'in-scene' those that make it right with wheels and coupling too. By default in-scene
-            for a scene, and for a bench physical up to 1 ms and step-compensated above.
-        coupling: How tilt steers the trucks: a joint equality, or trucks set from outside after each step.
-        usd: Convert to OpenUSD (extra usd); refused where USD would drop an effect.
+        timestep: Step in s for the file.
+        integrator: MuJoCo integrator for the file.
+        export: 'physical' writes the record's numbers, 'step-compensated' those with the right decay at this step, 'in-scene'
+            those with the right decay with wheels and coupling too. By default in-scene for a scene; for a bench physical
+            up to 1 ms and step-compensated above.
+        coupling: Steering of the trucks by tilt: a joint equality, or set from outside after each step.
+        usd: Convert to OpenUSD (extra usd); refused if USD would drop an effect.
     """
     from sim.mjcf import board_mjcf
     from sysid.cli.bars import working
@@ -108,15 +108,15 @@ def _why(made: "Mjcf", kind: str, coupling: str) -> str:
     """Return the cause of a decay's error, and the remedy."""
     done = made.compensation
     said = [f"{line[0].upper()}{line[1:]}." for line in made.substitutes]
-    # The error of a left-out part is known apart from the step's; the error of a substitute is not.
+    # The error of a left-out part is separate from that of the step; the error of a substitute is not.
     if said and (len(said) > len(done.left_out) or done.step_error < WARNING_NRMSE):
         return " ".join(said)
     if made.export == "physical":
         other = "in-scene" if kind == "scene" else "step-compensated"
-        said.append(f"It holds the record's numbers as they are; --export {other} compensates them.")
+        said.append(f"It has the record's numbers unchanged; --export {other} compensates them.")
     elif kind == "scene" and coupling == "equality":
         said.append(
-            "The wheels, dragged over the ground by the joint equality, damp more than this lightly damped joint. Choose --coupling "
+            "The joint equality drags the wheels over the ground, which damps more than this lightly damped joint. Choose --coupling "
             "direct, which sets the trucks after each step."
         )
     else:

@@ -14,11 +14,10 @@ if TYPE_CHECKING:
 def motions(
     *motion: Path, plot: Made | None = None, rerun: Made | None = None, common: Common = Common()
 ) -> int:
-    """List reference motions and what they do; draw them, or play them in Rerun.
+    """List reference motions and their properties; draw them, or play them in Rerun.
 
     Args:
-        motion: Names of shipped clips, files (.npy, (frames, 36)) or folders; all shipped clips if none is
-            given.
+        motion: Names of shipped clips, files (.npy, (frames, 36)) or folders; all shipped clips by default.
         plot: Draw the joints over time into this PNG file.
         rerun: Write a Rerun recording of the moving robot to this file; open it with `rerun FILE`.
     """

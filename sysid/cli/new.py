@@ -1,4 +1,4 @@
-"""`husky-sysid new`: the smallest record that a joint can be identified with."""
+"""`husky-sysid new`: the smallest record for identifying a joint."""
 
 import shlex
 import sys
@@ -40,7 +40,7 @@ def new(
 ) -> int:
     """Write the smallest record of a joint; a terminal asks for missing options.
 
-    A decay gives k/I and d/I: the record says where I comes from. Geometry and masses of a whole board are needed for its
+    A decay gives k/I and d/I; the record gives I and its source. Geometry and masses of a whole board are needed for its
     scene only, and can be added later.
 
     Args:
@@ -104,9 +104,7 @@ def _pendulum(name: str, mass: Quantity, arm: Quantity, own: str | None) -> Boar
     part = weight.EFFECT
     values = {"scale": 1.0, "sine": -mass.value * GRAVITY.value * arm.value}
     pull = {p.name: Quantity(values.get(p.name, 0.0), 0.0, p.unit) for p in part.parameters}
-    if (
-        mass.std or arm.std or about_centre.std
-    ):  # of weight over inertia, which the mass of a point does not change
+    if mass.std or arm.std or about_centre.std:  # of weight over inertia, in which a point's mass cancels
         inputs = (mass, arm, about_centre, GRAVITY)
         ratio = propagate(lambda m, r, own, g: m * g * r / (m * r**2 + own), inputs, "1/s^2", "")
         pull["scale"] = replace(pull["scale"], std=ratio.std / ratio.value)
@@ -114,7 +112,7 @@ def _pendulum(name: str, mass: Quantity, arm: Quantity, own: str | None) -> Boar
 
 
 def _record(name: str, description: str, inertia: Quantity) -> Board:
-    """Return a record with an inertia only, from which a fit starts."""
+    """Return a record with an inertia only, for a first fit."""
     return Board(
         name=name, description=description, source="husky-sysid new",
         inertia=inertia if inertia.method else inertia.with_method("as given to `new`"),

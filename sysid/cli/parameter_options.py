@@ -1,4 +1,4 @@
-"""Parameters and quantities on the command line: NAME=VALUE, NAME=LOW:HIGH, or a result file that holds one."""
+"""Parameters and quantities on the command line: NAME=VALUE, NAME=LOW:HIGH, or a result file."""
 
 import json
 from collections.abc import Sequence
@@ -9,11 +9,11 @@ from sysid.files import regular
 from sysid.quantity import Quantity, parse_quantity
 
 SHORT = {"rest": "rest_angle"}
-"""Names that a user may write shorter."""
+"""Short names for the user."""
 
 
 def parse_fixed(texts: Sequence[str], option: str = "--fix") -> dict[str, float]:
-    """Return parameters and values of '--fix NAME=VALUE', or names and values of another option of that shape.
+    """Return names and values of '--fix NAME=VALUE', or of another option of that shape.
 
     Raises:
         SysidError: A text has another shape.
@@ -37,10 +37,10 @@ def parse_bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
 
 
 def parse_or_read(text: str, key: str, unit: str, where: str) -> Quantity:
-    """Return a positive quantity as it was typed, or the one under a key of a result file (.json) that is named instead.
+    """Return a typed positive quantity, or the one under a key of a result file (.json).
 
     Raises:
-        SysidError: The text is no quantity, or the file lacks one in this unit.
+        SysidError: The text is not a quantity, or the file lacks one in this unit.
     """
     if not text.endswith(".json"):
         return parse_quantity(text, unit, where)

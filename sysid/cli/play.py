@@ -16,12 +16,12 @@ def play(
     viewer: bool = False,
     common: Common = Common(),
 ) -> int:
-    """Ride in simulation as fast as the machine can, and write a recording and pictures.
+    """Ride in simulation at full speed, and write a recording and pictures.
 
     Args:
         policy: zero, stand or push (scripted), pink or black (shipped), an ONNX file, or an exported folder.
         options: The ride.
-        safety: What ends it early.
+        safety: Limits that end it early.
         output: Folder for picture, film strip, numbers and Rerun recording; reports/BOARD of the workspace
             if not given.
         viewer: Open the MuJoCo viewer and ride in real time instead.

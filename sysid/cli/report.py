@@ -1,4 +1,4 @@
-"""`husky-sysid report`: everything known of a board in one HTML file."""
+"""`husky-sysid report`: all results of a board in one HTML file."""
 
 import shlex
 import sys
@@ -25,16 +25,15 @@ def report(
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:
-    """Write one HTML file with everything known of a board.
+    """Write one HTML file with all results of a board.
 
-    The file needs no network. It shows the logs that the record was fitted to, found again by their
-    recorded path, or those given.
+    The file needs no network.
 
     Args:
-        logs: Logs of the board; those that its record was fitted to, if left out.
+        logs: Logs of the board; those of its record's fit, by their recorded paths, if left out.
         output: File to write; reports/BOARD/report.html of the workspace if left out.
-        one_page: Write one page as PDF and PNG beside the file.
-        tolerance: Error beyond the noise, over the RMS motion, at which the comparison passes.
+        one_page: Also write one page as PDF and PNG.
+        tolerance: Largest error beyond the noise, over the RMS motion, of a comparison that passes.
     """
     from reports.evidence import gather, last_diagnosis
     from reports.page.board import Provenance, board_report

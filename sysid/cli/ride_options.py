@@ -1,4 +1,4 @@
-"""What the commands that ride a board share: which policy, which world, what to write."""
+"""Common options of the commands that ride a board: policy, world, outputs."""
 
 import math
 import os
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from policy_runtime.loop.world import World
 
 MIN_TICKS_FOR_FILM = 2
-"""Policy steps that a ride lasts at least to be drawn."""
+"""Fewest policy steps of a drawn ride."""
 
 
 @Parameter(name="*")
@@ -39,7 +39,7 @@ class RideOptions:
     commands: Path | None = None
     """CSV file of commands: time_s,speed_m_s,turn_rad; replaces --speed and --turn-deg."""
     hold_heading: bool = False
-    """Make up in each turn for what earlier ones missed, by the IMU's yaw."""
+    """Correct the heading errors of earlier turns, by the IMU's yaw."""
     start: Literal["stand", "push", "steer"] = "stand"
     """Begin with one foot on the ground, or in a canonical pose on the rolling board."""
     start_speed: float = 0.0
@@ -47,20 +47,20 @@ class RideOptions:
     terrain: Literal["flat", "slopes", "steps"] = "flat"
     """The ground: level, descents of 5 to 10 degrees, or ledges of 3 to 6 cm to roll down."""
     coupling: Literal["equality", "direct"] = "equality"
-    """How the deck's tilt steers the trucks."""
+    """Steering of the trucks by the deck's tilt."""
     gantry: bool = False
-    """Hold the pelvis upright, as a robot is tried out on a trolley."""
+    """Hold the pelvis upright, like a robot on a trolley."""
     force: bool = False
-    """Run where policy and board disagree, or the board has not passed `check`."""
+    """Run even if policy and board disagree, or the board has not passed `check`."""
 
 
 @Parameter(name="*", group=Group("Safety", sort_key=1))
 @dataclass(frozen=True, kw_only=True)
 class SafetyOptions:
-    """Beyond these the robot is stopped."""
+    """Limits beyond which the robot is stopped."""
 
     joint_margin: float = 0.05
-    """How far beyond its range a joint may be measured [rad]; the HUSKY release's ankle needs 0.1."""
+    """Largest measured excess over a joint's range [rad]; the HUSKY release's ankle needs 0.1."""
     tilt_deg: float = 60.0
     """Greatest inclination of the pelvis [degrees]."""
     torque_time: float = 0.5
@@ -72,7 +72,7 @@ class SafetyOptions:
         """Return the limits for a world's robot.
 
         Raises:
-            SysidError: A number is no limit.
+            SysidError: A limit is negative.
         """
         from policy_runtime.loop.world import joint_limits
 
@@ -90,7 +90,7 @@ class SafetyOptions:
 
 
 def choose_renderer() -> None:
-    """Have MuJoCo render without a display where there is none; it asks once, when it is imported."""
+    """Let MuJoCo render without a display; call it before the import of MuJoCo."""
     if not os.environ.get("DISPLAY"):
         os.environ.setdefault("MUJOCO_GL", "egl")
 
@@ -106,10 +106,10 @@ class Ride:
 
 
 def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: bool = True) -> Ride:
-    """Open policy, board and world; keep the robot's meshes where it shall be seen.
+    """Open policy, board and world; `visuals` keeps the robot's meshes.
 
     Raises:
-        SysidError: Something is missing or does not fit.
+        SysidError: A file is missing, or policy and board do not fit.
     """
     from policy_runtime.evaluation.plain import policy_named
     from policy_runtime.export import MANIFEST, load_folder
@@ -133,7 +133,7 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
     else:
         if options.board is None:
             raise SysidError(
-                f"{policy}: no exported folder, which would bring its board. Name the board with --board."
+                f"{policy}: not an exported folder with its own board. Name the board with --board."
             )
         board, name = printer.common.space.load_board(options.board), policy
         world = make_world(
@@ -150,14 +150,14 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
             printer.note(note)
     if not board.passed:
         printer.warn(
-            f"board '{board.name}' has not passed `check` as it is recorded now: its tilt joint may not move like the real one."
+            f"the current record of board '{board.name}' has not passed `check`: its tilt joint may not move like the real one."
         )
     world.reset(speed=options.start_speed)
     return Ride(board, rider, world, commands)
 
 
 def command_source(options: RideOptions) -> "CommandSource":
-    """Return the commands that the options ask for.
+    """Return the source of the commands.
 
     Raises:
         SysidError: The file of commands is not valid, or a number is out of the trained range.
@@ -179,7 +179,7 @@ def command_source(options: RideOptions) -> "CommandSource":
 
 
 def write_ride(ride: Ride, recording: "Recording", folder: Path, printer: Printer) -> dict[str, str]:
-    """Write picture, film strip, Rerun recording and numbers of a ride; return what was written where."""
+    """Write picture, film strip, Rerun recording and numbers of a ride; return their paths by kind."""
     from reports.figures.ride import ride_figure
     from reports.figures.ride_film import film_strip
     from reports.rerun.ride import ride_recording

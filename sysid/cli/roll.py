@@ -14,7 +14,7 @@ from sysid.files import atomic_path
 from sysid.video.options import is_film
 
 MAX_OFFSET_STD = 0.004
-"""Uncertainty of an offset from which one doubts it [s]: records of one release agree to 2 ms."""
+"""Largest half-width of a reliable offset [s]: records of one release agree to 2 ms."""
 
 
 def roll(
@@ -33,7 +33,7 @@ def roll(
         log: CSV, Parquet, MCAP, phone export (zip or folder) or video.
         output: CSV file to write: time_s, roll_rad, roll_std_rad.
         align: Another record of the same motion (film or log): times become those of its clock.
-        preview: Of a film, only show what will be followed, and let the region of the board be drawn.
+        preview: Only show the tracked target of a film, and let the user draw the region of the board.
     """
     printer = Printer(common)
     overlay = arguments.video.overlay
@@ -78,7 +78,7 @@ def roll(
     )
     if signal.errors_last:
         printer.note(
-            "a film's errors last from frame to frame, which a table does not tell: give `decay` and `fit` the film itself"
+            "errors of a film are correlated from frame to frame, which a table cannot store: give `decay` and `fit` the film itself"
         )
     printer.result(
         {
@@ -96,7 +96,7 @@ def roll(
 
 
 def _preview(log: Path, output: Path, arguments: LogArguments, printer: Printer) -> int:
-    """Write the page beside the output, and open it where there is a display."""
+    """Write the page beside the output, and open it if there is a display."""
     if not is_film(log):
         raise SysidError(f"--preview: {log} is no film. Leave it out.")
     import webbrowser

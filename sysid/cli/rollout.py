@@ -1,4 +1,4 @@
-"""`husky-sysid rollout`: rake and rolling resistance from a board that rolls by itself."""
+"""`husky-sysid coast-down`: rake and rolling resistance from a board that rolls by itself."""
 
 import math
 from pathlib import Path
@@ -28,19 +28,19 @@ def rollout(
     save: bool = False,
     common: Common = Common(),
 ) -> int:
-    """Measure rake and rolling resistance of a whole board that is let go on a slope or pushed, and rolls by itself.
+    """Measure rake and rolling resistance of a whole board that rolls by itself, after a push or on a slope.
 
-    Tilt its deck to both sides while it rolls, by a weight beside the axis or by hand: that shows the rake.
+    For the rake, tilt its deck to both sides while it rolls, by a weight beside the axis or by hand.
 
     Args:
-        log: CSV files. From above (film, motion capture): time_s,x_m,y_m,roll_rad, from when nothing touches the board any
-            more; y is left of x, roll is positive with the right edge down. From an IMU on the board, which stands
-            still at first: time_s,forward_m_s2,yaw_rate_rad_s,roll_rad, left turns positive.
-        board: The board; its wheelbase counts.
+        log: CSV files. From above (film, motion capture): time_s,x_m,y_m,roll_rad of the free motion. y is left of x, roll
+            is positive with the right edge down. From an IMU on the board, which stands still at first:
+            time_s,forward_m_s2,yaw_rate_rad_s,roll_rad, left turns positive.
+        board: The board; its wheelbase is used.
         slope_deg: Gradient of the ground along the way, uphill positive, as in `evaluate` [degrees].
-        rest: IMU: for how long the board stands still at the beginning [s].
-        free: IMU: after how long it rolls freely [s].
-        save: Put both into the board's record; scene and training follow.
+        rest: IMU: duration of the rest at the beginning [s].
+        free: IMU: time from which the board rolls freely [s].
+        save: Save both in the board's record, for scene and training.
     """
     from sysid.experiments.roll_out import roll_out
 

@@ -27,19 +27,19 @@ if TYPE_CHECKING:
 @Parameter(name="*", group=Group("Start", sort_key=1))
 @dataclass(frozen=True, kw_only=True)
 class StartOptions:
-    """How a robot that is not where the policy starts comes there; a simulated one begins there."""
+    """Way of a robot to the start pose of the policy; a simulated one begins there."""
 
     ramp: float = 3.0
     """Time of the way to the start pose [s]."""
     pose_tolerance: float = 0.5
-    """How far a joint may be from the start pose when the policy begins [rad]."""
+    """Largest distance of a joint from the start pose when the policy begins [rad]."""
     handset: bool = True
     """Wait for the handset: 'start' moves to the start pose, 'A' begins; 'select' or L2+B stop at any time."""
     dry_run: bool = False
-    """Hold the start pose, send nothing of what the policy answers, and compare what it sees with its training."""
+    """Hold the start pose, do not send the policy's actions, and compare its observations with its training."""
 
     def preparation(self, world: "World") -> "Preparation":
-        """Return how a robot comes to where a world's ride starts."""
+        """Return the way of a robot to the start of a world's ride."""
         from policy_runtime.loop.preparation import Preparation
 
         return Preparation(
@@ -69,16 +69,16 @@ def run(
 ) -> int:
     """Run a policy in real time: 50 decisions a second over servos at 500 Hz.
 
-    Ends when the time is over, at 'q' or Ctrl-C, or when a check stops the robot: stale or non-finite state,
-    too much tilt, joint or torque limit, lost link, the handset. However it ends, all joints brake, and the log says why.
+    Ends after its duration, at 'q' or Ctrl-C, or when a check stops the robot. The checks are: stale or non-finite state,
+    tilt, joint or torque limit, lost link, handset. At the end all joints brake, and the log names the cause.
 
     Args:
         policy: zero, stand or push (scripted), an ONNX file, or an exported folder.
         options: The ride; terrain, start and gantry count in simulation only.
-        beginning: How the robot comes to where the policy starts.
-        safety: What stops the robot.
-        robot: In plain MuJoCo; a rehearsal, in which the same simulation speaks the G1's messages over this
-            computer's loopback; or a G1 on the network.
+        beginning: Way of the robot to the start pose.
+        safety: Limits that stop the robot.
+        robot: Simulated in plain MuJoCo; a rehearsal, the same simulation with the G1's messages over this computer's
+            loopback; or a G1 on the network.
         interface: Network interface towards the robot, e.g. eth0.
         domain: DDS domain of the robot.
         keyboard: Take speed and turn from the arrow keys.
@@ -103,7 +103,7 @@ def run(
             raise SysidError("--gantry holds a simulated robot. Hold the real one yourself.")
         if not ride.board.passed and not options.force:
             raise QualityGateError(
-                f"board '{ride.board.name}' has not passed `check`: a policy made for it is not fit for the robot. "
+                f"board '{ride.board.name}' has not passed `check`: a policy for it may fail on the robot. "
                 f"Run {common.space.command('check', *ride.board.options, logs=())}, or add --force."
             )
     commands = _keyboard(options, printer) if keyboard else ride.commands
@@ -170,7 +170,7 @@ def _ranges(ride: Ride) -> "RangeCheck":
 
 @contextmanager
 def _ended_from_outside() -> "Generator[None]":
-    """Treat the signal that ends programs as Ctrl-C, so that the robot brakes first."""
+    """Treat SIGTERM as Ctrl-C, so that the robot brakes first."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield
@@ -182,7 +182,7 @@ def _ended_from_outside() -> "Generator[None]":
 def _driven(
     simulated: "SimulatedRobot", robot: str, interface: str | None, domain: int, viewer: bool
 ) -> "Generator[tuple[Robot, SimulatedG1 | None]]":
-    """Yield the robot to drive, and the one behind it in a rehearsal; let go of them at the end."""
+    """Yield the robot to drive, and the simulated one of a rehearsal; close them at the end."""
     if robot == "simulated":
         from policy_runtime.loop.viewer import viewed
 
@@ -237,7 +237,7 @@ def _report(
 
 
 def _report_ranges(ranges: "RangeCheck", printer: Printer) -> None:
-    """Print what the policy saw beside what it was trained on: all that is outside, else the furthest."""
+    """Print observations beside their range in training: all outside it, else the farthest."""
     outside = ranges.outside()
     rows = [
         {
@@ -254,7 +254,7 @@ def _report_ranges(ranges: "RangeCheck", printer: Printer) -> None:
     printer.say(f"the first answer would have moved {joint} by {move:+.2f} rad")
     printer.say(
         f"outside the training's range: {', '.join(n.name for n in outside)}. Look for a turned axis, another unit, "
-        "order or pose before the policy is let loose."
+        "order or pose before you start the policy."
         if outside
-        else "all that the policy saw lies within its training"
+        else "all observations are within the training's range"
     )

@@ -11,16 +11,16 @@ WORDS = {
     "·": "*", "×": "x", "±": "+-", "²": "^2", "−": "-", "→": "->", "✓": "ok:", "✗": "no:", "°": " deg", "≤": "<=",
     "≥": ">=", "…": "...", "\u0307": "'", "\u0308": "''",
 }  # fmt: skip
-"""The last two are combining dots, which stand for derivatives."""
+"""ASCII spellings; the last two are combining dots, for derivatives."""
 AGAIN = 1.0
-"""Time after which a command that goes on after a signal is interrupted again [s]."""
+"""Time after which a command that still runs after a signal is interrupted again [s]."""
 _received: list[int] = []
 
 
 def listen() -> None:
-    """Let SIGINT and SIGTERM unwind the command, so that every file is whole.
+    """Let SIGINT and SIGTERM unwind the command, so that every file is complete.
 
-    Python may lose an exception in a callback from C, or turn it into another amid an import. So they raise again, until `stop_listening`.
+    Python may lose an exception in a callback from C, or change it amid an import. So they raise again until `stop_listening`.
     """
     _received.clear()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -28,7 +28,7 @@ def listen() -> None:
 
 
 def stop_listening() -> int | None:
-    """Return the signal that came, if one did, and leave signals to Python again."""
+    """Return the received signal, if any, and restore Python's signal handlers."""
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, 0.0)
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -47,7 +47,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def open_streams() -> None:
-    """Make standard output and error take every sign: what their encoding lacks is spelled in ASCII."""
+    """Let standard output and error accept every character: those outside their encoding are spelled in ASCII."""
     codecs.register_error("spelled", _spell)
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
@@ -66,7 +66,7 @@ def drop_output() -> None:
 
 
 def one_line(text: str) -> str:
-    """Return a message with the line ends and control signs that a damaged file's cells brought into it as blanks."""
+    """Return a message on one line; line ends and control characters, from a damaged file, become blanks."""
     return "".join(sign if sign.isprintable() else " " for sign in text)
 
 
@@ -77,7 +77,7 @@ def _spell(error: UnicodeError) -> tuple[str, int]:
 
 
 def _word(sign: str) -> str:
-    """Return a sign in ASCII: 'omega' for ω, '|' for a line of a table, '?' where there is nothing better."""
+    """Return a character in ASCII: 'omega' for ω, '|' for a line of a table, '?' for unknown ones."""
     import unicodedata
 
     if "\u2500" <= sign <= "\u257f":

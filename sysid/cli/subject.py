@@ -1,4 +1,4 @@
-"""The joint that a command is about: a board of the workspace, or a joint of a MuJoCo model."""
+"""The joint of a command: a board of the workspace, or a joint of a MuJoCo model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,31 +22,31 @@ SUBJECT = Group("Joint", sort_key=0)
 @Parameter(name="*", group=SUBJECT)
 @dataclass(frozen=True, kw_only=True)
 class Subject:
-    """The subject of a command: a board's joint, or one of a MuJoCo model as it was measured."""
+    """The joint of a command: that of a board, or one of a MuJoCo model in the setup of the measurement."""
 
     board: Annotated[str | None, Parameter(name=("--board", "-b"))] = None
     """Name of the board."""
     model: Path | None = None
     """MuJoCo model, instead of a board."""
     joint: str | None = None
-    """Hinge or slide of the model that was let go; all others were held."""
+    """Released hinge or slide of the model; all others were held."""
     keyframe: str | None = None
-    """Keyframe of the model with the pose in which it was measured."""
+    """Keyframe of the model with the pose of the measurement."""
     pose: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = ()
     """Position of another joint there, as NAME=VALUE in rad or m; repeat it for several."""
     free: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = ()
-    """Joint that was free to follow, not held; repeat it for several."""
+    """Another joint that moved freely, not held; repeat it for several."""
     payload: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = ()
-    """Known mass that was added, as MASS@X,Y,Z [kg, m] in the frame of the joint's body, or MASS@SITE."""
+    """Known added mass, as MASS@X,Y,Z [kg, m] in the frame of the joint's body, or MASS@SITE."""
     mass_error: float = 0.0
     """Half-width of the 95 % interval of the model's masses, as a share, e.g. 0.02; every torque shares it."""
 
     @property
     def setup(self) -> "Setup | None":
-        """How the joint of the model was measured; None where a board is meant.
+        """Setup of the measurement of a model's joint; None for a board.
 
         Raises:
-            SysidError: Options do not go together.
+            SysidError: Options conflict.
         """
         if self.model is None:
             given = {"--joint": self.joint, "--keyframe": self.keyframe, "--pose": self.pose, "--free": self.free,
@@ -66,7 +66,7 @@ class Subject:
         )  # fmt: skip
 
     def load(self, common: Common, printer: Printer) -> Board:
-        """Return the record of the board, or the one that the joint of the model makes.
+        """Return the record of the board, or that of the model's joint.
 
         Raises:
             SysidError: Board and model are missing, or cannot be read.
@@ -79,7 +79,7 @@ class Subject:
         return record
 
     def find(self, common: Common, printer: Printer) -> Board | None:
-        """Return the same, or None where neither was given."""
+        """Return the same, or None without board and model."""
         setup = self.setup
         if setup is None:
             return None if self.board is None else common.space.load_board(self.board)
@@ -130,5 +130,5 @@ class Subject:
     def save(self, record: Board, since: Board, common: Common) -> Path:
         """Write a record into the workspace; a model's record replaces the old one, which `undo` restores."""
         if self.model and record.name not in common.space.board_names():
-            common.space.save_board(since)  # the model as it stood: the report begins there
+            common.space.save_board(since)  # the unfitted model: the report begins there
         return common.space.save_board(record, since=None if self.model else since)

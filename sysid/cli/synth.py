@@ -49,7 +49,7 @@ class RecordingArguments:
     dialect: Dialect | None = None
     """Channels and format of the log: angle; position for a slide."""
     hand: bool = True
-    """Keep rest and hand in the log; without, it starts at the only release."""
+    """Keep rest and hand in the log; without them, it starts at the only release."""
 
 
 @Parameter(name="*", group="Sensor")
@@ -71,7 +71,7 @@ class SensorArguments:
     """Offset of a gyro [rad/s]."""
 
     def sensor(self, show: Display) -> Sensor:
-        """Return the sensor of a joint that is displayed so.
+        """Return the sensor of a joint with that display.
 
         Raises:
             SysidError: A size is negative or in the unit of the other kind of joint.
@@ -92,20 +92,20 @@ def synth(
     sensor: SensorArguments = SensorArguments(),
     common: Common = Common(),
 ) -> int:
-    """Make a synthetic log with a known truth, for trying the tool out.
+    """Make a synthetic log with a known truth, to try the tool.
 
-    The truth is written beside the log, as LOG.truth.json.
+    The truth is written to LOG.truth.json beside the log.
 
     Args:
         output: The log to write: .csv, or .zip for the dialects phyphox and sensor-logger.
         effect: A hidden effect, NAME=V[,V...] in SI units, e.g. coulomb=0.1; may be repeated.
         release_angle: Roll at a release, e.g. 10, 10deg or 0.17rad (degrees without a unit), right edge down positive. For a
             slide its position, e.g. 20mm or 0.02m (mm without a unit). May be repeated, one release each.
-        releases: Number of releases where no angles are given: alternating sides, each smaller than the one before.
+        releases: Number of releases without given angles: alternating sides, each smaller than the one before.
     """
     if output.is_file() and not output.with_suffix(".truth.json").exists():
         raise SysidError(
-            f"--output {output}: is there already, and no truth lies beside it: it may be a measurement. Choose another name."
+            f"--output {output}: exists without a truth file, so it may be a measurement. Choose another name."
         )
     printer = Printer(common)
     record = subject.load(common, printer)
@@ -133,7 +133,7 @@ def synth(
     hidden = ", ".join(
         f"{name} ({', '.join(f'{v:g}' for v in values)})"
         for name, values in log.effects.items()
-        if not known_effect(name).is_known  # a model states its own weight
+        if not known_effect(name).is_known  # without the weight of a model
     )
     printer.say(f"  hidden: {hidden or 'nothing'}")
     printer.say(f"truth: {truth}")
@@ -148,7 +148,7 @@ def _angles_of(
     """Return the release angles or positions [rad or m].
 
     Raises:
-        SysidError: They are no angles, or nothing pulls the joint back from them.
+        SysidError: They are not angles, or the joint has no restoring torque.
     """
     own = {part.name: [q.value for q in part.parameters.values()] for part in record.effects}
     law, limit = true_law(record, {**own, **effects}), record.tilt["range"].value

@@ -25,21 +25,21 @@ class Variant:
     """Options of the task: the paper's variants, and ours."""
 
     pushing: Literal["amp", "tracking", "gait", "none"] = "amp"
-    """How pushing is taught: by the style of reference motions, by tracking the one nearest in speed joint by joint,
-    by a clock of foot contacts, or not at all."""
+    """Guidance of pushing: the style of reference motions, tracking of the one nearest in speed, a clock of foot
+    contacts, or none."""
     transition: Literal["path", "translation", "style", "none"] = "path"
-    """What guides mounting and dismounting: key bodies' paths, their positions only, the style of reference
-    motions, or nothing."""
+    """Guidance of mounting and dismounting: paths of key bodies, their positions only, the style of reference
+    motions, or none."""
     tilt_guidance: bool = True
     """Whether the tilt is guided."""
     turn_feedback: bool = True
-    """Whether the actor sees how far it still has to turn; else the turn as it was told, as in the paper."""
+    """Whether the actor sees the remaining turn; else it sees the commanded turn, as in the paper."""
     kinematics: Literal["two-truck", "single-truck"] = "two-truck"
     """Turning of the board; single-truck is the paper's formula."""
     coupling: Literal["equality", "direct", "none"] = "equality"
-    """How tilt steers the trucks; 'none' lets the board go straight."""
+    """Steering of the trucks by tilt; with 'none' the board goes straight."""
     start: Literal["mixed", "standing"] = "mixed"
-    """Where episodes begin: half at rest and the others anywhere in the cycle, or always at rest as in the paper."""
+    """Start of the episodes: half at rest and the others anywhere in the cycle, or all at rest as in the paper."""
     terrain: Literal["flat", "slopes", "steps"] = "flat"
     """The ground."""
     pushes: Annotated[float, Parameter(validator=Number(gte=0))] = 0.5
@@ -83,22 +83,22 @@ class Learner:
     seed: Annotated[int, Parameter(validator=Number(gte=0))] = 1
     """Seed of everything random."""
     learning_rate: Annotated[float, Parameter(validator=Number(gt=0))] = 1e-3
-    """Where the adaptive learning rate of a run from nothing starts."""
+    """Initial value of the adaptive learning rate of a new run."""
     entropy: Annotated[float, Parameter(validator=Number(gte=0))] = 0.005
     """Weight of the actions' entropy."""
     last_entropy: Annotated[float, Parameter(validator=Number(gte=0))] = 0.001
     """Weight of the actions' entropy at the end of the curriculum."""
     desired_kl: Annotated[float, Parameter(validator=Number(gt=0))] = 0.015
-    """Change of the policy that the learning rate aims at, an iteration."""
+    """Target change of the policy per iteration, for the learning rate."""
     restart_std: Annotated[float, Parameter(validator=Number(gte=0))] = 0.0
-    """Standard deviation of the actions with which a run by --from begins; 0 for the checkpoint's. More unlearns a habit."""
+    """Initial standard deviation of the actions of a run by --from; 0 for that of the checkpoint. A larger one unlearns habits."""
     save_every: Annotated[int, Parameter(validator=Number(gte=1))] = 100
     """Iterations between checkpoints."""
     style_weight: Annotated[float, Parameter(validator=Number(gte=0))] = 25.0
     """Weight of the style reward per second."""
     curriculum: Literal["on", "off"] = "on"
-    """Whether patience with a wrong stance, entropy and the differences of the worlds follow what the learner can
-    do; off, the task is as hard from the first iteration as it will be."""
+    """Whether the task becomes harder as the learner improves: patience with a wrong stance, entropy, differences of the
+    worlds. Off: the full task from the first iteration."""
     graphs: bool = True
     """Whether to launch many small operations as one CUDA graph."""
 
@@ -116,14 +116,14 @@ class Learner:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Machines:
-    """A run on several machines: the same command on each, with a folder that all of them see."""
+    """A run on several machines: the same command on each, with a shared folder."""
 
     nodes: Annotated[int, Parameter(validator=Number(gte=1))] = 1
     """Number of machines; each brings --gpus."""
     node: Annotated[int, Parameter(validator=Number(gte=0))] = 0
-    """Which of them this one is; 0 begins the run."""
+    """Number of this machine; 0 begins the run."""
     rendezvous: str | None = None
-    """Where machine 0 is to be met, HOST:PORT."""
+    """Address of machine 0, HOST:PORT."""
 
     def torchrun(self, gpus: int) -> list[str]:
         """Return torchrun's options for so many GPUs on each machine.
@@ -138,7 +138,7 @@ class Machines:
         if self.node >= self.nodes or not host or not port.isdigit():
             raise SysidError(
                 f"--nodes {self.nodes} --node {self.node} --rendezvous {self.rendezvous}: expected machines 0 to "
-                f"{self.nodes - 1} and where machine 0 is to be met, HOST:PORT."
+                f"{self.nodes - 1} and the address of machine 0, HOST:PORT."
             )
         here = [f"--nnodes={self.nodes}", f"--node-rank={self.node}"]
         return [*here, f"--master-addr={host}", f"--master-port={port}", processes]
@@ -161,24 +161,24 @@ def train(
 ) -> int:
     """Train a policy for a board.
 
-    Everything lands in one folder: the resolved options, the record, hashes and versions, curves,
-    checkpoints and the policy as ONNX. A killed run goes on with --resume.
+    One folder gets the resolved options, the record, hashes and versions, curves, checkpoints and the policy as ONNX.
+    Continue a killed run with --resume.
 
     Args:
         board: Name of the board.
         variant: Options of the task.
         learner: Options of the learner.
-        gpus: Number of GPUs, each a process; 0 trains on the CPU, to try things out. 1 for a new run; with
-            --resume as many as it began on.
-        machines: Other machines that train along.
+        gpus: Number of GPUs, one process each; 0 trains on the CPU, for a trial. Default: 1, and with --resume that of the
+            run.
+        machines: Other machines of the run.
         output: Folder of the run; the default is reports/BOARD/train-N.
-        resume: Folder of a run to go on with from its newest checkpoint, with its own options; beyond its end
-            with --iterations.
-        start_from: A checkpoint of another run to begin with, for other options or another board.
-        motions: Folder of reference motions of pushing (.npy, see `husky-sysid motions`) instead of the shipped ones;
-            the run keeps a copy.
+        resume: Folder of a run to continue from its newest checkpoint, with its own options; beyond its end with
+            --iterations.
+        start_from: A checkpoint of another run as the start, for other options or another board.
+        motions: Folder of reference motions of pushing (.npy, see `husky-sysid motions`) instead of the shipped ones; the run
+            keeps a copy.
         minutes: Stop, with a checkpoint, after so much time.
-        force: Train even though the board has not passed `check`.
+        force: Train even if the board has not passed `check`.
     """
     printer = Printer(common)
     if resume is not None and start_from is not None:
@@ -230,8 +230,8 @@ def _gate(record: Board, force: bool, printer: Printer) -> None:
         return
     if not force:
         raise QualityGateError(
-            f"board '{record.name}' has not passed `check` as it is recorded now: what is trained on it may not fit the real "
-            f"board. Run {printer.common.space.command('check', *record.options, logs=())}, or train anyway with --force."
+            f"the current record of board '{record.name}' has not passed `check`: a policy for it may not fit the real board. "
+            f"Run {printer.common.space.command('check', *record.options, logs=())}, or train anyway with --force."
         )
     printer.warn(f"board '{record.name}' has not passed its check; training anyway")
 
@@ -268,7 +268,7 @@ def _require_same_board(folder: RunFolder, record: Board) -> RunConfig:
 def _say_unused(
     variant: Variant, learner: Learner, paths: dict[str, Path | None], config: RunConfig, printer: Printer
 ) -> None:
-    """Name the options that a run which goes on does not take up, because it has its own."""
+    """Warn of options that a continued run ignores, because it has its own."""
     pairs = (
         (variant.options(), Variant().options(), config.task),
         (replace(learner, iterations=None).options(), Learner().options(), config.learn),
@@ -288,7 +288,7 @@ def _say_unused(
 
 
 def _join(path: Path | None, gpus: int, minutes: float, machines: Machines, printer: Printer) -> int:
-    """Train along with a run that machine 0 begins or goes on with."""
+    """Join a run of machine 0."""
     if path is None:
         raise SysidError(
             f"--node {machines.node}: name the run's folder, which machine 0 shares, by --output."
@@ -299,7 +299,7 @@ def _join(path: Path | None, gpus: int, minutes: float, machines: Machines, prin
 
 
 def _has_more_to_do(folder: RunFolder, config: RunConfig, learner: Learner, printer: Printer) -> bool:
-    """Return whether a run is short of its end, or of the new total that was given, which is then written down."""
+    """Whether a run has iterations left; a new total is written into its configuration."""
     if not folder.checkpoints():
         raise SysidError(
             f"{folder.path}: holds no checkpoint to go on from (checkpoints/model_N.pt). Put them back, or begin a "
@@ -322,7 +322,7 @@ def _has_more_to_do(folder: RunFolder, config: RunConfig, learner: Learner, prin
 
 
 def _iterations_of(checkpoint: Path) -> int:
-    """Read what a run shall go on from here, where what is wrong with it can be said in one line; return what it has done."""
+    """Return the iterations of a checkpoint; reading it here reports a damaged one in one line."""
     from policy_runtime.learning.checkpoint import read_checkpoint
 
     return int(read_checkpoint(checkpoint)["iteration"])
@@ -339,7 +339,7 @@ def _new_run(record: Board, output: Path | None, common: Common, printer: Printe
 def _run(
     folder: RunFolder, gpus: int, minutes: float, printer: Printer, machines: Machines = Machines()
 ) -> None:
-    """Train in processes of their own, so that a crash of one says so and leaves the files whole."""
+    """Train in separate processes, so that a crash is reported and leaves the files intact."""
     command = [sys.executable, "-m"]
     if gpus > 1 or machines.nodes > 1:
         command += ["torch.distributed.run", *machines.torchrun(gpus), "-m"]

@@ -1,4 +1,4 @@
-"""`husky-sysid undo`: a board's record as it was before the last change."""
+"""`husky-sysid undo`: restore a board's record before its last change."""
 
 from sysid.board import Board
 from sysid.cli.boards import verdict
@@ -27,7 +27,7 @@ def undo(*, board: BoardName, common: Common = Common()) -> int:
 
 
 def _told(board: Board) -> dict[str, str]:
-    """Return what a user may miss of a record, in words."""
+    """Return the main contents of a record in words."""
     effects = [f"{part.name} ({', '.join(map(str, part.parameters.values()))})" for part in board.effects]
     tilt = {name.replace("_", " "): str(quantity) for name, quantity in board.tilt.items()}
     return {

@@ -42,8 +42,8 @@ def view(
     Writes reports/BOARD/view.rrd of the workspace and opens it; with --output it is only written.
 
     Args:
-        logs: Logs of the board; those that its record was fitted to, if left out.
-        output: Write the recording here, and open nothing.
+        logs: Logs of the board; those of its record's fit, if left out.
+        output: Write the recording here, and do not open it.
     """
     printer = Printer(common)
     record = subject.load(common, printer)

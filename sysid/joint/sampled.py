@@ -1,8 +1,8 @@
 """The joint under a simulator's time step: poles of MuJoCo's discrete map, from and to parameters, and its motion.
 
-With spring, damper and inertia alone the step is a linear map of (roll, rate). Its determinant is a = I/M, its trace
-1 + a - h² k/M, with the metric M = I + h d, or I + h d + h² k for 'discrete'. The poles of RK4 are the continuous ones to 1e-6
-at the steps of a scene.
+With spring, damper and inertia alone the step is a linear map of (roll, rate). Its determinant is `a = I/M`, its trace
+`1 + a - h² k/M`, with the metric `M = I + h d`, or `I + h d + h² k` for 'discrete'. The poles of RK4 are the continuous ones to
+1e-6 at the steps of a scene.
 """
 
 import cmath

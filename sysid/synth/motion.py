@@ -8,11 +8,8 @@ Smooth stretches are integrated by DOP853. The integration stops at each kink or
 dead band, a stop, a slider that yields. Then it changes the mode and continues, so friction sticks and dissipates exactly. It
 also stops at the knots of a hand's spline, over which a step of eighth order would miss its tolerance.
 
-Equation of motion, with x = φ − s − rest and u = v − w:
-
-    I φ̈ = τ(x, u) − M sin φ − I' v²/2
-    I₂ s̈ = −k₂ s − d₂ w − τ(x, u)
-    ż = u − z/T
+Equation of motion, with x = φ − s − rest and u = v − w: `I φ̈ = τ(x, u) − M sin φ − I' v²/2`, `I₂ s̈ = −k₂ s − d₂ w − τ(x, u)`
+and `ż = u − z/T`.
 
 Here s is the roll of a compliant support (0 without one) and z the stretch of a Maxwell arm. The internal states of the
 catalogue's laws follow.

@@ -303,7 +303,7 @@ def test_commands_beside_each_other_lose_nothing(tmp_path: Path, pink: Board) ->
     ]
     for fit in fits:  # both read the record before either wrote it
         space.save_board(fit, since=pink)
-    with pytest.raises(SysidError, match="changed by another command"):
+    with pytest.raises(SysidError, match="another command changed"):
         space.save_board(pink.checked({"passed": True}), since=pink)
     now = space.load_board("pink")
     assert [line["stiffness"] for line in now.history] == [15.0, 16.0]

@@ -59,7 +59,7 @@ def test_a_law_that_is_not_that_of_the_log_is_said(tmp_path, capsys):
         )
         printed = capsys.readouterr()
         assert ("a compromise" in printed.err) == said
-        assert ("next: learn what is missing: husky-sysid diagnose" in printed.out) == said
+        assert ("next: find the missing effect: husky-sysid diagnose" in printed.out) == said
         assert (
             any("a compromise" in warning for warning in json.loads(json_file.read_text())["warnings"])
             == said

@@ -39,7 +39,7 @@ def test_another_name_of_the_measurement_is_the_measurement(tmp_path, link):
     log, name = tmp_path / "log.csv", tmp_path / "name.csv"
     log.write_bytes(PINK.read_bytes())
     link(log, name)
-    with pytest.raises(SysidError, match=r"--output .*name\.csv: is the very file"):
+    with pytest.raises(SysidError, match=r"--output .*name\.csv: is an input"):
         called("roll", str(log), "--output", str(name))
 
 
@@ -48,7 +48,7 @@ def test_files_in_a_folder_of_a_log_are_kept(tmp_path):
     folder.mkdir()
     inside = folder / "Gyroscope.csv"
     inside.write_bytes(PINK.read_bytes())
-    with pytest.raises(SysidError, match=r"lies in .*export, which is read"):
+    with pytest.raises(SysidError, match=r"is in the input folder .*export"):
         called("roll", str(folder), "--output", str(inside))
 
 
@@ -86,7 +86,7 @@ def test_a_measurement_is_not_lost_under_another_kind_of_file(tmp_path, command)
     for path in (log, other):
         path.write_bytes(PINK.read_bytes())
     arguments = [str({"LOG": log, "OTHER": other}.get(word, word)) for word in command]
-    with pytest.raises(SysidError, match="is there already"):
+    with pytest.raises(SysidError, match="exists, and is not a"):
         called(*arguments, "--workspace", str(tmp_path))
     assert log.read_bytes() == PINK.read_bytes()
     for _ in range(2):

@@ -388,7 +388,7 @@ def test_two_processes_hold_the_same_weights_normalisers_and_discriminator(start
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--nodes", "2", "--rendezvous", "here"), "where machine 0 is to be met"),
+        (("--nodes", "2", "--rendezvous", "here"), "the address of machine 0"),
         (("--nodes", "2", "--node", "2", "--rendezvous", "a:1"), "expected machines 0 to 1"),
         (("--nodes", "2", "--node", "1", "--rendezvous", "a:1"), "name the run's folder"),
     ],
