@@ -5,9 +5,9 @@
 | file | content |
 |---|---|
 | `scene.xml`, `assets/` | robot on board on the ground, as compiled for the runtime |
-| `policy.onnx` | the policy, where one was given |
+| `policy.onnx` | the policy, if given |
 | `<board>.toml` | the record of the board that the scene holds |
-| `folder.json` | what belongs together: names, SHA-256, versions, start configuration |
+| `folder.json` | names, SHA-256, versions, start configuration |
 """
 
 import json

@@ -210,13 +210,13 @@ def build_learner(env: Any, config: RunConfig, process: Process, pushing: Sequen
 def build_curriculum(
     config: RunConfig, env: "RslRlVecEnvWrapper", algorithm: "AmpPPO", level: "Level | None"
 ) -> "Curriculum | None":
-    """Return the run's curriculum at a level, or None where the task is as hard from the start as it will be."""
+    """Return the run's curriculum at a level, or None if the full task is trained from the start."""
     if not config.learn.curriculum:
         return None
     if config.task.stance_patience == 0:
         raise SysidError(
-            "stance_patience is 0, so that no wrong stance ends an episode: nothing is left for the curriculum to "
-            "lead. Choose a patience, or --curriculum off."
+            "stance_patience is 0: a wrong stance never ends an episode, so the curriculum has no effect. Choose a "
+            "patience, or --curriculum off."
         )
     from policy_runtime.learning.curriculum import Curriculum
 

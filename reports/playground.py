@@ -1,8 +1,7 @@
-"""A board's decay to play with in a page: the law as JavaScript, numbers to slide, and the measured releases.
+"""Interactive decay of a board in a page: the law as JavaScript, sliders for its numbers, and the measured releases.
 
-What runs in the page is the CasADi graph of the joint itself, printed (`reports.javascript`): laws, integration step,
-internal states and what the sensor does are stated where they always are. Each effect has an amount there, by which its
-torque is multiplied: 0 takes it away, 1 is as it was fitted.
+The page runs the CasADi graph of the joint itself, printed as JavaScript (`reports.javascript`), so that laws, integration step,
+internal states and sensor have one source. Each effect has an amount, a factor on its torque: 0 removes it, 1 is the fitted effect.
 """
 
 from base64 import b64encode
@@ -316,7 +315,7 @@ def _packed(values: Array) -> dict[str, Any]:
 
 
 def _code(structure: Structure, *, free_states: bool) -> str:
-    """Return the joint in JavaScript: its state at release, its step, what leaves its filters and what is read of that."""
+    """Return the joint in JavaScript: its state at release, its step, the output of its filters and the reading."""
     import casadi
 
     ca: Any = casadi

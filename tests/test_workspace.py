@@ -60,7 +60,7 @@ def test_what_decay_and_compare_print_runs(tmp_path):
             cwd=tmp_path,
         )
         assert done.returncode == 0, done.stderr
-        (line,) = (line for line in done.stdout.splitlines() if "learn what is missing: " in line)
+        (line,) = (line for line in done.stdout.splitlines() if "find the missing effect: " in line)
         assert line.endswith("diagnose 'a log.csv' --board pink --column x --unit deg --workspace w")
 
 

@@ -8,11 +8,11 @@
 | E_smth | mean of abs(Δq) over joints and steps [rad] | "smoothness", formula not given |
 | E_contact | share of pushing and steering steps with the wrong feet down | "contact error" |
 
-Where the paper leaves a choice, the other readings are reported beside: the error of the mean speed of
-each pushing phase, the heading error at the last step of each steering phase, the length and the
-root mean square of Δq, and the share of wrong contacts in pushing and in steering alone. An episode
-that ends early counts with the steps it had. Wrong feet: in pushing, the right foot off the deck or
-the left foot on it; in steering, a foot off the deck or on the ground.
+The paper's definitions leave choices. The other readings are reported too: the error of the mean speed of each
+pushing phase, the heading error at the last step of each steering phase, the length and the root mean square of Δq,
+and the share of wrong contacts in pushing and in steering alone. An episode that ends early counts with its steps.
+Wrong feet in pushing: the right foot off the deck or the left foot on it. In steering: a foot off the deck or on the
+ground.
 
 The project's own:
 

@@ -1,4 +1,4 @@
-"""How a rider pushes: strides, stance, travel and slip of the pushing foot, and how close it is to the reference clips.
+"""Pushing of a rider: strides, stance, travel and slip of the pushing foot, and the distance to the reference clips.
 
 | name | here |
 |---|---|
@@ -10,7 +10,7 @@
 | impact | median of the largest load within 0.1 s of a touchdown, in weights of the robot |
 | style_distance | RMS distance of five joint frames of pushing to the nearest five of the reference clips [rad] |
 
-Each is a number an episode; NaN where the episode has no such thing.
+Each is a number per episode; NaN if undefined.
 """
 
 from collections.abc import Iterator

@@ -1,11 +1,11 @@
-"""An adaptive curriculum: the difficulty of the task follows what the learner can do.
+"""An adaptive curriculum: the difficulty of the task follows the skill of the learner.
 
-It is driven by one number: early ends, the episodes that end before their time limit, a minute of riding. Few, and the task gets
-harder; many, and it gets easier. A step is in proportion to the logarithm of the early ends over their set point, so
-the task always moves.
+It is driven by the early ends: episodes that end before their time limit, per minute of riding. With few early ends the task
+gets harder, with many it gets easier. A step is proportional to the logarithm of the early ends over their set point, so the
+task always changes.
 
-First comes the patience with a wrong stance (policy steps). A beginner that is ended after 0.4 s of wrong stance never
-learns to ride, and one that never is learns to ride on one leg. So the patience starts at its longest and shrinks to the task's own:
+First comes the patience with a wrong stance (policy steps). If 0.4 s of wrong stance end an episode, a beginner never learns
+to ride. If they never do, it learns to ride on one leg. So the patience starts at its longest and shrinks to the task's own:
 
 | what | at patience p; P is the task's own |
 |---|---|
@@ -16,8 +16,8 @@ learns to ride, and one that never is learns to ride on one leg. So the patience
 Then comes the strength by which worlds differ (`sim.skate.mdp.worlds`), from 0 to 1, and with it, up to a quarter, the weights
 of rewards that a rider needs and a beginner does not (`Reward.beginner`).
 
-The weight of the actions' entropy falls geometrically with the early ends, from the set point of the patience
-to that of the strength. So who falls explores, and who rides is exact.
+The weight of the actions' entropy falls geometrically with the early ends, between the two set points. So a learner that
+falls explores.
 
 The longest patience is shorter than any phase in which the stance counts, else one leg never ends an episode.
 Riding on one leg ends 15 to 19 episodes a minute of riding; the set point is above that.

@@ -3,17 +3,16 @@
 # (mjlab keeps histories and the sensors' cache in private places.)
 """mjlab's environment with fewer launches: all reward terms in one array; rewards, terminations and observations as CUDA graphs.
 
-mjlab weighs, cleans, sums and logs each reward term for itself, which at 30 terms is 200 launches on the GPU in
-every step, and 84 more in every step in which an episode ends; it asks the device eight times how many episodes
-ended by what. Here terms are weighed at once, added in mjlab's order, so that even the last bit is the same, and
-nothing is logged but what `policy_runtime.learning.progress` sums up.
+mjlab weighs, cleans, sums and logs each reward term separately. With 30 terms this is 200 launches on the GPU in every step,
+and 84 more in a step in which an episode ends. It also asks the device eight times for the causes of the ends. Here all terms
+are weighed at once and added in mjlab's order, so that even the last bit is the same. Only the sums of
+`policy_runtime.learning.progress` are logged.
 
-A step is: act and simulate; judge (terminations, rewards), one graph; start episodes that are over; see (commands,
-observations), one graph. mjlab computes everything anew between the last two, constraint forces included, and again at
-the beginning of the next step. Here the first half of that step (`mujoco_warp.step1`: places, contacts,
-velocities) serves the observations. Only its second half follows the action: four solves a policy step, not
-five. Contact
-forces are those of the last substep, and zero in an episode's first step.
+A step has four parts. It acts and simulates. It judges (terminations, rewards) in one graph. It restarts ended episodes. It
+observes (commands, observations) in one graph. mjlab computes all quantities again between the last two, constraint forces included, and once more at
+the beginning of the next step. Here the first half of that step (`mujoco_warp.step1`: places, contacts, velocities) serves the
+observations. Only its second half follows the action: four solves a policy step instead of five. Contact forces are those of
+the last substep, and zero in an episode's first step.
 """
 
 from typing import Any

@@ -1,8 +1,8 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false, reportPrivateUsage=false
 """PPO's update with every mini-batch as one CUDA graph: rsl_rl's numbers without waiting for Python.
 
-rsl_rl asks the device four times a mini-batch (three losses, and whether the policy has moved too far), and launches
-some 400 operations. Here the learning rate follows the divergence on the device, and nothing is asked until the end.
+rsl_rl reads four values from the device in each mini-batch (three losses and the divergence), and launches some 400
+operations. Here the learning rate follows the divergence on the device, and the host reads values only at the end.
 """
 
 from typing import Any

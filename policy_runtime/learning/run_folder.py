@@ -1,10 +1,10 @@
-"""The folder of a training run: everything needed to understand and to resume it.
+"""Folder of a training run, with all data to understand and to resume it.
 
 | file | content |
 |---|---|
 | config.toml | every option, resolved |
-| board.toml | the record that is trained for |
-| motions/ | the reference motions of pushing, where they are not the shipped ones |
+| board.toml | the record of the trained board |
+| motions/ | the reference motions of pushing, if not the shipped ones |
 | origin.json | hashes of record and motions, versions, host, seed, GPUs, start, whether the board had passed |
 | curves.jsonl | one line an iteration, see `policy_runtime.learning.progress` |
 | curves.png | the same as a picture |

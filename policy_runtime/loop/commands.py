@@ -119,7 +119,7 @@ def _row(path: Path, line: int, row: dict[str, str]) -> tuple[float, Command]:
     for name, value, (low, high) in (("speed", numbers[1], SPEED_RANGE), ("turn", numbers[2], TURN_RANGE)):
         if not low <= value <= high:
             raise SysidError(
-                f"{path}: line {line}: {name} {value:g} is outside what is trained, {low:g} to {high:.3g}."
+                f"{path}: line {line}: {name} {value:g} is outside the trained range, {low:g} to {high:.3g}."
             )
     return numbers[0], Command(numbers[1], numbers[2])
 

@@ -123,7 +123,7 @@ def normaliser(policy: OnnxPolicy) -> tuple[Array, Array]:
         node = next((node for node in graph.node if node.op_type == kind and node.input[0] == name), None)
         if node is None or node.input[1] not in constants:
             raise SysidError(
-                f"{policy.file.path}: does not begin with a normaliser, so it does not say what it was trained on."
+                f"{policy.file.path}: does not begin with a normaliser, so its range in training is unknown."
             )
         found[kind], name = constants[node.input[1]].reshape(-1).astype(np.float64), node.output[0]
     return found["Sub"], found["Div"]

@@ -52,7 +52,7 @@ def viewed(robot: SimulatedRobot, wanted: bool) -> Generator[Robot]:
 
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         # MuJoCo would end the whole program.
-        raise SysidError("the MuJoCo viewer needs a display, and there is none here. Run without --viewer.")
+        raise SysidError("the MuJoCo viewer needs a display. Run without --viewer.")
     try:
         viewer = mujoco.viewer.launch_passive(robot.model, robot.data)
     except Exception as error:

@@ -91,8 +91,7 @@ class SimulatedRobot:
 
         Args:
             model: Compiled from `skate_spec`; its step must divide the servos' period.
-            direct_rake: λ [rad] where the scene was built with coupling='direct'; the trucks are
-                then set after every step.
+            direct_rake: λ [rad] of a scene with coupling='direct'. The trucks are then set after every step.
             gantry: Holds the robot; None lets it fall.
 
         Raises:

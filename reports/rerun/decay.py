@@ -1,7 +1,7 @@
 """Measured and simulated decays as Rerun recordings.
 
-One time line for all: seconds since the release. Each release is a tab of its own, and all of them move
-side by side in 3-D; the whole log with its phases is aligned at its first release.
+One time line for all: seconds since the release. Each release has a tab, and all of them move side by side in 3-D. The whole
+log with its phases is aligned at its first release.
 """
 
 import hashlib
@@ -152,7 +152,7 @@ def comparison_recording(
         for i, roll in enumerate(evidence.rolls)
     ]
     beside: rrb.Container = rrb.Tabs(*right)
-    if evidence.board.geometry:  # else nobody knows what it looks like
+    if evidence.board.geometry:  # else there is no shape to draw
         scene = rrb.Spatial3DView(
             origin="world", name="simulated (solid), measured (ghost)", eye_controls=_eye(evidence)
         )

@@ -1,7 +1,7 @@
-"""Frames of a film with the tracked points drawn in, for a recording.
+"""Frames of a film with the tracked points, for a recording.
 
-Every frame is a JPEG picture of its own: players of Rerun show it on every system, where a film in
-H.264 needs a decoder that many lack, and MPEG-4 has none.
+Every frame is a JPEG picture, which Rerun shows on every system. Many systems lack a decoder for H.264, and Rerun has none for
+MPEG-4.
 """
 
 import tempfile

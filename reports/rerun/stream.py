@@ -39,7 +39,7 @@ def need_rerun() -> None:
     Raises:
         SysidError: rerun-sdk is not installed.
     """
-    os.environ.setdefault("RUST_LOG", "off")  # what goes wrong is said once, by the error that it raises
+    os.environ.setdefault("RUST_LOG", "off")  # the raised error is the only message
     try:
         import rerun
     except ImportError as error:

@@ -50,10 +50,10 @@ WHEEL_FRICTION = (1.0, 0.001, 0.001)
 thirds of the radius of a small contact patch. The 0.01 m of the authors' release would brake the compliant deck half as much again."""
 
 COASTING = (-5.160, 0.7831, 0.02918)
-"""Rolling friction [m] for a loss of speed [m/s^2] at 1 m/s: c₀, c₁, c₂ of ln friction = c₀ + c₁ L + c₂ L² with L = ln loss.
+"""Rolling friction [m] for a loss of speed [m/s^2] at 1 m/s: c₀, c₁, c₂ of `ln friction = c₀ + c₁ L + c₂ L²`, L = ln loss.
 
-It is within 4 % of this scene under 33 kg, from 0.007 to 0.6 m/s² (`benchmarks/results/hands_off.md`). A pyramidal cone makes
-of rolling friction a loss that grows with the speed and falls with the load."""
+It is right to 4 % in this scene under 33 kg, from 0.007 to 0.6 m/s² (`benchmarks/results/hands_off.md`). With a pyramidal cone the
+loss of rolling friction grows with the speed and falls with the load."""
 
 WHEEL_IMPEDANCE = (0.99, 0.999)
 """First two numbers of a wheel's solimp [1]. MuJoCo scales the softness of a contact by the mobility of its bodies. These light

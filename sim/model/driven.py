@@ -36,7 +36,7 @@ TURN = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Stated:
-    """What a model states of a driven joint."""
+    """A model's facts about a driven joint."""
 
     structure: Structure
     values: Mapping[str, float]
@@ -45,7 +45,7 @@ class Stated:
 
 
 def stated(setup: Setup, kind: InputKind, gains: Sequence[float] = ()) -> Stated:
-    """Return the effects and numbers that a model has of a joint and its actuator.
+    """Return the effects and numbers of a joint and its actuator in a model.
 
     Args:
         gains: Of the controller instead of the model's: kp and kd of a command, else the torque of one unit; in SI.
@@ -133,13 +133,13 @@ def load_along(
 ) -> Load:
     """Return the load that the rest of a model puts on a joint along a log.
 
-    Torque is what `mj_inverse` needs less with the joint itself not accelerated; the other joints move as they were measured,
-    or are held in the pose of the setup. Contacts, limits and loops are off.
+    The torque is minus that of `mj_inverse` without an acceleration of the joint itself. The other joints move as measured, or
+    are held in the pose of the setup. Contacts, limits and loops are off.
 
     Args:
-        motion: Angles of joints that were measured [rad or m], shape (n,) each.
+        motion: Measured angles of joints [rad or m], shape (n,) each.
         time: Of the samples [s], shape (n,).
-        simulated: Whether they are a simulation's, without noise.
+        simulated: Whether they are from a simulation, without noise.
         lag: Of its rates behind its angles [s]: half a step of MuJoCo's Euler.
     """
     from scipy.interpolate import CubicSpline
@@ -195,11 +195,11 @@ def replay(setup: Setup, logs: Mapping[str, DrivenLog], values: Mapping[str, Sta
     """Return the angles of a model that gets the inputs of logs, at their samples, shape (n,) each [rad or m].
 
     Plain MuJoCo at the model's own step and integrator. A command goes to the joint's position actuator, or through the gains
-    of `values` where there is none; all other inputs are torques on the joint. Joints without a log are held.
+    of `values` without one. All other inputs are torques on the joint. Joints without a log are held.
 
     Args:
         logs: By joint, with one clock.
-        values: By joint: what the model states.
+        values: By joint: the model's facts.
     """
     spec = setup.load()
     for joint in spec.joints:

@@ -120,8 +120,8 @@ def evaluate(
         seeds: Number of seeds: 0, 1, 2, …
         condition: Conditions of the ride.
         suite: Ride under a table of conditions, one after the other.
-        simulator: Plain MuJoCo, with the servos at 500 Hz as on the robot; or mjlab, the simulator of the training, with
-            all episodes of a seed in parallel.
+        simulator: Plain MuJoCo has the servos at 500 Hz, as on the robot. mjlab, the simulator of the training, runs all
+            episodes of a seed in parallel.
         workers: Processes in plain MuJoCo; one a processor if not given.
         breakdown: Show the errors by stretch, command, time within a stretch, and foot. The JSON always has them.
         output: Folder for the picture; reports/BOARD of the workspace if not given.

@@ -61,7 +61,7 @@ def fit(
         prior: Use the record's value and standard deviation of a parameter as a prior; repeat it for several.
         plain: Drop the effects of the record.
         robust: Reduce the weight of outliers.
-        in_scene: Also compensate the training scene, so that it decays like the board. It has implicitfast at 5 ms,
+        in_scene: Compensate the training scene too, so that it decays like the board. It has implicitfast at 5 ms,
             wheels on the ground, and equality coupling.
         profile: Compute profile-likelihood intervals too; they may be asymmetric.
         bootstrap: Number of logs to resample from the residuals (block bootstrap) and to fit; 400 is a good number.

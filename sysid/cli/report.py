@@ -32,7 +32,7 @@ def report(
     Args:
         logs: Logs of the board; those of its record's fit, by their recorded paths, if left out.
         output: File to write; reports/BOARD/report.html of the workspace if left out.
-        one_page: Also write one page as PDF and PNG.
+        one_page: Write one page as PDF and PNG too.
         tolerance: Largest error beyond the noise, over the RMS motion, of a comparison that passes.
     """
     from reports.evidence import gather, last_diagnosis

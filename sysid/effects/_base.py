@@ -243,8 +243,8 @@ Family = Literal[
 ]  # fmt: skip
 """Everyday kinds of effects; effects of one family are variants of one another."""
 Role = Literal["torque", "learned", "support", "shift", "record", "measurement", "drive"]
-"""Part that an effect changes: the joint's torque, by a formula or a learned table; its support; its rest angle; the numbers of the
-record (in a free decay the same as another k and d); the sensor; the actuator."""
+"""Changed part: the joint's torque, by a formula or a learned table; its support; its rest angle; the record's numbers, which a free
+decay cannot separate from k and d; the sensor; the actuator."""
 
 DecaySign = Literal[
     "constant loss", "growing loss", "longer period", "shorter period", "moving level", "scattered levels", "stops aside"
@@ -286,8 +286,8 @@ class Effect:
     states: tuple[State, ...] = ()
     limiting_cases: tuple[tuple[str, Callable[[Values], Sequence[dict[str, float]]]], ...] = ()
     """Simpler effects, by name, that this one equals or nearly equals at an end of its range. The function takes all
-    parameters of a joint ('stiffness', 'effect.parameter') and returns starts: the changed ones and those of the simpler
-    effect; empty if the two differ."""
+    parameters of a joint ('stiffness', 'effect.parameter'). It returns starts for the changed ones and those of the simpler
+    effect, or none if the two differ."""
     idle: Callable[[Numbers, Scales], bool] | None = None
     """`idle(parameters, scales)`: whether it is inactive in swings of such a size, so that its states may imitate another law."""
     nonsmooth: bool = False

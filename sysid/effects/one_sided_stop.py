@@ -35,7 +35,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
 
 
 def other_side(parameters: Numbers) -> list[dict[str, float]]:
-    """Return the stop on the other side, which no descent reaches: at a = 0 the deck never leaves it."""
+    """Return the stop on the other side. A descent cannot reach it: at a = 0 the deck never leaves the stop."""
     return [{**parameters, "angle": -parameters["angle"]}]
 
 

@@ -13,7 +13,7 @@ DIFFERENCE = 6
 """Samples of a block, largest number of blocks, order of the differences: choices. Sixth differences keep 0.03 % of a motion with
 25 samples a period."""
 BAND, SIDE = 4.0, 3
-"""Scatter of a flat top, and least height of a round one above it [noise of a sample]; rows on each side of a top for its parabola."""
+"""Scatter of a flat top, and least height of a round one [noise of a sample]; rows on each side for its parabola."""
 FULL_SCALES = np.deg2rad([scale * 2.0**k for scale in (125.0, 2**15 * 4.375e-3) for k in range(5)])
 FULL_SCALE_ERROR = 0.03
 """Limits of gyros [rad/s]: ±125 to 2000 deg/s, and those of ST, whose counts are multiples of 4.375 mdeg/s; relative tolerance of a
