@@ -1,6 +1,7 @@
 """`husky-sysid check`: the gate between a measured board and training."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -51,16 +52,8 @@ def check(
     if drive.given:
         from sysid.cli.driven import driven_check, run_driven
 
-        run_driven(
-            lambda joints, out: driven_check(joints, out, tolerance),
-            "check",
-            logs,
-            subject,
-            drive,
-            arguments,
-            common,
-        )
-        return 0
+        run = partial(driven_check, tolerance=tolerance)
+        return run_driven("check", run, logs, subject, drive, arguments, common)
     printer = Printer(common)
     record = (subject if scene_file is None else replace(subject, joint=None)).load(common, printer)
     refuse_overwriting_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)

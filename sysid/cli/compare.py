@@ -1,6 +1,7 @@
 """`husky-sysid compare`: the error of the simulation, and its location."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -46,16 +47,8 @@ def compare(
     if drive.given:
         from sysid.cli.driven import driven_compare, run_driven
 
-        run_driven(
-            lambda joints, out: driven_compare(joints, out, tolerance),
-            "compare",
-            logs,
-            subject,
-            drive,
-            arguments,
-            common,
-        )
-        return 0
+        run = partial(driven_compare, tolerance=tolerance)
+        return run_driven("compare", run, logs, subject, drive, arguments, common)
     printer = Printer(common)
     refuse_overwriting_logs(logs, arguments, printer, {"--rerun": rerun})
     record = subject.load(common, printer)

@@ -1,5 +1,6 @@
 """`husky-sysid diagnose`: the missing effect of a model."""
 
+from functools import partial
 from pathlib import Path
 
 from sysid.cli.console import Common, FitTexts, Printer
@@ -33,16 +34,8 @@ def diagnose(
     if drive.given:
         from sysid.cli.driven import driven_diagnose, run_driven
 
-        run_driven(
-            lambda joints, out: driven_diagnose(joints, out, fix),
-            "diagnose",
-            logs,
-            subject,
-            drive,
-            arguments,
-            common,
-        )
-        return 0
+        run = partial(driven_diagnose, fix=fix)
+        return run_driven("diagnose", run, logs, subject, drive, arguments, common)
     from reports.figures.story import story_figure
     from reports.story import for_report, story_of_diagnosis
     from sysid.cli.bars import told_bar

@@ -21,7 +21,7 @@ from sysid.roll import Roll
 if TYPE_CHECKING:
     from sim.model.driven import Stated
     from sim.model.setup import Setup
-    from sysid.driven.log import DrivenLog
+    from sysid.driven.log import DrivenLog, InputKind
 
 EVERY = "all"
 """Joint name for all joints with an actuator."""
@@ -54,16 +54,7 @@ def read_driven(
         SysidError: A log, a column or the model cannot be read, or options conflict.
     """
     from sim.model.driven import load_along, stated
-    from sysid.driven.columns import (
-        INPUTS,
-        MOTIONS,
-        column_of,
-        columns_of_joints,
-        listed_names,
-        require_columns,
-    )
     from sysid.driven.log import log_of
-    from sysid.logs.formats.registry import open_log
 
     if drive.input_is is None:
         raise UsageError("--input needs --input-is torque|force|current|voltage|command.")
@@ -78,25 +69,7 @@ def read_driven(
     setup = setup.with_(joint=joints[0])
     logs: dict[str, list[DrivenLog]] = {joint: [] for joint in joints}
     for path in paths:
-        names = open_log(path).names
-        if len(joints) == 1:
-            moved = arguments.column or column_of(names, joints[0], MOTIONS) or None
-            acted = drive.input or column_of(names, joints[0], INPUTS[kind])
-            motions, inputs = {joints[0]: moved}, {joints[0]: acted}
-            if not acted:
-                raise UsageError(
-                    f"{path}: which column is the {kind}? Name it with --input. Columns: {', '.join(names)}."
-                )
-        else:
-            listed = listed_names(path)
-            prefixes = (arguments.column,) if arguments.column else MOTIONS
-            motions = require_columns(
-                columns_of_joints(names, joints, prefixes, listed), joints, "positions", names, "--column"
-            )
-            prefixes = (drive.input,) if drive.input else INPUTS[kind]
-            inputs = require_columns(
-                columns_of_joints(names, joints, prefixes, listed), joints, f"the {kind}", names, "--input"
-            )
+        motions, inputs = _columns(path, joints, kind, arguments.column, drive.input)
         rolls = {joint: _roll(path, motions[joint], inputs[joint], arguments, printer) for joint in joints}
         clock = next(iter(rolls.values())).time
         angles = {joint: np.interp(clock, roll.time, roll.roll) for joint, roll in rolls.items()}
@@ -122,6 +95,43 @@ def read_driven(
         for joint, one in known.items()
     }
     return Driven(setup=setup, joints=joints, logs=logs, stated=known)
+
+
+def _columns(
+    path: Path, joints: Sequence[str], kind: "InputKind", motion: str | None, acted: str | None
+) -> tuple[dict[str, str | None], dict[str, str]]:
+    """Return the columns of motion and input of each joint in a log.
+
+    Raises:
+        SysidError: A column is missing.
+    """
+    from sysid.driven.columns import (
+        INPUTS,
+        MOTIONS,
+        column_of,
+        columns_of_joints,
+        listed_names,
+        require_columns,
+    )
+    from sysid.logs.formats.registry import open_log
+
+    names = open_log(path).names
+    if len(joints) == 1:
+        found = acted or column_of(names, joints[0], INPUTS[kind])
+        if not found:
+            raise UsageError(
+                f"{path}: which column is the {kind}? Name it with --input. Columns: {', '.join(names)}."
+            )
+        return {joints[0]: motion or column_of(names, joints[0], MOTIONS) or None}, {joints[0]: found}
+    listed = listed_names(path)
+
+    def every(prefixes: Sequence[str], what: str, option: str) -> dict[str, str]:
+        return require_columns(
+            columns_of_joints(names, joints, prefixes, listed), joints, what, names, option
+        )
+
+    motions = every((motion,) if motion else MOTIONS, "positions", "--column")
+    return dict(motions), every((acted,) if acted else INPUTS[kind], f"the {kind}", "--input")
 
 
 def _joints(setup: "Setup", printer: Printer) -> tuple[str, ...]:
@@ -170,6 +180,23 @@ def _scale(column: str, drive: DriveArguments) -> float:
     if isinstance(unit, float):
         return unit
     return math.radians(1.0) if unit == "deg" and drive.input_is == "command" else 1.0
+
+
+def run_driven(
+    name: str, run: Callable[[Driven, Printer], dict[str, Any]], logs: Sequence[Path], subject: Subject, drive: DriveArguments,
+    arguments: LogArguments, common: Common,
+) -> int:  # fmt: skip
+    """Read logs of driven joints, run a command, and write its result to NAME.json."""
+    printer = Printer(common)
+    driven = read_driven(logs, subject, drive, arguments, printer)
+    for stated in driven.stated.values():
+        printer.note("; ".join(stated.notes))
+    content = run(driven, printer)
+    path = common.space.outputs(driven.name) / f"{name}.json"
+    write_json(path, content)
+    printer.written(path)
+    printer.result(content)
+    return 0
 
 
 def driven_compare(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
@@ -329,23 +356,6 @@ def _usual(plain: bool) -> tuple[str, ...]:
     from sysid.effects import coulomb, delay
 
     return () if plain else (coulomb.EFFECT.name, delay.EFFECT.name)
-
-
-def run_driven(
-    run: Callable[[Driven, Printer], dict[str, Any]], name: str, logs: Sequence[Path], subject: Subject, drive: DriveArguments,
-    arguments: LogArguments, common: Common,
-) -> dict[str, Any]:  # fmt: skip
-    """Read, run one command, and write its result."""
-    printer = Printer(common)
-    driven = read_driven(logs, subject, drive, arguments, printer)
-    for stated in driven.stated.values():
-        printer.note("; ".join(stated.notes))
-    content = run(driven, printer)
-    path = common.space.outputs(driven.name) / f"{name}.json"
-    write_json(path, content)
-    printer.written(path)
-    printer.result(content)
-    return content
 
 
 def driven_check(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:

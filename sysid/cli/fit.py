@@ -2,6 +2,7 @@
 
 import shlex
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -71,11 +72,16 @@ def fit(
     if drive.given:
         from sysid.cli.driven import driven_fit, run_driven
 
-        run_driven(
-            lambda joints, out: driven_fit(joints, out, effects=effect, fix=fix, bound=bound, plain=plain, output=output, motion=drive.next_motion),
-            "fit", logs, subject, drive, arguments, common,
-        )  # fmt: skip
-        return 0
+        run = partial(
+            driven_fit,
+            effects=effect,
+            fix=fix,
+            bound=bound,
+            plain=plain,
+            output=output,
+            motion=drive.next_motion,
+        )
+        return run_driven("fit", run, logs, subject, drive, arguments, common)
     from sysid.cli.bars import working
     from sysid.fit_mjcf import fit as fit_recordings
     from sysid.fitting.joint import check_effects, prior_in_words

@@ -105,7 +105,7 @@ def synth(
     """
     if output.is_file() and not output.with_suffix(".truth.json").exists():
         raise SysidError(
-            f"--output {output}: exists without a truth file, so it may be a measurement. Choose another name."
+            f"--output {output}: exists, and is not a synthetic log (it has no truth file); it would be lost. Choose another name."
         )
     printer = Printer(common)
     record = subject.load(common, printer)

@@ -1,8 +1,13 @@
 """A gear with play: rotor and joint are two bodies that meet at the ends of a gap."""
 
+from dataclasses import replace
+
+from sysid.effects import compliance
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import DriveEffect, MujocoSupport, Parameter
+from sysid.effects._base import Parameter
 from sysid.effects._mjcf import left_out
+
+JOINT = "a joint of its own between motor and link, with the gap as its range"
 
 
 def transmit(m: Algebra, twist: Value, rate: Value, parameters: Values) -> Value:
@@ -10,10 +15,11 @@ def transmit(m: Algebra, twist: Value, rate: Value, parameters: Values) -> Value
     gap = parameters["half_width"]
     beyond = twist - m.maximum(-gap, m.minimum(gap, twist))
     touching = m.where(m.abs(twist) > gap, 1.0, 0.0)
-    return parameters["stiffness"] * beyond + touching * parameters["damping"] * rate
+    return compliance.transmit(m, beyond, touching * rate, parameters)
 
 
-EFFECT = DriveEffect(
+EFFECT = replace(
+    compliance.EFFECT,
     name="backlash",
     title="play of the gear under load",
     family="backlash",
@@ -27,12 +33,8 @@ EFFECT = DriveEffect(
     does="At each change of direction the joint waits until the motor has crossed the gap.",
     look_alikes=("coulomb", "delay", "compliance"),
     experiment="Hold the motor and turn the joint by hand: it moves freely within the gap.",
-    mujoco=MujocoSupport(
-        means="nothing of one joint", since="", warp=True, substitute="a joint of its own between motor and link, with the gap as its range"
-    ),
-    to_mjcf=left_out("backlash is not written: it needs a second joint between motor and link, with the gap as its range"),
+    mujoco=replace(compliance.EFFECT.mujoco, substitute=JOINT),
+    to_mjcf=left_out(f"backlash is not written: it needs {JOINT}"),
     example=(0.02, 300.0, 1.0),
-    stage=3,
     transmit=transmit,
-    gear=("stiffness", "damping"),
 )  # fmt: skip
