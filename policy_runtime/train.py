@@ -11,8 +11,8 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -94,16 +94,20 @@ def train(
         start, level = restore(folder, config, env, algorithm, process)
     if process.count > 1:
         algorithm.broadcast_parameters()
-    total = config.learn.iterations if iterations is None else iterations
-    curriculum = build_curriculum(config, env, algorithm, level)
-    done = _learn(folder, config, env, algorithm, curriculum, process, start, total, deadline, report)
+    if iterations is not None:
+        config = replace(config, learn=replace(config.learn, iterations=iterations))
+    curriculum, done = build_curriculum(config, env, algorithm, level), start.iterations
+    for numbers in _learn(folder, config, env, algorithm, curriculum, process, start, deadline):
+        done = int(numbers["iteration"])
+        if report is not None and process.leads:
+            report(numbers)
     if keep_all:
         torch.save(algorithm.save(), folder.path / "checkpoints" / f"process_{process.rank}.pt")
     env.close()
     if process.count > 1:
         torch.distributed.barrier()
         torch.distributed.destroy_process_group()
-    return done.iterations
+    return done
 
 
 def build(folder: RunFolder, config: RunConfig, process: Process) -> tuple["RslRlVecEnvWrapper", "AmpPPO"]:
@@ -319,11 +323,9 @@ def _learn(
     curriculum: "Curriculum | None",
     process: Process,
     done: "Done",
-    total: int,
     deadline: float,
-    report: Report | None,
-) -> "Done":
-    """Iterate up to a total or the deadline; return the counts."""
+) -> Iterator[dict[str, float]]:
+    """Iterate up to the configured number of iterations or the deadline; yield the numbers of each before it is saved."""
     import torch
 
     from policy_runtime.learning.checkpoint import Done, random_states
@@ -335,7 +337,7 @@ def _learn(
     env.episode_length_buf = lengths  # else all worlds would time out together
     obs = env.get_observations()
     samples = learn.steps * learn.environments * process.count
-    while done.iterations < total:
+    while done.iterations < learn.iterations:
         began = time.monotonic()
         obs = collect(env, algorithm, obs, learn.steps, progress)
         numbers = progress.read()  # waits for the device
@@ -358,7 +360,7 @@ def _learn(
         if curriculum is not None:
             numbers |= curriculum.numbers()
             curriculum.follow(numbers["falls_per_minute"])
-        stop = _agreed(ended > deadline, process) or done.iterations >= total
+        stop = _agreed(ended > deadline, process) or done.iterations >= learn.iterations
         saves = stop or done.iterations % learn.save_every == 0
         states = random_states(process.device) if saves else []
         if process.leads:
@@ -366,14 +368,12 @@ def _learn(
             if board is not None:
                 for name, value in numbers.items():
                     board.add_scalar(name, value, done.iterations)
-            if report is not None:
-                report(numbers)
-            if saves:
-                save(folder, env, algorithm, curriculum, done, states)
-                export(folder, config, algorithm)
+        yield numbers
+        if saves and process.leads:
+            save(folder, env, algorithm, curriculum, done, states)
+            export(folder, config, algorithm)
         if stop:
-            break
-    return done
+            return
 
 
 def _tensorboard(folder: RunFolder) -> Any:

@@ -22,7 +22,7 @@ from sysid.fitting.initial_state import problems_of_law
 from sysid.fitting.joint import FitOptions, held_parameters
 from sysid.fitting.ladder import PLAIN
 from sysid.fitting.problem import Problem
-from sysid.fitting.records import make_records, signal_of
+from sysid.fitting.records import Record, make_records, signal_of
 from sysid.joint import JointLaw
 from sysid.joint.equations import EquationsOfMotion
 from sysid.joint.integrator import build_stepper
@@ -30,15 +30,15 @@ from sysid.joint.sensor import at_samples, clock_ratio, filtered, reader
 from sysid.joint.structure import Structure
 from sysid.quantity import printed, slide_unit
 from sysid.roll import Array
+from sysid.shown import MOST_SHOWN
 from sysid.text import display
 
 STEPS_PER_PERIOD = 60
 """Integration steps a period, times the law's sharpness: RK4 is then off by 1e-6 of the motion."""
 MOST_SAMPLES = 12_000
-"""Samples that a page carries; of longer logs means of neighbours, whose own scatter no law changes."""
+"""Samples in a page; longer logs are averaged over neighbours."""
 MOST_TRIED = 4
 """Single effects of a diagnosis, the best first, that get a slider."""
-MOST_PRESETS = 6
 AMOUNT = Parameter(name="amount", unit="1", size=lambda s: 1.0, low=0.0, high=2.0)
 
 
@@ -124,15 +124,7 @@ def playground(
     )  # fmt: skip
     floor = evidence.comparison.noise.std
     records = make_records(evidence.releases, floor, rate=evidence.comparison.is_rate)
-    known = {name: values for _, law in reversed(laws) for name, values in law.effects}
-    options = FitOptions(**signal_of(evidence.releases))
-    presets = [
-        Preset(
-            label, law, _vector(structure, law, known), _spreads(problems_of_law(law, records)),
-            held_parameters(law.structure, evidence.board, options)[1] == "per-release",
-        )
-        for label, law in laws
-    ]  # fmt: skip
+    presets = _presets(evidence, laws, structure, records)
     ratio = clock_ratio(structure, dict(zip(structure.parameters, presets[0].vector, strict=True)))
     width = -(-sum(len(record.time) for record in records) // MOST_SAMPLES)
     free_states = bool(structure.internal_states) and any(r.release.hold <= 0 for r in records)
@@ -167,6 +159,21 @@ def playground(
     )
 
 
+def _presets(
+    evidence: Evidence, laws: Sequence[tuple[str, JointLaw]], structure: Structure, records: Sequence[Record]
+) -> list[Preset]:
+    """Return the laws as presets of the sliders."""
+    known = {name: values for _, law in reversed(laws) for name, values in law.effects}
+    options = FitOptions(**signal_of(evidence.releases))
+    return [
+        Preset(
+            label, law, _vector(structure, law, known), _spreads(problems_of_law(law, records)),
+            held_parameters(law.structure, evidence.board, options)[1] == "per-release",
+        )
+        for label, law in laws
+    ]  # fmt: skip
+
+
 def _laws(
     evidence: Evidence, diagnosis: LastDiagnosis | None, current: str
 ) -> tuple[list[tuple[str, JointLaw]], JointLaw]:
@@ -191,7 +198,7 @@ def _laws(
     for label, law in laws:
         unique.setdefault(law, label)
     kept = [(label, law) for law, label in unique.items()]
-    return [*kept[:MOST_PRESETS], *(item for item in kept[MOST_PRESETS:] if item[1] == begin)], begin
+    return [*kept[:MOST_SHOWN], *(item for item in kept[MOST_SHOWN:] if item[1] == begin)], begin
 
 
 def _slides(part: Effect) -> bool:

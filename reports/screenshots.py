@@ -28,11 +28,8 @@ MENU_BAR = 37
 
 
 @contextmanager
-def headless_viewer(size: tuple[int, int] = (1500, 850)) -> "Generator[ViewerClient]":
+def headless_viewer() -> "Generator[ViewerClient]":
     """Run a Rerun viewer without a window, on this machine only.
-
-    Args:
-        size: Of the window [px].
 
     Raises:
         SysidError: It does not start; most often there is no Vulkan driver.
@@ -44,7 +41,7 @@ def headless_viewer(size: tuple[int, int] = (1500, 850)) -> "Generator[ViewerCli
         port = int(free.getsockname()[1])
     program = shutil.which("rerun", path=str(Path(sys.executable).parent)) or "rerun"
     process = subprocess.Popen(
-        [program, "--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", f"{size[0]}x{size[1]}"],
+        [program, "--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", "1500x850"],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
@@ -105,11 +102,8 @@ def recording_picture(viewer: "ViewerClient", recording: Path, time_s: float) ->
     raise SysidError(f"the Rerun viewer was still drawing {recording} after {PATIENCE:g} s.")
 
 
-def page_picture(page: Path, picture: Path, size: tuple[int, int] = (1000, 1400)) -> None:
+def page_picture(page: Path, picture: Path) -> None:
     """Draw the top of a page as a browser shows it, with the network off.
-
-    Args:
-        size: Of the window [px].
 
     Raises:
         SysidError: There is no Chromium, or it fails.
@@ -122,7 +116,7 @@ def page_picture(page: Path, picture: Path, size: tuple[int, int] = (1000, 1400)
             "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
             "--disable-component-update", "--disable-sync", "--no-first-run", "--hide-scrollbars",
             "--host-resolver-rules=MAP * ~NOTFOUND", f"--user-data-dir={profile}",
-            f"--window-size={size[0]},{size[1]}", f"--screenshot={picture.resolve()}",
+            "--window-size=1000,1400", f"--screenshot={picture.resolve()}",
         ]  # fmt: skip
         done = subprocess.run(
             [browser, *flags, page.resolve().as_uri()], capture_output=True, check=False, timeout=120

@@ -7,6 +7,7 @@ draws the result.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from reports.evidence import Evidence, LastDiagnosis
 from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
-from sysid.comparison.force_surface import MissingTorque, TorqueProfile, missing_torque
+from sysid.comparison.force_surface import TorqueProfile, missing_torque
 from sysid.comparison.release import ComparedRelease
 from sysid.diagnosis.report import TIE as TIED
 from sysid.effects import effect
@@ -26,24 +27,21 @@ from sysid.joint.torques import effect_torque
 from sysid.noise.whiteness import autocorrelation
 from sysid.recording import Data
 from sysid.roll import Array
+from sysid.shown import MOST_SHOWN
 
 if TYPE_CHECKING:
     from sysid.diagnosis.diagnose import Diagnosis
 
-Z99 = 2.5758
-"""Half width of a 99 % interval in standard deviations."""
 STOOD = "as it stood"
 REFITTED = "k and d refitted"
 RECORD = "the record"
 """A law that was fitted to other logs."""
 MOST_NAMED = 2
-"""Effects that a label names."""
-MOST_RANKED = 6
-"""Candidates drawn besides the record's own law."""
+"""Most effects named in a label."""
 MOST_LAGS = 150
 """Lags of the autocorrelation drawn."""
 FINE = 60
-"""Points at which a law is drawn over the torque that it is to explain."""
+"""Points of a law drawn over a torque."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,8 +104,6 @@ class Story:
     steps: tuple[Step, ...]
     ranked: tuple[Ranked, ...]
     """Best first; empty without a diagnosis."""
-    is_dated: bool
-    """Whether the candidates were ranked for a record before the present one."""
     lags: Array
     """[s], shape (l,), from the first on."""
     correlations: tuple[tuple[str, Array], ...]
@@ -167,9 +163,7 @@ def tell(
     steps: Sequence[Step] = (),
     heldout: float | None = None,
     ranked: Sequence[Ranked] = (),
-    is_dated: bool = False,
     label: str = "",
-    missing: MissingTorque | None = None,
 ) -> Story:
     """Compare two laws of a board with recordings, and say what lies between them.
 
@@ -178,9 +172,7 @@ def tell(
         steps: The ladder between the two laws.
         heldout: Error of the law after on releases that were left out, in multiples of the noise.
         ranked: The candidates of a diagnosis, best first.
-        is_dated: Whether that diagnosis is of an earlier record.
         label: Of the law after, where its effects do not say it.
-        missing: Torque of the effects as a posterior knows it; from the derivatives of the signal, if left out.
 
     Raises:
         SysidError: The law after cannot be compared with these releases.
@@ -192,14 +184,10 @@ def tell(
         former = None
     floor = latter.noise.std
     worst = latter if former is None else former
-    over_rate, over_angle = _missing(latter, effects, missing)
+    over_rate, over_angle = _missing(latter, effects)
     label = label or _added(tuple(effects))
     laws = [(STOOD, former)] if former is not None else []
-    laws += [(label, latter)]
-    step = float(np.median(np.diff(latter.releases[0].time)))
-    period = int(2 * np.pi / latter.law.frequency / step)  # in samples
-    longest = max(2, min(min(len(r.residual) for r in latter.releases) // 2, period))
-    lags = np.unique(np.linspace(1, longest, min(longest, MOST_LAGS)).astype(int))
+    lags, correlations = _correlations([*laws, (label, latter)])
     stood = [] if former is None else [Step(STOOD, former.rmse / floor)]
     own = Step(label, latter.rmse / floor, heldout)  # of logs that it was not fitted to, before the refits
     return Story(
@@ -213,24 +201,31 @@ def tell(
         over_angle=over_angle,
         steps=(*stood, own, *steps) if label in (STOOD, RECORD) else (*stood, *steps, own),
         ranked=tuple(ranked),
-        is_dated=is_dated,
-        lags=lags * step,
-        correlations=tuple(
-            (name, autocorrelation([r.residual for r in law.releases], longest)[lags]) for name, law in laws
-        ),
-        white=Z99 / float(np.sqrt(sum(len(r.residual) for r in latter.releases))),
+        lags=lags,
+        correlations=correlations,
+        white=NormalDist().inv_cdf(0.995) / float(np.sqrt(sum(len(r.residual) for r in latter.releases))),
     )
 
 
-def _missing(
-    after: Comparison, effects: Sequence[str], missing: MissingTorque | None
-) -> tuple[Missing | None, Missing | None]:
+def _correlations(
+    laws: Sequence[tuple[str, Comparison]],
+) -> tuple[Array, tuple[tuple[str, Array], ...]]:
+    """Return lags [s] up to a period of the last law, and the autocorrelation of each law's residuals."""
+    last = laws[-1][1]
+    step = float(np.median(np.diff(last.releases[0].time)))
+    period = int(2 * np.pi / last.law.frequency / step)  # in samples
+    longest = max(2, min(min(len(r.residual) for r in last.releases) // 2, period))
+    lags = np.unique(np.linspace(1, longest, min(longest, MOST_LAGS)).astype(int))
+    residuals = [(name, [release.residual for release in law.releases]) for name, law in laws]
+    return lags * step, tuple((name, autocorrelation(each, longest)[lags]) for name, each in residuals)
+
+
+def _missing(after: Comparison, effects: Sequence[str]) -> tuple[Missing | None, Missing | None]:
     """Return the torque of some effects plus the residual torque, over rate and over angle."""
     law = after.law
     torques = tuple(name for name in effects if effect(name).role == "torque")
     each = [_torque(law, torques, release) for release in after.releases]
-    if missing is None:
-        missing = missing_torque(after.releases, law, each) if torques else after.missing
+    missing = missing_torque(after.releases, law, each) if torques else after.missing
     if missing is None:
         return None, None
     angle = np.concatenate([r.roll for r in after.releases]) - law.rest_angle
@@ -320,7 +315,7 @@ def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story
             heldout = None if held is None else held / content["noise_floor_rad"]
     return tell(
         evidence.releases, board, before=evidence.stood, after=after, effects=effects, steps=steps, heldout=heldout,
-        ranked=models, is_dated=diagnosis is not None and not diagnosis.is_current, label=label,
+        ranked=models, label=label,
     )  # fmt: skip
 
 
@@ -344,9 +339,7 @@ def ranked(
     ]
     scored = [model for model in models if model.std is not None]
     return tuple(
-        model
-        for place, model in enumerate(scored)
-        if place < MOST_RANKED or model.chosen or not model.effects
+        model for place, model in enumerate(scored) if place < MOST_SHOWN or model.chosen or not model.effects
     )
 
 

@@ -15,10 +15,6 @@ class SysidError(Exception):
     exit_code = 1
 
 
-HuskyError = SysidError
-"""The name of old."""
-
-
 class UsageError(SysidError):
     """A command lacks an argument, or its options conflict."""
 

@@ -26,7 +26,7 @@ from sysid.joint.law import JointLaw
 from sysid.noise.floor import NoiseFloor
 from sysid.noise.whiteness import correlation_length
 from sysid.progress import stage
-from sysid.quantity import Quantity
+from sysid.quantity import SURE, Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Release
 from sysid.shown import MOST_SHOWN, Shown
@@ -34,9 +34,6 @@ from sysid.text import WIDTH, count, quantity_frame
 
 if TYPE_CHECKING:
     import pandas as pd
-
-CONTRADICTED = 16.0
-"""Rise of χ² from which logs contradict the record of an effect: four standard deviations."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -182,7 +179,7 @@ def _leaning_on_record(
     told = fit_joint(releases, board, effects, richer)
     noise = max(2 * joint.minimum.normal.cost / max(1, joint.problem.samples), 1.0)
     worse = 2 * (told.minimum.normal.cost - joint.minimum.normal.cost) / noise
-    if left_open(told) or worse > CONTRADICTED * max(correlation_length(joint.residuals), 1.0):
+    if left_open(told) or worse > SURE**2 * max(correlation_length(joint.residuals), 1.0):
         return options, joint, []
     return richer, told, [
         f"these logs leave {', '.join(known)} open: the record's values count as measurements. A log like those of the record "
@@ -238,32 +235,16 @@ def fit(
     check_effects(effects, [part.name for part in board.effects])
     kept = tuple(part.name for part in board.effects if not plain or effect(part.name).is_known)
     options = FitOptions(
-        robust=robust,
-        fixed=fixed or {},
-        bounds=bounds or {},
-        priors=tuple(priors),
-        **signal_of(releases, signal),
-    )
-    odd = amplitude_warnings(releases, board)
+        robust=robust, fixed=fixed or {}, bounds=bounds or {}, priors=tuple(priors), **signal_of(releases, signal)
+    )  # fmt: skip
+    warnings = [*reading_warnings(recordings), *weak, *amplitude_warnings(releases, board)]
     every = tuple(dict.fromkeys((*kept, *effects)))
     joint = fit_joint(releases, board, every, options)
     options, joint, leant = _leaning_on_record(releases, board, every, options, joint)
     named, frequency = ", ".join(dict.fromkeys(release.log for release in releases)), joint.law.frequency
     if not any_period:
         refuse_period(frequency, board, log=named)
+    warnings += [*period_warnings(frequency, board, log=named), *joint.warnings, *leant, *_misfit(joint)]
     return Fit(
-        joint=joint,
-        before=board,
-        releases=tuple(releases),
-        options=options,
-        recordings=recordings,
-        warnings=(
-            *reading_warnings(recordings),
-            *weak,
-            *odd,
-            *period_warnings(frequency, board, log=named),
-            *joint.warnings,
-            *leant,
-            *_misfit(joint),
-        ),
-    )
+        joint=joint, before=board, releases=tuple(releases), options=options, recordings=recordings, warnings=tuple(warnings),
+    )  # fmt: skip

@@ -13,8 +13,8 @@ import numpy as np
 from sysid.board import Board
 from sysid.decay import report as decay_report
 from sysid.decay.coast_down import fit_coast_down, spins_down
-from sysid.decay.doubt import SURE, Judgement, judged, sensor_noise
-from sysid.decay.linear_fit import BEST_SENSOR, TraceFit, decay_basis, fit_traces, rates
+from sysid.decay.doubt import Judgement, judged, sensor_noise
+from sysid.decay.linear_fit import TraceFit, decay_basis, fit_traces, rates
 from sysid.decay.numbers import DecayNumbers as DecayNumbers
 from sysid.decay.numbers import decay_from_peaks as decay_from_peaks
 from sysid.decay.numbers import decay_numbers, without
@@ -23,7 +23,8 @@ from sysid.decay.peaks import log_decrement_two_peaks as log_decrement_two_peaks
 from sysid.decay.plausibility import amplitude_warnings, period_warnings, record_warnings
 from sysid.errors import SysidError
 from sysid.noise.floor import NoiseFloor
-from sysid.quantity import Quantity, t95
+from sysid.noise.sensor import BEST_SENSOR
+from sysid.quantity import SURE, Z95, Quantity, t95
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Array, Release, shown
 from sysid.shown import Shown
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
 
 PENDULUM = 0.3
 """Amplitude from which a pendulum's law is fitted too [rad]: its sine is then 1.5 % below the angle, and its period 0.6 % longer."""
-FIXED = 0.25
-"""Largest relative standard deviation of an ω_n that is fixed: the 95 % interval of k is then as wide as k."""
 SMALL_SHARE = 0.1
 """Least share of free decay in a log without a warning."""
 
@@ -240,10 +239,15 @@ def _numbers(trace: TraceFit, inertia: Quantity, method: str) -> tuple[DecayNumb
     others = {
         "stiffness_over_damping": Quantity(1 / tau, std, "1/s", method, (1 / tau - half, 1 / tau + half))
     }
-    if math.sqrt(trace.covariance[0, 0]) / 2 < FIXED:
+    if _fixes_stiffness(trace):
         return numbers, others
     open_ones = ("omega_n", "damping_ratio", "stiffness", "damping")
     return without(numbers, open_ones, "not fixed: the fast start was not seen"), others
+
+
+def _fixes_stiffness(trace: TraceFit) -> bool:
+    """Whether the 95 % interval of k, which has the relative deviation of m, excludes zero."""
+    return Z95 * math.sqrt(trace.covariance[0, 0]) < 1
 
 
 def _refuse_nonsense(releases: Sequence[Release], trace: TraceFit) -> None:
@@ -262,7 +266,7 @@ def _refuse_nonsense(releases: Sequence[Release], trace: TraceFit) -> None:
             f"{log}: the swings change by {growth:+.2g} % a period, to the end: something drives the joint. Stop the drive and let it swing, or "
             "mark the free part of the log (--from, --to)."
         )
-    if trace.damping_ratio < 1 and not math.sqrt(trace.covariance[0, 0]) / 2 < FIXED:
+    if trace.damping_ratio < 1 and not _fixes_stiffness(trace):
         raise SysidError(
             f"{log}: the free motion is too short to tell its frequency ({trace.omega_n:.3g} rad/s ± "
             f"{100 * math.sqrt(trace.covariance[0, 0]):.0f} %). Record faster, tip the deck further, or give more releases."

@@ -48,7 +48,6 @@ def minimise(
     *,
     iterations: int = 60,
     tolerance: float | Callable[[float], float] = 1e-7,
-    damping: float = 1e-3,
     known: Normal | None = None,
     abandons: bool = False,
 ) -> Minimum:
@@ -65,7 +64,7 @@ def minimise(
     """
     point = np.clip(start, low, high)
     here = evaluate(point) if known is None else known
-    evaluations, factor = int(known is None), damping
+    evaluations, factor = int(known is None), 1e-3
     status: Status = "out of iterations"
     for _ in range(iterations):
         small = tolerance(here.cost) if callable(tolerance) else tolerance

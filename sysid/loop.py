@@ -4,6 +4,7 @@
 the steps after the fit as methods; `fit`, `compare` and `diagnose` accept them.
 """
 
+import math
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
@@ -21,9 +22,6 @@ from sysid.workspace import Workspace
 if TYPE_CHECKING:
     from sim.check.verdict import Verdict
     from sysid.diagnosis.diagnose import Diagnosis
-
-WHOLE_TURN = 3.14159
-"""Range of a joint with unknown stops [rad]."""
 
 
 class Joint(records.Board):
@@ -110,7 +108,7 @@ class Joint(records.Board):
             inertia=known if known.method else known.with_method("as given"),
             tilt={
                 "stiffness": Quantity(0.0, 0.0, "N*m/rad"), "damping": Quantity(0.0, 0.0, "N*m*s/rad"),
-                "rest_angle": Quantity(0.0, 0.0, "rad"), "range": Quantity(WHOLE_TURN, 0.0, "rad"),
+                "rest_angle": Quantity(0.0, 0.0, "rad"), "range": Quantity(math.pi, 0.0, "rad"),  # without known stops
             },
         )  # fmt: skip
 

@@ -11,6 +11,8 @@ from sysid.errors import SysidError
 
 Z95 = 1.959963984540054
 """Half-width of a 95 % interval of a normal variable, in standard deviations."""
+SURE = 4.0
+"""Standard deviations from which a difference is certain: by chance in one of 16,000."""
 _UNITS: dict[str, dict[str, float]] = {
     "kg": {"kg": 1.0, "g": 1e-3},
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 WIDTH = 160
 """Width of a report outside a terminal [characters]."""
-DEGREES = 57.29577951308232
+DEGREES = math.degrees(1.0)
 """One radian [deg]."""
 
 
@@ -66,11 +66,11 @@ class Display:
         return f"{self.scale * value:.{digits}g}{self.unit}"
 
 
-def display(*, is_rate: bool, slides: bool = False, angle: str = "angle") -> Display:
-    """Return the display of a position, called `angle`, or its rate: in degrees and rad/s; of a slide in mm and m/s."""
+def display(*, is_rate: bool, slides: bool = False) -> Display:
+    """Return the display of a position or its rate: in degrees and rad/s; of a slide in mm and m/s."""
     if slides:
         return Display("speed", " m/s", 1.0) if is_rate else Display("position", " mm", 1e3)
-    return Display("rate", " rad/s", 1.0) if is_rate else Display(angle, "°", DEGREES)
+    return Display("rate", " rad/s", 1.0) if is_rate else Display("angle", "°", DEGREES)
 
 
 def effort(*, slides: bool) -> str:

@@ -25,8 +25,6 @@ MIN_FRAMES_PER_PERIOD = 8
 """Fewest frames a period; with fewer the fastest part of a swing is a guess."""
 SLOW_RATE, SLOW_PERIOD = 31.0, 0.6
 """Slow motion plays at 30 frames/s [Hz] or less. The period of a board, 0.1 to 0.3 s, is then longer than this [s]."""
-RATES = (60, 120, 240)
-"""Frame rates of phones [frames/s]."""
 
 
 def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
@@ -92,40 +90,40 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
         needed = rate * MIN_FRAMES_PER_PERIOD / pace
         raise SysidError(
             f"{clip.path}: {pace:.1f} frames a period ({rate:.3g} frames/s for an oscillation of {rate / pace:.3g} Hz); "
-            f"{MIN_FRAMES_PER_PERIOD} are needed. Film at {min((one for one in RATES if one >= needed), default=round(needed))} "
-            "frames/s or more (slow motion), or use an IMU."
+            f"{MIN_FRAMES_PER_PERIOD} are needed. Film at {needed:.3g} frames/s or more (slow motion), or use an IMU."
         )
     # The readout of the first frame keeps the frame's stamp: a delay common to all frames has no effect.
     delay = time[0] - track.time[rows[0]]
     notes = list(inferred(clip, lens, target, track, followed.before, found, options))
-    warnings = list(faults(clip, target, track, found))
     if lone.any():
         notes.append(f"frames: {np.sum(lone)} outliers are left out")
-    if not followed.turns:
-        warnings.append(
-            f"the target turns by {np.degrees(np.ptp(angle)):.2g}° in all, less than a release or than its noise: no measurement of a board. Look at "
-            "--overlay. Then give the board's region with --roi, or film a release"
-        )
+    warnings = list(faults(clip, target, track, found))
     if len(lost := np.delete(track.time, seen)):
         warnings.append(
             f"{len(lost)} of {len(track.time)} frames, between {lost[0]:.4g} and {lost[-1]:.4g} s, show too little of the target "
             "and are left out; --overlay shows the reason"
+        )
+    warnings += _doubts(np.ptp(angle), rate, pace, followed, options)
+    roll = Roll(
+        log=str(clip.path), time=time - delay, roll=angle, std=std, own_std=own, origin="video", zero="constant",
+        errors_last=True, notes=tuple(notes), warnings=tuple(warnings),
+    )  # fmt: skip
+    return roll, rows
+
+
+def _doubts(
+    turned: float, rate: float, pace: float, followed: "Followed", options: VideoOptions
+) -> list[str]:
+    """Return warnings of a target that hardly turns, and of slow motion."""
+    warnings: list[str] = []
+    if not followed.turns:
+        warnings.append(
+            f"the target turns by {np.degrees(turned):.2g}° in all, less than a release or than its noise: no measurement of a board. Look at "
+            "--overlay. Then give the board's region with --roi, or film a release"
         )
     if options.rate is None and rate < SLOW_RATE and SLOW_PERIOD < pace / rate < np.inf:
         warnings.append(
             f"it plays at {rate:.3g} frames/s and swings in {pace / rate:.2g} s, slower than a board. Of slow motion "
             "give the true rate, as --rate 240"
         )
-    roll = Roll(
-        log=str(clip.path),
-        time=time - delay,
-        roll=angle,
-        std=std,
-        own_std=own,
-        origin="video",
-        zero="constant",
-        errors_last=True,
-        notes=tuple(notes),
-        warnings=tuple(warnings),
-    )
-    return roll, rows
+    return warnings

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from reports.figures.palette import NOISE, REAL, SIM
-from reports.figures.style import styled
+from reports.figures.style import MOST_ROWS, styled
 from reports.figures.svg import thin
 from reports.story import release_name
 from sysid.comparison.compare import Comparison
@@ -18,16 +18,14 @@ if TYPE_CHECKING:
 
 BACKBONE = {"period": "period [s]", "damping_ratio": "damping ratio"}
 """Columns of a backbone, and the labels of their axes."""
-MOST = 4
-"""Releases drawn; more would be too small to read."""
 
 
 def compare_figure(result: Comparison, title: str) -> "Figure":
     """Draw the comparison."""
-    shown = result.releases[:MOST]
+    shown = result.releases[:MOST_ROWS]
     with styled(9.6, 7.4) as figure:
         count = len(result.releases)
-        left_out = f" ({MOST} of {count} releases drawn)" if count > MOST else ""
+        left_out = f" ({MOST_ROWS} of {count} releases drawn)" if count > MOST_ROWS else ""
         heading = figure.suptitle(f"{title}{left_out}\n{result.summary}", fontsize=10)
         heading.set(x=0.01, ha="left")
         lower = _lower_panels(result)

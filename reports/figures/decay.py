@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from reports.figures.palette import BAD, NOISE, REAL, SIM
-from reports.figures.style import styled
+from reports.figures.style import MOST_ROWS, styled
 from reports.figures.svg import thin
 from sysid.decay.linear_fit import FittedTrace
 from sysid.free_decay import FreeDecay
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 LEFT = 0.095
 """Margin as a share of the figure, wide enough for a label beside ticks of five figures."""
-MOST_LOGS = 4
-"""Whole logs drawn side by side."""
 MOST_MARKED = 12
 """Releases numbered in the overview; more would overlap."""
 
@@ -31,7 +29,7 @@ def decay_figure(rolls: Sequence[Roll], decay: FreeDecay, title: str) -> "Figure
     sides = {"left": LEFT, "right": 0.985}
     below = {"top": 0.585, "bottom": 0.065, "hspace": 0.2, "wspace": 0.2}
     with styled(9.0, 7.2, layout=None) as figure:
-        shown = rolls[:MOST_LOGS]
+        shown = rolls[:MOST_ROWS]
         upper = figure.add_gridspec(1, len(shown), **sides, top=0.93, bottom=0.71)
         lower = figure.add_gridspec(2, 2, **sides, **below, height_ratios=(1.6, 1), width_ratios=(1.75, 1))
         figure.suptitle(title, x=0.01, y=0.985, ha="left", fontsize=11)

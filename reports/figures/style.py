@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+MOST_ROWS = 4
+"""Most logs or releases in a picture; more are too small to read."""
 PLAIN: dict[Any, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,

@@ -38,6 +38,7 @@ from sysid.diagnosis.signatures import ALIKE, SEEN, LookAlikes
 from sysid.effects import effect
 from sysid.fitting.covariance import correlation_of
 from sysid.quantity import Quantity, slide_unit
+from sysid.shown import MOST_SHOWN
 from sysid.text import count, display, percent
 from sysid.workspace import Workspace
 
@@ -46,15 +47,11 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-MOST_RELEASES = 8
-"""Releases drawn; the table has all of them."""
 TOO_WEAK = "too weak to show here"
 AXES = ("time", "amplitude", "velocity", "side", "phase")
 """Ways to divide an error, in the order in which they are listed."""
-MOST_PAIRS = 6
-"""Pairs of parameters listed, the strongest first."""
 MIN_CORRELATION = 0.9
-"""Correlation from which two parameters are hardly told apart."""
+"""Correlation from which the data hardly separate two parameters."""
 MAX_STRENGTH_RATIO = 30.0
 """An effect is too weak to show if it would need more than this multiple of its clear strength."""
 
@@ -207,7 +204,7 @@ def _releases(evidence: Evidence) -> list[str]:
     result = evidence.comparison
     show, first = result.show, display(is_rate=False, slides=result.slides)
     drawn: list[tuple[str, str]] = []
-    for i, release in enumerate(result.releases[:MOST_RELEASES]):
+    for i, release in enumerate(result.releases[:MOST_SHOWN]):
         name = release_name(result, i)
         caption = (
             f"{name}: error {show(release.rmse, 3)}, {release.rmse / result.noise.std:.2f} times the "
@@ -220,7 +217,7 @@ def _releases(evidence: Evidence) -> list[str]:
         place = release.side if evidence.board.geometry else {"right": "+", "left": "−"}[release.side]
         rows.append((release_name(result, i), place, first(release.amplitude, 3), *errors))
     side = "edge down" if evidence.board.geometry else "let go from"
-    left = len(result.releases) - MOST_RELEASES
+    left = len(result.releases) - MOST_SHOWN
     return [
         choices(drawn),
         paragraph(f"{count(left, 'more release')} in the table only.") if left > 0 else "",
@@ -338,7 +335,7 @@ def _correlation(evidence: Evidence) -> list[str]:
     if strong:
         said = f"Hardly told apart by these logs: {'; '.join(strong)}."
         said += " Another amplitude, or a parameter that is known, parts them."
-    rows = [(one, other, f"{value:+.2f}") for value, one, other in pairs[:MOST_PAIRS]]
+    rows = [(one, other, f"{value:+.2f}") for value, one, other in pairs[:MOST_SHOWN]]
     source = "Of a fit of the board's law to these logs, for a roll inertia that is known."
     return [paragraph(said), table(("parameter", "with", "correlation"), rows), paragraph(source)]
 
@@ -375,7 +372,7 @@ def _check(board: Board, files: "Sequence[LogFile]", space: Workspace) -> list[s
 
 def _logs(evidence: Evidence) -> list[str]:
     drawn: list[tuple[str, str]] = []
-    for i, roll in enumerate(evidence.rolls[:MOST_RELEASES]):
+    for i, roll in enumerate(evidence.rolls[:MOST_SHOWN]):
         picture = _figure(board_figures.log_figure(evidence, i), f"log{i + 1}", "; ".join(roll.notes))
         drawn.append((Path(roll.log).name, picture))
     return [choices(drawn)]

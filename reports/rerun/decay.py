@@ -33,7 +33,9 @@ from sysid.comparison.compare import ComparedRelease, Comparison
 from sysid.decay.peaks import Peak, find_peaks
 from sysid.free_decay import FreeDecay
 from sysid.releases import Phase, log_phases
+from sysid.releases.clear import CLEAR_AMPLITUDE
 from sysid.roll import Array, Release, Roll
+from sysid.shown import MOST_SHOWN
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -43,8 +45,6 @@ if TYPE_CHECKING:
 
 LADDER = ("#CC79A7", "#F0E442", "#009E73", "#D55E00")
 """Simpler models; the board's own law is blue."""
-MOST_BOARDS = 6
-"""Boards side by side in 3-D."""
 POSES = 50.0
 """Poses a second of the slow tail; while the deck moves, all samples are kept [Hz]."""
 ENVELOPE = "#777777"
@@ -52,10 +52,8 @@ MEASURED, SIMULATED = Look("real", REAL, 3.5), Look("sim", SIM, 1.4)
 PHASES = {"rest": "#555555", "held": REAL, "free": SIM, "caught": "#CC79A7"}
 MILLI = 1e3
 """From SI to thousandths, the factor in which residuals are shown."""
-CLEAR = 5.0
-"""Size of a motion that is no noise, in standard deviations of it."""
 SHOWN_IN = 8.0
-"""How long it takes to play what there is to see once, if that is not slower than it was [s]."""
+"""Playing time of the motion, if that is not slower than real time [s]."""
 
 
 def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> None:
@@ -242,7 +240,7 @@ def _log_boards(stream: "rr.RecordingStream", evidence: Evidence) -> None:
     rest[2] = board.geometry["truck_height"].value + board.geometry["wheel_radius"].value
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     before = min([-1.0, *(float(roll.time[0]) - _first(evidence, roll) for roll in evidence.rolls)])
-    for i, release in enumerate(result.releases[:MOST_BOARDS]):
+    for i, release in enumerate(result.releases[:MOST_SHOWN]):
         kept = _moving(release, result)
         measured = release.roll if result.is_rate else release.measured
         for root, roll, tint, alpha in (
@@ -366,7 +364,7 @@ def _eye(evidence: Evidence) -> "rrb.EyeControls3D":
     """Return a place behind the boards from which all of them are seen."""
     import rerun.blueprint as rrb
 
-    count = min(len(evidence.comparison.releases), MOST_BOARDS)
+    count = min(len(evidence.comparison.releases), MOST_SHOWN)
     middle = -_spacing(evidence.board) * (count - 1) / 2
     back = 0.62 + 0.42 * _spacing(evidence.board) * count
     return rrb.EyeControls3D(position=(-back, middle, 0.3), look_target=(0.0, middle, 0.08))
@@ -379,7 +377,7 @@ def _spacing(board: Board) -> float:
 def _shown(release: ComparedRelease, result: Comparison) -> tuple[float, float]:
     """Return the times between which the measured or the simulated deck moves [s]: a wrong law may rest long before."""
     begin, end = _window(release.time, release.simulated)
-    return begin, max(end, _window(release.time, release.measured, CLEAR * result.noise.std)[1])
+    return begin, max(end, _window(release.time, release.measured, CLEAR_AMPLITUDE * result.noise.std)[1])
 
 
 def _window(time: Array, motion: Array, least: float = 0.0) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from sysid.cli.subject import Subject
 from sysid.effects import weight
 from sysid.errors import SysidError, UsageError
 from sysid.inertia import GRAVITY
+from sysid.loop import Joint
 from sysid.quantity import Quantity, parse_quantity, propagate
 
 Kind = Literal["board", "pendulum", "rig", "joint"]
@@ -24,7 +25,6 @@ QUESTIONS = {
     "joint": "Joint of it",
 }
 """Questions at a terminal, for missing options."""
-FULL_TURN = Quantity(3.14159, 0.0, "rad")
 
 
 def new(
@@ -113,14 +113,7 @@ def _pendulum(name: str, mass: Quantity, arm: Quantity, own: str | None) -> Boar
 
 def _record(name: str, description: str, inertia: Quantity) -> Board:
     """Return a record with an inertia only, for a first fit."""
-    return Board(
-        name=name, description=description, source="husky-sysid new",
-        inertia=inertia if inertia.method else inertia.with_method("as given to `new`"),
-        tilt={
-            "stiffness": Quantity(0.0, 0.0, "N*m/rad"), "damping": Quantity(0.0, 0.0, "N*m*s/rad"),
-            "rest_angle": Quantity(0.0, 0.0, "rad"), "range": FULL_TURN,
-        },
-    )  # fmt: skip
+    return replace(Joint.new(name, inertia, description=description), source="husky-sysid new")
 
 
 def _read(option: str, text: str | None, unit: str) -> Quantity:

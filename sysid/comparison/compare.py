@@ -3,6 +3,7 @@
 Only roll and rate at each release are fitted here; the law is that of the board's record.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,7 @@ from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.fitting.initial_state import fit_initial_states
 from sysid.fitting.joint import FitOptions, held_parameters
-from sysid.fitting.records import Record, Signal, make_records, read_at_rest, signal_of
+from sysid.fitting.records import Bias, Record, Signal, make_records, read_at_rest, signal_of
 from sysid.fitting.result import TOLERANCE
 from sysid.joint import JointLaw, simulate
 from sysid.noise.floor import NoiseFloor, noise_floor
@@ -136,13 +137,12 @@ def compare(
     recordings, releases, weak = unpack(data, whole=True)
     require_record(board)
     chosen = signal_of(releases, signal)
-    use_rate = chosen["use_rate"]
     odd = amplitude_warnings(releases, board)
     law = law or JointLaw.from_board(board)
     if law.stiffness + law.stiffness_of_effects <= 0:
         odd += _require_restoring(board)
-    noise = noise_floor(releases, rate=use_rate)
-    records = make_records(releases, noise.std, rate=use_rate)
+    noise = noise_floor(releases, rate=chosen["use_rate"])
+    records = make_records(releases, noise.std, rate=chosen["use_rate"])
     _, bias = held_parameters(law.structure, board, FitOptions(**chosen))
     with stage(0.0, 0.4):
         residuals, starts = fit_initial_states(law, records, bias=bias)
@@ -150,12 +150,8 @@ def compare(
         _compared(law, record, residual, start)
         for record, residual, start in zip(records, residuals, starts, strict=True)
     )
-    everything = np.concatenate(residuals)
-    rmse = float(np.sqrt(np.mean(everything**2)))
-    motion = np.concatenate(
-        [r.signal - read_at_rest(r, law.posed(r.release.known).rest_angle, bias) for r in records]
-    )
-    size = float(np.sqrt(np.mean(motion**2)))
+    rmse = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
+    size = _motion(law, records, bias)
     least, excess, most = (part / size for part in noise.excess(rmse))
     where = locate_error(compared, law, noise, board)
     with stage(0.4, 1.0):
@@ -175,12 +171,19 @@ def compare(
         measured_backbone=backbone_of(compared, law, [c.measured for c in compared], noise.std),
         simulated_backbone=backbone_of(compared, law, [c.simulated for c in compared], 0.0),
         tolerance=tolerance,
-        is_rate=use_rate,
+        is_rate=chosen["use_rate"],
         slides=board.slides,
         heldout_rmse=_heldout(board, recordings, rmse),
         warnings=(*reading_warnings(recordings), *weak, *odd),
         recordings=recordings,
     )
+
+
+def _motion(law: JointLaw, records: Sequence[Record], bias: Bias) -> float:
+    """Return the RMS of the measurements about rest [rad or rad/s]."""
+    rests = [read_at_rest(record, law.posed(record.release.known).rest_angle, bias) for record in records]
+    about_rest = [record.signal - rest for record, rest in zip(records, rests, strict=True)]
+    return float(np.sqrt(np.mean(np.concatenate(about_rest) ** 2)))
 
 
 def _require_restoring(board: Board) -> list[str]:

@@ -13,8 +13,8 @@ from typing import Literal
 import numpy as np
 
 from sysid.decay.linear_fit import FittedTrace, TraceFit
-from sysid.decay.trace import traces_of
-from sysid.least_squares import Normal, minimise
+from sysid.decay.trace import Trace, traces_of
+from sysid.least_squares import Minimum, Normal, minimise
 from sysid.noise.whiteness import lag_one
 from sysid.quantity import Quantity, t95
 from sysid.roll import Array, Release
@@ -51,36 +51,46 @@ def spins_down(releases: Sequence[Release]) -> bool:
     return True
 
 
-def fit_coast_down(releases: Sequence[Release]) -> CoastDown:
-    """Fit one damping and one friction to all releases together, each with its own speed and place or offset."""
-    traces, signal = traces_of(releases)
-    rate = signal == "rate"
+def _coasting(time: Array, p: Array, *, rate: bool) -> Array:
+    """Return the rate [rad/s] or the angle [rad] of a coast-down, shape (n,), for (β, c, first speed, offset)."""
+    beta, friction, speed, place = (float(value) for value in p)
+    size, since = abs(speed), time - time[0]
+    stop = math.log1p(beta * size / friction) / beta if friction > 1e-12 * size else math.inf
+    t = np.minimum(since, stop)
+    fading = np.exp(-beta * t)
+    if rate:
+        return place + math.copysign(1.0, speed) * ((size + friction / beta) * fading - friction / beta)
+    way = (size + friction / beta) * (1 - fading) / beta - friction / beta * t
+    return place + math.copysign(1.0, speed) * way
 
-    def model(time: Array, p: Array) -> Array:
-        beta, friction, speed, place = (float(value) for value in p)
-        size, since = abs(speed), time - time[0]
-        stop = math.log1p(beta * size / friction) / beta if friction > 1e-12 * size else math.inf
-        t = np.minimum(since, stop)
-        fading = np.exp(-beta * t)
-        if rate:
-            return place + math.copysign(1.0, speed) * ((size + friction / beta) * fading - friction / beta)
-        way = (size + friction / beta) * (1 - fading) / beta - friction / beta * t
-        return place + math.copysign(1.0, speed) * way
 
+def _first_guess(traces: Sequence[Trace], *, rate: bool) -> Array:
+    """Return a start for β, c and first speed and offset of each trace, shape (2 + 2n,)."""
     start = [1.0 / (traces[0].time[-1] - traces[0].time[0]), 0.0]
     for trace in traces:
         first = slice(0, max(5, len(trace.time) // 20))
         slope = float(np.polyfit(trace.time[first], trace.measured[first], 1)[0])
         start += [float(np.median(trace.measured[first])), 0.0] if rate else [slope, float(trace.measured[0])]
     start[1] = abs(start[2]) * start[0]
-    begin = np.array(start)
+    return np.array(start)
+
+
+def _own(p: Array, trace: int) -> Array:
+    """Return β, c and first speed and offset of one trace."""
+    return np.concatenate([p[:2], p[2 + 2 * trace : 4 + 2 * trace]])
+
+
+def fit_coast_down(releases: Sequence[Release]) -> CoastDown:
+    """Fit one damping and one friction to all releases together, each with its own speed and place or offset."""
+    traces, signal = traces_of(releases)
+    rate = signal == "rate"
+    begin = _first_guess(traces, rate=rate)
     least = np.full(len(begin), -np.inf)
     least[:2] = 1e-6 * begin[0], 0.0
 
     def residuals(p: Array) -> Array:
         parts = [
-            trace.weight
-            * (trace.measured - model(trace.time, np.concatenate([p[:2], p[2 + 2 * i : 4 + 2 * i]])))
+            trace.weight * (trace.measured - _coasting(trace.time, _own(p, i), rate=rate))
             for i, trace in enumerate(traces)
         ]
         return np.concatenate(parts)
@@ -88,40 +98,42 @@ def fit_coast_down(releases: Sequence[Release]) -> CoastDown:
     def evaluate(p: Array) -> Normal:
         here = residuals(p)
         steps = 1e-5 * np.maximum(np.abs(p), 1e-2 * np.abs(begin).max())
-        jacobian = np.column_stack(
-            [
-                (residuals(p + step * unit) - here) / step
-                for step, unit in zip(steps, np.eye(len(p)), strict=True)
-            ]
-        )
+        moved = (residuals(p + step * unit) for step, unit in zip(steps, np.eye(len(p)), strict=True))
+        jacobian = np.column_stack([(there - here) / step for there, step in zip(moved, steps, strict=True)])
         return Normal(0.5 * float(here @ here), jacobian.T @ here, jacobian.T @ jacobian)
 
     best = minimise(evaluate, begin, least, np.full(len(begin), np.inf), iterations=200, tolerance=1e-12)
-    left, parts = residuals(best.point), []
-    free = max(len(left) - len(begin), 1)
-    cuts = np.cumsum([len(trace.time) for trace in traces])[:-1]
-    rho = lag_one(np.split(left, cuts))
-    variance = 2 * best.normal.cost / free * (1 + rho) / (1 - rho)
-    covariance = np.asarray(np.linalg.pinv(best.normal.hessian), dtype=np.float64) * variance
+    return _with_intervals(best, residuals(best.point), traces, signal)
+
+
+def _with_intervals(
+    best: Minimum, residuals: Array, traces: Sequence[Trace], signal: Literal["roll", "rate"]
+) -> CoastDown:
+    """Return the fit with its intervals; correlated residuals widen them."""
+    free = max(len(residuals) - len(best.point), 1)
+    rho = lag_one(np.split(residuals, np.cumsum([len(trace.time) for trace in traces])[:-1]))
+    variance = 2 * best.normal.cost / free
+    covariance = np.asarray(np.linalg.pinv(best.normal.hessian), dtype=np.float64)
+    covariance *= variance * (1 + rho) / (1 - rho)
+    parts: list[FittedTrace] = []
     for i, trace in enumerate(traces):
-        own = np.concatenate([best.point[:2], best.point[2 + 2 * i : 4 + 2 * i]])
-        level = float(own[3]) if rate else float(trace.measured[-1])
-        parts.append(FittedTrace(trace, model(trace.time, own), np.array([0.0, 0.0, level]), 0.0, _nothing))
-    noise = math.sqrt(2 * best.normal.cost / free)
+        own = _own(best.point, i)
+        level = float(own[3]) if signal == "rate" else float(trace.measured[-1])
+        modelled = _coasting(trace.time, own, rate=signal == "rate")
+        parts.append(FittedTrace(trace, modelled, np.array([0.0, 0.0, level]), 0.0, _nothing))
     spread = sum(float(np.var(trace.measured)) * len(trace.measured) for trace in traces)
     weak = 2 * math.log(100 * max(float(trace.time[-1] - trace.time[0]) for trace in traces))
     beta, friction = (float(value) for value in best.point[:2])
     trace = TraceFit(
         poles=np.array([weak, beta * math.exp(weak)]), covariance=np.eye(2), white_covariance=np.eye(2),
-        degrees_of_freedom=free, noise=noise, correlation=rho, explained=1 - noise**2 * free / spread, signal=signal,
-        releases=tuple(parts), law="none",
+        degrees_of_freedom=free, noise=math.sqrt(variance), correlation=rho, explained=1 - variance * free / spread,
+        signal=signal, releases=tuple(parts), law="none",
     )  # fmt: skip
-    quantile, kind = t95(free), "coast-down"
-    std = np.sqrt(np.diag(covariance))
+    half = t95(free) * np.sqrt(np.diag(covariance))
 
-    def quantity(value: float, std: float, unit: Literal["1/s", "rad/s^2"]) -> Quantity:
-        return Quantity(value, std, unit, kind, (value - quantile * std, value + quantile * std))
+    def quantity(value: float, half: float, unit: Literal["1/s", "rad/s^2"]) -> Quantity:
+        return Quantity(value, half / t95(free), unit, "coast-down", (value - half, value + half))
 
     return CoastDown(
-        trace, quantity(beta, float(std[0]), "1/s"), quantity(friction, float(std[1]), "rad/s^2")
+        trace, quantity(beta, float(half[0]), "1/s"), quantity(friction, float(half[1]), "rad/s^2")
     )

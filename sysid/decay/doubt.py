@@ -24,13 +24,12 @@ from sysid.decay.linear_fit import (
     response,
 )
 from sysid.noise.floor import NoiseFloor, local_noise
+from sysid.noise.lasting import PER_PERIOD
 from sysid.noise.whiteness import lag_one
-from sysid.quantity import Z95, Quantity
+from sysid.quantity import SURE, Z95, Quantity
 from sysid.roll import Array, Release
 from sysid.text import display
 
-SURE = 4.0
-"""Significance of a second law [standard deviations]: by chance in one of a thousand logs with a dozen tests each."""
 MATTERS = np.array([0.01, 0.05])
 """Relative shift of ω_n and of ζ from which a second law matters: a tenth of the usual randomisation of a policy."""
 OPEN = np.array([0.1, 0.3])
@@ -43,8 +42,6 @@ ONE_RATE = 0.7
 """Damping ratio from which a late half is one exponential: it overshoots by less than 5 %."""
 LEVELS_APART = 0.01
 """Least difference of rest levels, over the first amplitude: sensors wander by less between releases."""
-PER_PERIOD = 4.0
-"""Independent values in a period of an error that follows the motion: it has the motion's frequency and twice that."""
 
 Status = Literal["linear", "not linear", "cannot tell"]
 TORQUES: dict[str, Callable[[Array, Array], Array]] = {

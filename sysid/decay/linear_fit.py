@@ -17,15 +17,15 @@ from typing import Literal
 
 import numpy as np
 
-from sysid.decay.trace import FEWEST, Trace, head, traces_of, with_ar1_errors
+from sysid.decay.trace import Trace, head, traces_of, with_ar1_errors
 from sysid.errors import SysidError
 from sysid.least_squares import Normal, minimise
+from sysid.noise.sensor import BEST_SENSOR
 from sysid.noise.whiteness import lag_one
 from sysid.releases.extrema import half_cycles_of, smoothed
+from sysid.releases.find import FEWEST_SAMPLES
 from sysid.roll import Array, Release
 
-BEST_SENSOR = 1e-6
-"""Least noise of a sensor over its swing; a computed log has less."""
 GRID = 40
 """Points of the grid of a torque's response, in 1.5 rad of the fastest motion; the trapezoidal rule is then right to 1e-4."""
 MOST = 16_384
@@ -185,9 +185,9 @@ def fit_traces(releases: Sequence[Release], law: Law = "spring", near: TraceFit 
 def refitted(fit: TraceFit, parts: Sequence[slice]) -> TraceFit | None:
     """Fit the same law to a part of each release; None if the parts are too short."""
     pairs = [(one.trace[rows], rows, one.beyond) for one, rows in zip(fit.releases, parts, strict=True)]
-    pairs = [pair for pair in pairs if len(pair[0].time) >= FEWEST]
+    pairs = [pair for pair in pairs if len(pair[0].time) >= FEWEST_SAMPLES]
     traces = [trace for trace, _, _ in pairs]
-    if sum(len(trace.time) for trace in traces) < 3 * len(traces) + FEWEST or not traces:
+    if sum(len(trace.time) for trace in traces) < 3 * len(traces) + FEWEST_SAMPLES or not traces:
         return None
     beyond = [_part(known, rows) for _, rows, known in pairs]
     return _with_uncertainty(traces, _search(traces, fit.poles, beyond), fit.signal, beyond)

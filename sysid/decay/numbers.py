@@ -137,19 +137,12 @@ def decay_from_peaks(
 
 
 def numbers_from_decrement(
-    log_decrement: Quantity,
-    period: Quantity,
-    inertia: Quantity,
-    *,
-    degrees_of_freedom: float = math.inf,
-    method: str = "",
+    log_decrement: Quantity, period: Quantity, inertia: Quantity, *, method: str = ""
 ) -> DecayNumbers:
     """Return the decay numbers of a logarithmic decrement and a period, measured independently."""
     omega_n, zeta, jacobian = _from_decrement(log_decrement.value, period.value)
     covariance = jacobian @ np.diag([log_decrement.std**2, period.std**2]) @ jacobian.T
-    return decay_numbers(
-        omega_n, zeta, covariance, inertia, degrees_of_freedom=degrees_of_freedom, method=method
-    )
+    return decay_numbers(omega_n, zeta, covariance, inertia, method=method)
 
 
 def _from_decrement(delta: float, period: float) -> tuple[float, float, Array]:

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from sysid.board import Board
 from sysid.decay.numbers import DecayNumbers
 from sysid.errors import SysidError
+from sysid.quantity import SURE
 from sysid.roll import Release, shown
 from sysid.text import display
 
-DISAGREEMENT_STDS = 3.0
-"""Least significance of a difference from the record [standard deviations]."""
 WORTH_SAYING = 0.03
 """Least relative difference from the record: boards change by as much from day to day."""
 DENSITY = 1000.0
@@ -82,15 +81,13 @@ def record_warnings(
     for name, symbol in (("stiffness", "k"), ("damping", "d")):
         found, stated = getattr(numbers, name), board.tilt[name]
         apart, spread = found.value - stated.value, math.hypot(found.std, stated.std)
-        if stated.value > 0 and abs(apart) > max(DISAGREEMENT_STDS * spread, WORTH_SAYING * stated.value):
+        if stated.value > 0 and abs(apart) > max(SURE * spread, WORTH_SAYING * stated.value):
             outside.append(f"{symbol} = {found} where the record has {stated} ({apart / stated.value:+.0%})")
     if not outside:
         return []
     ratio = numbers.omega_n.value / _stated_frequency(board)
     zeta = board.tilt["damping"].value / (2 * _stated_frequency(board) * board.inertia.value)
-    same_shape = abs(numbers.damping_ratio.value - zeta) < max(
-        0.05 * zeta, DISAGREEMENT_STDS * numbers.damping_ratio.std
-    )
+    same_shape = abs(numbers.damping_ratio.value - zeta) < max(0.05 * zeta, SURE * numbers.damping_ratio.std)
     cause = (
         f"the damping ratio agrees, and only the period is {1 / ratio:.3g} times the record's: is the unit of time right, "
         "or the sampling rate (--rate)?"

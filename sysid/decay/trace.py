@@ -15,12 +15,11 @@ import numpy as np
 
 from sysid.noise.lasting import kept_after, own_std
 from sysid.noise.sensor import quantisation_step
+from sysid.releases.find import FEWEST_SAMPLES
 from sysid.roll import Array, Release
 
 HAND_LEAVES = 0.08
 """A hand has left the deck after this share of the first amplitude."""
-FEWEST = 8
-"""Fewest samples of a trace."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +79,7 @@ def with_ar1_errors(trace: Trace, omega: float) -> Trace:
 
 def head(trace: Trace, span: float) -> Trace:
     """Return the first `span` seconds of a trace, at least 8 samples."""
-    return trace[: max(FEWEST, int(np.searchsorted(trace.time, trace.time[0] + span)))]
+    return trace[: max(FEWEST_SAMPLES, int(np.searchsorted(trace.time, trace.time[0] + span)))]
 
 
 def _trace(release: Release, *, rate: bool, whole: bool) -> Trace:
@@ -107,7 +106,7 @@ def _passages(trace: Trace) -> Trace:
         return trace
     back = np.count_nonzero(steps[moves][1:] * steps[moves][:-1] < 0)
     swings = max(1, np.count_nonzero(np.diff(np.sign(trace.measured - np.median(trace.measured)))))
-    if back > 0.1 * len(moves) + 2 * swings or len(moves) < 3 * FEWEST:
+    if back > 0.1 * len(moves) + 2 * swings or len(moves) < 3 * FEWEST_SAMPLES:
         return trace
     middle = 0.5 * (trace.measured[moves] + trace.measured[moves + 1])
     when = 0.5 * (trace.time[moves] + trace.time[moves + 1])
@@ -121,4 +120,4 @@ def _hand_has_left(release: Release) -> int:
     moved = np.flatnonzero(way > enough)
     # With many close samples, noise decides which one is first beyond the threshold: leave it out.
     begin = int(moved[0]) + (moved[0] > 3) if len(moved) else 0
-    return begin if len(release.time) - begin > FEWEST else 0
+    return begin if len(release.time) - begin > FEWEST_SAMPLES else 0

@@ -13,7 +13,6 @@ from types import MappingProxyType
 
 from sysid.effects import _own
 from sysid.effects._base import (
-    DecaySign,
     DriveEffect,
     Effect,
     MujocoSupport,
@@ -38,13 +37,11 @@ __all__ = [
     "TorqueEffect",
     "as_table",
     "catalogue",
-    "drifting",
     "drives",
     "effect",
     "effect_file",
     "origin",
     "parameters_from",
-    "showing",
     "use_file",
 ]
 
@@ -107,19 +104,6 @@ def effect(name: str) -> Effect:
     if name not in known:
         raise SysidError(f"unknown effect '{name}'.{_meant(name, known)} Known effects: {', '.join(known)}.")
     return known[name]
-
-
-def showing(sign: DecaySign) -> tuple[str, ...]:
-    """Return the effects that cause a sign in the peaks of a decay, the likeliest first."""
-    found = [
-        (rank, name) for name, part in catalogue().items() for seen, rank in part.decay_signs if seen == sign
-    ]
-    return tuple(name for _, name in sorted(found))
-
-
-def drifting() -> tuple[str, ...]:
-    """Return the effects of a sensor that move the level of a decay, the likeliest first."""
-    return tuple(name for name in showing("moving level") if effect(name).role == "measurement")
 
 
 def parameters_from(name: str, values: Sequence[float]) -> dict[str, float]:

@@ -20,6 +20,7 @@ class Algebra:
     """The functions that a torque law may use beyond + - * / **."""
 
     sin: Callable[[Value], Value]
+    cos: Callable[[Value], Value]
     exp: Callable[[Value], Value]
     abs: Callable[[Value], Value]
     floor: Callable[[Value], Value]
@@ -29,7 +30,7 @@ class Algebra:
     """`where(condition, yes, no)`."""
 
 
-NUMPY = Algebra(np.sin, np.exp, np.abs, np.floor, np.minimum, np.maximum, np.where)
+NUMPY = Algebra(np.sin, np.cos, np.exp, np.abs, np.floor, np.minimum, np.maximum, np.where)
 """Torque laws on plain numbers and arrays."""
 
 
@@ -41,6 +42,7 @@ def casadi_algebra() -> Algebra:
     functions: Any = casadi
     return Algebra(
         functions.sin,
+        functions.cos,
         functions.exp,
         functions.fabs,
         functions.floor,

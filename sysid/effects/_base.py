@@ -115,28 +115,12 @@ class Parameter:
     """Value at which the effect vanishes; None without such a value."""
     default: float | None = None
     """Value if a user leaves the parameter out."""
-    doubted: float = -np.inf
-    """Up to this value, in units of `size`, the effect imitates another, unless the residual is noise."""
     rough: bool = False
     """Whether the cost is rough along it, because it decides in which half swing the deck stops."""
-    open_above: bool = False
-    """Whether its upper bound only limits the search: at the bound the effect is not degenerate."""
     held: bool = False
     """Whether it is known from another source: a fit holds it at the record's value, unless the user bounds it."""
     assumed: float = 0.0
     """Relative standard deviation of a held parameter if the record has none; 0 if it is exact."""
-
-    def edged(self, value: float, *, exact: bool) -> bool:
-        """Whether a value, in units of `size`, is at an end of its range, where the effect is degenerate.
-
-        A share may be 0 or 1. With `exact`, a residual of noise alone, other parameters may be at their ends too.
-        """
-        share = self.unit in ("", "1")
-        if (share and self.low == 0.0) or (self.neutral is not None and self.low <= self.neutral):
-            return False
-        low = self.low if exact else max(self.low, self.doubted)
-        closed = self.neutral is None and not share and not self.open_above
-        return value <= 1.001 * low or (closed and value >= 0.999 * self.high)
 
     def bounds(self, scales: Scales) -> tuple[float, float]:
         """Return the bounds in `unit`."""
@@ -179,8 +163,6 @@ class MujocoSupport:
     """MJCF elements or attributes."""
     since: str
     """First MuJoCo version that runs it exactly; '' if MuJoCo has no exact form, or the effect belongs to the log."""
-    warp: bool
-    """Whether MuJoCo Warp of that version runs it."""
     substitute: str = ""
     """Nearest form if MuJoCo has no exact one, else ''."""
     leaves_out: str = ""
@@ -246,13 +228,6 @@ Role = Literal["torque", "learned", "support", "shift", "record", "measurement",
 """Changed part: the joint's torque, by a formula or a learned table; its support; its rest angle; the record's numbers, which a free
 decay cannot separate from k and d; the sensor; the actuator."""
 
-DecaySign = Literal[
-    "constant loss", "growing loss", "longer period", "shorter period", "moving level", "scattered levels", "stops aside"
-]  # fmt: skip
-"""Signs in the peaks of a decay. Constant loss: per swing, at any amplitude. Growing loss: more than in proportion to the amplitude.
-Longer or shorter period: of small swings. Moving level: with time. Scattered levels: releases rest at several angles. Stops aside: a
-rest beside the middle of the swing."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
@@ -284,12 +259,6 @@ class Effect:
     example: tuple[float, ...]
     """Parameters that show the effect clearly on the `pink` board, for pictures and tests."""
     states: tuple[State, ...] = ()
-    limiting_cases: tuple[tuple[str, Callable[[Values], Sequence[dict[str, float]]]], ...] = ()
-    """Simpler effects, by name, that this one equals or nearly equals at an end of its range. The function takes all
-    parameters of a joint ('stiffness', 'effect.parameter'). It returns starts for the changed ones and those of the simpler
-    effect, or none if the two differ."""
-    idle: Callable[[Numbers, Scales], bool] | None = None
-    """`idle(parameters, scales)`: whether it is inactive in swings of such a size, so that its states may imitate another law."""
     nonsmooth: bool = False
     """Whether its torque has kinks besides turning points: a search then needs finer steps and shorter first windows."""
     sharpness: float = 1.0
@@ -303,14 +272,10 @@ class Effect:
     """Effects, and parameters of the linear joint, that are the same in every free decay."""
     excludes: tuple[str, ...] = ()
     """Effects that cannot be combined with it: it contains them, or they explain the same."""
-    minimum_amplitude: float = 0.0
-    """Least tilt of a log that separates it from the linear law [rad]."""
     record_direction: tuple[float, float] | None = None
     """Its changes of ln k and ln d against the record, as a ratio; None if it has other consequences too."""
     stepped: tuple[str, ...] = ()
     """Parameters of a body of its own; a time step changes them like the joint's inertia and damping."""
-    decay_signs: tuple[tuple[DecaySign, int], ...] = ()
-    """Its signs in the peaks of a decay, each with its rank among the effects of that sign, the likeliest first."""
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -452,7 +417,7 @@ class SensorEffect(Effect):
 
     role: Role = "measurement"
     to_mjcf: ToMjcf = belongs_to_log
-    mujoco: MujocoSupport = MujocoSupport(means="nothing: it belongs to the log", since="", warp=False)
+    mujoco: MujocoSupport = MujocoSupport(means="nothing: it belongs to the log", since="")
     observe: Callable[[Algebra, Reading, Values, Sequence[Value]], Reading] = unchanged
     """`observe(m, reading, parameters, states)`: the reading after this effect."""
     clock_ratio: str = ""

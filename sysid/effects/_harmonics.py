@@ -1,7 +1,5 @@
 """Tables of a model along the path of a joint, as the first harmonics of its position."""
 
-import math
-
 import numpy as np
 
 from sysid.effects._algebra import NUMPY, Algebra, Value, Values
@@ -13,8 +11,6 @@ HARMONICS = ("constant", "sine", "cosine", "sine2", "cosine2", "sine3", "cosine3
 first."""
 FORMULA = "c + Σ (aₙ sin nφ + bₙ cos nφ), n = 1, 2, 3"
 """Their sum, as printed."""
-QUARTER = math.pi / 2
-"""Turn that makes a cosine of a sine [rad]."""
 
 
 def value_of(m: Algebra, roll: Value, parameters: Values) -> Value:
@@ -31,7 +27,7 @@ def slope_of(m: Algebra, roll: Value, parameters: Values) -> Value:
 
 
 def _terms(m: Algebra, roll: Value) -> tuple[Value, ...]:
-    waves = (m.sin(n * roll + turn) for n in (1, 2, 3) for turn in (0.0, QUARTER))
+    waves = (wave(n * roll) for n in (1, 2, 3) for wave in (m.sin, m.cos))
     return 1.0 + 0 * roll, *waves
 
 

@@ -66,7 +66,7 @@ def polynomial(effect: str, of: Literal["stiffness", "damping"], power: int, **l
     means = f"joint {of} polynomial, {place} coefficient"
     return {
         "parameters": (Parameter("coefficient", unit, size, **limits),),
-        "mujoco": MujocoSupport(means=means, since="3.7", warp=True),
+        "mujoco": MujocoSupport(means=means, since="3.7"),
         "to_mjcf": write,
         "from_mjcf": read,
     }

@@ -123,7 +123,7 @@ def _run(part: TorqueEffect, where: str) -> None:
         part.torque(casadi_algebra(), JointState(symbol, symbol, symbol, 10.0), values, ())
     except BaseException as error:
         raise SysidError(
-            f"{where}: its torque does not run ({_in_words(error)}). Use only + - * / ** and m.sin, m.exp, m.abs, "
+            f"{where}: its torque does not run ({_in_words(error)}). Use only + - * / ** and m.sin, m.cos, m.exp, m.abs, "
             "m.minimum, m.maximum, m.where, and the names of its parameters."
         ) from error
     if not np.all(np.isfinite(torque)):

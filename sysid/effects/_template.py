@@ -36,7 +36,7 @@ from sysid.effects import AS_TABLE, Parameter, TorqueEffect, as_table
 
 
 def torque(m, motion, parameters, states):
-    """Return the torque on the deck [N*m], zero at rest. m has sin, exp, abs, minimum, maximum and where."""
+    """Return the torque on the deck [N*m], zero at rest. m has sin, cos, exp, abs, minimum, maximum and where."""
     x, v = motion.tilt, motion.rate  # from the rest angle [rad], and [rad/s]
     return {law}
 

@@ -22,7 +22,7 @@ def unlisted(
     """Return an effect with a torque and without texts."""
     return TorqueEffect(
         name=name, title="a law outside the catalogue", family="learned", parameters=tuple(parameters), law="", source="",
-        does="", look_alikes=(), experiment="", mujoco=MujocoSupport(means="", since="", warp=False), to_mjcf=belongs_to_log,
+        does="", look_alikes=(), experiment="", mujoco=MujocoSupport(means="", since=""), to_mjcf=belongs_to_log,
         example=(), torque=torque, states=tuple(states),
     )  # fmt: skip
 

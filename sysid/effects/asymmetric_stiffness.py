@@ -26,5 +26,4 @@ EFFECT = TorqueEffect(
     **polynomial("asymmetric-stiffness", "stiffness", 2, low=-0.9, high=0.9, starts=(0.05, -0.05)),
     example=(25.0,),
     torque=torque,
-    decay_signs=(("stops aside", 11),),
 )

@@ -41,11 +41,10 @@ EFFECT = TorqueEffect(
         "One bent spring: they differ by more at {12°}."
     ),
     mujoco=MujocoSupport(
-        means="softer spring in the joint, the rest as a tendon slack on one side", since="3.0", warp=True
+        means="softer spring in the joint, the rest as a tendon slack on one side", since="3.0"
     ),
     to_mjcf=to_mjcf,
     example=(3.0,),
     torque=torque,
     sharpness=2.0,
-    decay_signs=(("stops aside", 7),),
 )

@@ -42,19 +42,6 @@ def _reach(parameters: Numbers) -> float:
     return parameters["reach"] * float(1 + back) / 2
 
 
-def as_dahl(parameters: Numbers) -> list[dict[str, float]]:
-    """Return presliding friction of the same torque and loss."""
-    p = EFFECT.of(parameters)
-    return [{"dahl.torque": p["torque"], "dahl.reach": _reach(p)}]
-
-
-def as_hysteresis(parameters: Numbers) -> list[dict[str, float]]:
-    """Return sliders of the same torque, with the initial stiffness of this law and with half of it: a slider has sharp corners."""
-    p = EFFECT.of(parameters)
-    stiffness = p["torque"] / p["reach"]
-    return [{"hysteresis.torque": p["torque"], "hysteresis.stiffness": k} for k in (stiffness, stiffness / 2)]
-
-
 EFFECT = TorqueEffect(
     name="bouc-wen",
     title="hysteresis with round corners (Bouc–Wen)",
@@ -71,14 +58,12 @@ EFFECT = TorqueEffect(
     look_alikes=("hysteresis", "dahl", "coulomb", "viscoelastic"),
     experiment="Release from {1°}, {3°} and {10°}: the loss a swing, over its amplitude, is largest in the middle.",
     mujoco=MujocoSupport(
-        means="nothing that unloads so", since="", warp=True,
+        means="nothing that unloads so", since="",
         substitute="LuGre bristles of the same torque and loss of a wide swing",
     ),
     to_mjcf=to_mjcf,
     example=(0.3, 0.02, 0.5),
     torque=torque,
     states=(State(name="share", start=held, size=lambda s: 0.3, most=1 / 0.3, rate=share_rate),),
-    limiting_cases=(("hysteresis", as_hysteresis), ("dahl", as_dahl)),
     sharpness=2.0,
-    decay_signs=(("scattered levels", 7), ("growing loss", 5), ("longer period", 4)),
 )  # fmt: skip

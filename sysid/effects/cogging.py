@@ -8,11 +8,7 @@ from sysid.effects._mjcf import left_out
 def act(m: Algebra, actuation: Actuation, parameters: Values) -> Value:
     """Return the torque plus S sin(n q) + C cos(n q) [N*m]."""
     phase = parameters["teeth"] * actuation.angle
-    return (
-        actuation.torque
-        + parameters["sine"] * m.sin(phase)
-        + parameters["cosine"] * m.sin(phase + 1.5707963267948966)
-    )
+    return actuation.torque + parameters["sine"] * m.sin(phase) + parameters["cosine"] * m.cos(phase)
 
 
 EFFECT = DriveEffect(
@@ -29,7 +25,7 @@ EFFECT = DriveEffect(
     does="The joint runs unevenly, with one ripple for each pole or tooth, and likes to rest at some angles.",
     look_alikes=("coulomb", "gravity"),
     experiment="Drive it slowly through a full turn both ways: the ripple stays with the angle.",
-    mujoco=MujocoSupport(means="nothing that repeats with the angle", since="", warp=False),
+    mujoco=MujocoSupport(means="nothing that repeats with the angle", since=""),
     to_mjcf=left_out("cogging is not written: MuJoCo has no torque that repeats with the angle of a joint"),
     example=(0.05, 0.02, 12.0),
     stage=2,

@@ -41,11 +41,10 @@ EFFECT = TorqueEffect(
     look_alikes=("hysteresis", "stribeck", "dahl"),
     experiment="Release from {1°} and from {10°}: dry friction stops the small one at once, within ±F/k of rest.",
     mujoco=MujocoSupport(
-        means="frictionloss with solreffriction 0.002 and solimpfriction 0.9999", since="3.0", warp=True
+        means="frictionloss with solreffriction 0.002 and solimpfriction 0.9999", since="3.0"
     ),
     to_mjcf=to_mjcf,
     from_mjcf=from_mjcf,
     example=(0.15,),
     friction=friction,
-    decay_signs=(("stops aside", 1), ("scattered levels", 1), ("constant loss", 1)),
 )

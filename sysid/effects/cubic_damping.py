@@ -26,5 +26,4 @@ EFFECT = TorqueEffect(
     **polynomial("cubic-damping", "damping", 3, low=0.0, high=10.0, starts=(0.05, 0.5)),
     example=(0.02,),
     torque=torque,
-    decay_signs=(("growing loss", 2),),
 )

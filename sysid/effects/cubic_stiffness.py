@@ -26,5 +26,4 @@ EFFECT = TorqueEffect(
     **polynomial("cubic-stiffness", "stiffness", 3, low=-0.95, high=20.0, starts=(0.05, -0.2, 0.5)),
     example=(200.0,),
     torque=torque,
-    decay_signs=(("growing loss", 3), ("constant loss", 5), ("longer period", 2), ("shorter period", 1)),
 )

@@ -49,11 +49,6 @@ def write_bristles(
     return (f"{name}: LuGre element {torque:.6g} N*m on bristles of {stiffness:.6g} N*m/rad{softer}",)
 
 
-def as_coulomb(parameters: Values) -> list[dict[str, float]]:
-    """Return dry friction of the same torque, without presliding."""
-    return [{"coulomb.torque": parameters["dahl.torque"]}]
-
-
 EFFECT = TorqueEffect(
     name="dahl",
     title="dry friction that gives way first (Dahl)",
@@ -71,14 +66,11 @@ EFFECT = TorqueEffect(
     mujoco=MujocoSupport(
         means="dcmotor without power, with LuGre friction that is the same at all speeds",
         since="3.11",
-        warp=True,
     ),
     to_mjcf=to_mjcf,
     example=(0.15, 0.01),
     torque=torque,
     states=(State(name="share", start=held, size=lambda s: 0.3, most=1 / 0.3, return_map=dragged),),
-    limiting_cases=(("coulomb", as_coulomb),),
     excludes=("coulomb", "stribeck"),
-    decay_signs=(("stops aside", 10), ("constant loss", 3)),
     sharpness=1.5,
 )

@@ -35,20 +35,6 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     return tuple(lines)
 
 
-def as_freeplay(parameters: Values) -> list[dict[str, float]]:
-    """Return the freeplay equal to stops on both sides of a weak spring; empty if the spring is not weaker."""
-    if parameters["end-stop.stiffness"] <= 2 * max(parameters["stiffness"], 0.0):
-        return []
-    freeplay = {
-        "freeplay.half_width": parameters["end-stop.angle"],
-        "stiffness": parameters["stiffness"] + parameters["end-stop.stiffness"],
-    }
-    return [freeplay]
-
-
-MIN_STIFFNESS_RATIO, SOFT_STIFFNESS_RATIO = 0.01, 0.1
-"""Stiffness of a stop over the joint's own: least one, and largest one that may imitate a bent spring."""
-
 EFFECT = TorqueEffect(
     name="end-stop",
     title="end stop or bumper",
@@ -68,10 +54,9 @@ EFFECT = TorqueEffect(
             "stiffness",
             "N*m/rad",
             lambda s: s.stiffness,
-            low=MIN_STIFFNESS_RATIO,
+            low=0.01,
             high=60.0,
             starts=(0.4, 6.0),
-            doubted=SOFT_STIFFNESS_RATIO,
         ),
         Parameter(
             "damping", "N*m*s/rad", lambda s: s.stiffness / s.frequency, low=0.0, high=5.0, default=0.0
@@ -85,15 +70,12 @@ EFFECT = TorqueEffect(
     mujoco=MujocoSupport(
         means="fixed tendon with a dead band (springlength) and a stiffness (its loss is left out)",
         since="3.0",
-        warp=True,
         leaves_out="damping",
     ),
     to_mjcf=to_mjcf,
     example=(0.1, 60.0, 0.0),
     torque=torque,
     acts_during_hold=True,
-    limiting_cases=(("freeplay", as_freeplay),),
     nonsmooth=True,
-    decay_signs=(("stops aside", 9), ("constant loss", 6), ("shorter period", 3)),
     sharpness=4.0,
 )

@@ -87,9 +87,7 @@ EFFECT = TorqueEffect(
     does="The swing is passed to the body and comes back: the amplitude beats instead of falling steadily.",
     look_alikes=("second-mode", "viscoelastic"),
     experiment="Take off or hold what hangs on the joint and release again: the beat disappears.",
-    mujoco=MujocoSupport(
-        means="a body on the joint with a hinge, a spring and a damper", since="3.0", warp=True
-    ),
+    mujoco=MujocoSupport(means="a body on the joint with a hinge, a spring and a damper", since="3.0"),
     to_mjcf=to_mjcf,
     example=(0.001, 30.0, 0.03),
     torque=torque,
@@ -101,5 +99,4 @@ EFFECT = TorqueEffect(
         ),
     ),
     sharpness=1.5,
-    decay_signs=(("stops aside", 2),),
 )

@@ -9,7 +9,6 @@ from sysid.effects._base import (
     MjSpec,
     MujocoSupport,
     Parameter,
-    Scales,
     State,
     TorqueEffect,
 )
@@ -62,16 +61,6 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     return (f"hysteresis: a body on {stiffness:.6g} N*m/rad that the joint drags along with {limit:.6g} N*m",)
 
 
-def as_coulomb(parameters: Values) -> list[dict[str, float]]:
-    """Return dry friction of the slipping torque: on a hard spring the slider slips at once."""
-    return [{"coulomb.torque": parameters["hysteresis.torque"]}]
-
-
-def never_slips(parameters: Numbers, scales: Scales) -> bool:
-    """Whether the slider never slips: it is a spring then, and its position at a release only moves the rest angle."""
-    return parameters["torque"] >= parameters["stiffness"] * scales.amplitude
-
-
 EFFECT = TorqueEffect(
     name="hysteresis",
     title="rate-independent hysteresis (Jenkins slider)",
@@ -87,21 +76,12 @@ EFFECT = TorqueEffect(
     look_alikes=("coulomb", "stribeck"),
     experiment="Release from {1°}: a slider behind a spring swings on, dry friction stops.",
     mujoco=MujocoSupport(
-        means="a small body on a spring, dragged along by a tendon's dry friction", since="3.11", warp=True
+        means="a small body on a spring, dragged along by a tendon's dry friction", since="3.11"
     ),
     to_mjcf=to_mjcf,
     example=(8.0, 0.2),
     torque=torque,
     states=(State(name="stretch", start=held, size=lambda s: 0.1 * s.amplitude, return_map=slip),),
-    limiting_cases=(("coulomb", as_coulomb),),
-    idle=never_slips,
     nonsmooth=True,
     sharpness=1.5,
-    decay_signs=(
-        ("stops aside", 8),
-        ("scattered levels", 4),
-        ("growing loss", 4),
-        ("longer period", 3),
-        ("moving level", 2),
-    ),
 )

@@ -241,7 +241,6 @@ AS_TABLE = MujocoSupport(
         "callback (sim.board.learned)"
     ),
     since="3.7",
-    warp=True,
 )
 """Form of a table in MuJoCo."""
 

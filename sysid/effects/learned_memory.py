@@ -74,7 +74,7 @@ EFFECT = TorqueEffect(
     look_alikes=("viscoelastic", "hysteresis", "bouc-wen", "second-mode"),
     experiment="Hold for 0.2 s and for 5 s before the release, and release from small and wide angles.",
     mujoco=MujocoSupport(
-        means="nothing that remembers so", since="", warp=False, substitute="the joint without it"
+        means="nothing that remembers so", since="", substitute="the joint without it"
     ),
     to_mjcf=to_mjcf,
     example=(0.02, 0.0, *(-0.16 * knots(KNOTS, GRADING)).tolist()),

@@ -40,11 +40,6 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     )
 
 
-def as_coulomb(parameters: Values) -> list[dict[str, float]]:
-    """Return constant dry friction: that without a load."""
-    return [{"coulomb.torque": parameters["load-friction.torque"]}]
-
-
 EFFECT = TorqueEffect(
     name="load-friction",
     title="dry friction that grows with the load",
@@ -62,12 +57,11 @@ EFFECT = TorqueEffect(
     look_alikes=("coulomb", "hysteresis"),
     experiment="Pull the joint slowly to {3°} and to {12°} and back: the force there and back differs by more at {12°}.",
     mujoco=MujocoSupport(
-        means="nothing that grows with the tilt", since="", warp=True,
+        means="nothing that grows with the tilt", since="",
         substitute="frictionloss, and a damper with the loss of the growing part",
     ),
     to_mjcf=to_mjcf,
     example=(0.05, 1.5),
     friction=friction,
-    limiting_cases=(("coulomb", as_coulomb),),
     excludes=("coulomb", "stribeck", "dahl"),
 )  # fmt: skip

@@ -60,7 +60,6 @@ EFFECT = TorqueEffect(
     mujoco=MujocoSupport(
         means="fixed tendon with a stiffness, slack up to the stop (its loss is left out)",
         since="3.0",
-        warp=True,
         leaves_out="damping",
     ),
     to_mjcf=to_mjcf,
@@ -71,5 +70,4 @@ EFFECT = TorqueEffect(
     nonsmooth=True,
     restarts=other_side,
     sharpness=4.0,
-    decay_signs=(("stops aside", 3), ("shorter period", 4)),
 )

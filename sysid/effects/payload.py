@@ -29,7 +29,7 @@ EFFECT = TorqueEffect(
     does="Adds a torque and an inertia that are known, which gives those of the joint a scale.",
     look_alikes=("gravity", "weight"),
     experiment="Take it off: the change is known in kg and m.",
-    mujoco=MujocoSupport(means="nothing: it was there for the measurement", since="", warp=False),
+    mujoco=MujocoSupport(means="nothing: it was there for the measurement", since=""),
     to_mjcf=refusing(
         "a payload belongs to a measurement, not to a bench. Release the joint in its own model (--model, --joint, --payload)."
     ),

@@ -26,5 +26,4 @@ EFFECT = TorqueEffect(
     **polynomial("quadratic-damping", "damping", 2, low=0.0, high=5.0, starts=(0.05, 0.5)),
     example=(0.06,),
     torque=torque,
-    decay_signs=(("growing loss", 1),),
 )

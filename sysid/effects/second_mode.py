@@ -88,7 +88,7 @@ EFFECT = SupportEffect(
     does="A second frequency rides on the decay, or, if it is damped, the decay looks viscoelastic.",
     look_alikes=("viscoelastic", "hanging-body"),
     experiment="Block the trucks or stand the board on concrete: a compliant support then disappears.",
-    mujoco=MujocoSupport(means="a second hinge and a tendon of the difference", since="3.7", warp=True),
+    mujoco=MujocoSupport(means="a second hinge and a tendon of the difference", since="3.7"),
     to_mjcf=to_mjcf,
     example=(0.004, 60.0, 0.1),
     states=(

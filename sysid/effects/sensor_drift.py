@@ -28,5 +28,4 @@ EFFECT = SensorEffect(
     example=(0.02,),
     observe=observe,
     excludes=("lowpass",),
-    decay_signs=(("scattered levels", 5), ("moving level", 1)),
 )

@@ -51,20 +51,10 @@ def bristle_stiffness(spec: MjSpec, joint: MjsJoint) -> float:
     return min(BRISTLE_STIFFNESS, (_PER_STAGE if explicit else _PER_STEP) * inertia / step**2)
 
 
-def as_coulomb(parameters: Values) -> list[dict[str, float]]:
-    """Return dry friction that is the same at all speeds: the sliding one, or half way to the static one."""
-    sliding, static = parameters["stribeck.torque"], parameters["stribeck.static_torque"]
-    return [{"coulomb.torque": sliding}, {"coulomb.torque": 0.5 * (sliding + max(sliding, static))}]
-
-
-_PARTS = ((0.7, 1.3), (0.3, 1.3))
-_SPEEDS = (0.05, 0.2, 0.5)
-"""Restarts: sliding and static friction over the common one, and the Stribeck speed over its size."""
+_SHARES = (0.35, 0.65)
+"""Sliding friction over the static one of the restarts."""
 _LEAST = 0.1
 """Smallest sliding friction over the static one; below, it has vanished: a choice."""
-_SLIDING = ((0.35, 1.0), (0.65, 1.0))
-_SLOWER = (0.7, 0.35)
-"""The same restarts after the sliding friction has vanished; the Stribeck speed is over the one found."""
 
 
 def part_again(parameters: Numbers) -> list[dict[str, float]]:
@@ -73,19 +63,21 @@ def part_again(parameters: Numbers) -> list[dict[str, float]]:
     A static friction below the sliding one has no gradient, so the search cannot leave it. Without sliding friction, the
     damper and a wide Stribeck speed imitate it: another minimum.
     """
-    level, static = parameters["torque"], parameters["static_torque"]
-    if static <= level:
-        common, parts, speeds = level, _PARTS, _SPEEDS
-    elif level < _LEAST * static:
-        common, parts, speeds = static, _SLIDING, tuple(share * parameters["velocity"] for share in _SLOWER)
-    else:
+    sliding, static = parameters["torque"], parameters["static_torque"]
+    if _LEAST * static <= sliding < static:
         return []
+    most = max(sliding, static)
+    speeds = (*_VELOCITY.starts, *(share * parameters["velocity"] for share in _SHARES))
     return [
-        {"torque": below * common, "static_torque": above * common, "velocity": speed}
-        for below, above in parts
+        {"torque": share * most, "static_torque": most, "velocity": speed}
+        for share in _SHARES
         for speed in speeds
     ]
 
+
+_VELOCITY = Parameter(
+    "velocity", "rad/s", lambda s: s.rate, low=0.003, high=2.0, starts=(0.1, 0.4), neutral=None
+)
 
 EFFECT = TorqueEffect(
     name="stribeck",
@@ -104,11 +96,8 @@ EFFECT = TorqueEffect(
             high=1.0,
             starts=(0.06,),
             neutral=None,
-            open_above=True,  # more holds the deck at its release angle
         ),
-        Parameter(
-            "velocity", "rad/s", lambda s: s.rate, low=0.003, high=2.0, starts=(0.1, 0.4), neutral=None
-        ),
+        _VELOCITY,
     ),
     law="τ = -(Fc + (Fs - Fc) exp(-(v/vs)²)) sgn v; sticks while the other torques stay within ±Fs",
     formula="({torque} + ({static_torque} - {torque}) exp(-(φ̇/{velocity})²)) sgn φ̇",
@@ -116,13 +105,11 @@ EFFECT = TorqueEffect(
     does="Slow swings lose more than dry friction alone would take, and the joint stops early and off rest.",
     look_alikes=("coulomb", "hysteresis"),
     experiment="Pull the joint slowly with a spring balance: stiction shows as a jerk when it lets go.",
-    mujoco=MujocoSupport(means="dcmotor without power, with LuGre friction", since="3.11", warp=True),
+    mujoco=MujocoSupport(means="dcmotor without power, with LuGre friction", since="3.11"),
     to_mjcf=to_mjcf,
     example=(0.08, 0.25, 0.5),
     friction=friction,
-    limiting_cases=(("coulomb", as_coulomb),),
     excludes=("coulomb",),
     restarts=part_again,
-    decay_signs=(("stops aside", 5), ("scattered levels", 6), ("constant loss", 2)),
     sharpness=2.0,
 )

@@ -65,7 +65,7 @@ EFFECT = TorqueEffect(
         "separate two arms with a tenth of the spring's torque (χ² below 15 for three releases with 0.1° of noise). "
         "Compare the creep after holds of 0.1, 1 and 10 s."
     ),
-    mujoco=MujocoSupport(means="dcmotor without power: shorted R-L winding", since="3.11", warp=True),
+    mujoco=MujocoSupport(means="dcmotor without power: shorted R-L winding", since="3.11"),
     to_mjcf=to_mjcf,
     example=(5.0, 0.05),
     torque=torque,
@@ -79,5 +79,4 @@ EFFECT = TorqueEffect(
             settles=settles,
         ),
     ),
-    decay_signs=(("stops aside", 4), ("scattered levels", 3)),
 )

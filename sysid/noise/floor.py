@@ -17,8 +17,6 @@ _ORDERS = (4, 6, 8, 10)
 """Even difference orders; a higher one removes more of the motion but is a little noisier."""
 _CONFIRMED = 1.02
 """Ratio up to which two orders agree; their common noise cancels in it."""
-_NEIGHBOURS = comb(4 * _ORDERS[-1], 2 * _ORDERS[-1]) / comb(2 * _ORDERS[-1], _ORDERS[-1]) ** 2
-"""Σ ρ² of differences of the highest order: so many of them are worth one independent sample."""
 
 
 _FREEDOMS = 8
@@ -146,8 +144,13 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
     return NoiseFloor(
         std,
         f"{FROM_SCATTER} of the {count} samples of the releases",
-        float(np.sqrt(0.5 * _NEIGHBOURS / max(count - _ORDERS[-1] * len(releases), 8))),
+        float(np.sqrt(0.5 * _per_independent(_ORDERS[-1]) / max(count - _ORDERS[-1] * len(releases), 8))),
     )
+
+
+def _per_independent(order: int) -> float:
+    """Return how many differences of an order are worth one independent sample: Σ ρ² of their autocorrelation ρ."""
+    return comb(4 * order, 2 * order) / comb(2 * order, order) ** 2
 
 
 def local_noise(curves: Sequence[tuple[Array, Array]], poles: Array) -> NoiseFloor:
@@ -201,26 +204,6 @@ def local_noise(curves: Sequence[tuple[Array, Array]], poles: Array) -> NoiseFlo
     if std > 1.3 * usual > 0 and len(quiet) > 4:  # a few kinks, not the noise
         std = usual
     return NoiseFloor(std, f"scatter within a swing, of {free} samples", float(np.sqrt(0.5 / free)))
-
-
-def held_noise(releases: Sequence[Release], *, rate: bool = False) -> float:
-    """Return the scatter of the readings while the deck is held still, without the hand's drift [rad or rad/s].
-
-    It includes correlated noise, and a rest of the hand's motion: an upper bound of the noise. It is 0 if the holds are
-    too short. The median over up to four parts of each hold counts, as the hand may move in one of them.
-    """
-    squares: list[float] = []
-    for release in releases:
-        if release.held is None or len(release.held.time) < 3 * _ENOUGH:
-            continue
-        reading, count = _signal(release.held, rate=rate), min(len(release.held.time) // (3 * _ENOUGH), 4)
-        for part, time in zip(
-            np.array_split(reading, count), np.array_split(release.held.time, count), strict=True
-        ):
-            t = np.interp(time, (time[0], time[-1]), (-1, 1))
-            away = part - np.polyval(np.polyfit(t, part, 2), t)
-            squares.append(float(away @ away) / (len(part) - 3))
-    return float(np.sqrt(np.median(squares))) if squares else 0.0
 
 
 def _without_swing(tail: Array, time: Array) -> Array:

@@ -10,8 +10,8 @@ import numpy as np
 
 from sysid.roll import Array, Signal
 
-LASTS = 1 / 8
-"""Time constant τ of a film's errors [periods]: they follow the motion, which has four independent values in a period."""
+PER_PERIOD = 4.0
+"""Independent values in a period of an error that follows the motion: it has the motion's frequency and twice that."""
 
 
 def kept_after(step: Array, omega: float) -> Array:
@@ -22,9 +22,9 @@ def kept_after(step: Array, omega: float) -> Array:
         omega: Natural frequency of the board [rad/s].
 
     Returns:
-        e^(-t/τ), shape (n,).
+        e^(-t/τ), shape (n,). An error has one independent value in 2 τ.
     """
-    return np.exp(-step * omega / (2 * math.pi * LASTS))
+    return np.exp(-step * omega * PER_PERIOD / math.pi)
 
 
 def own_std(signal: Signal) -> Array:

@@ -3,22 +3,16 @@
 import numpy as np
 import numpy.typing as npt
 
-from sysid.noise.sensor import quantisation_step
+from sysid.noise.sensor import BEST_SENSOR, difference_noise, quantisation_step
 from sysid.roll import Array
 
 NEIGHBOURS = 4
 """Neighbours on either side that predict a sample: a parabola through eight leaves five degrees of freedom."""
-PAIR_ROWS = 5
-"""Two outliers within so many rows are tested together, as each would hide the other; three may be a motion."""
 MIN_DISTANCE = 15.0
 """Studentised distance from the neighbours' parabola from which a sample is an outlier [1]. Swings with at least 2.5 samples a
 period, kinks, steps, jittering clocks and the knocks of real logs stay below 7."""
 MAX_GAP_RATIO = 1.5
 """Largest duration of the neighbours, over that without a lost row: a sample alone in a gap may be a motion."""
-FOURTH_DIFFERENCE = 0.6745 * 70**0.5
-"""Median size of the fourth difference of white noise [its standard deviation]: the squares of its coefficients add up to 70."""
-ROUNDING_SHARE = 1e-6
-"""Rounding error of a log without noise, over its range."""
 CHUNK = 50_000
 """Rows tested at a time: bounds the memory."""
 
@@ -35,16 +29,18 @@ def lone_outliers(time: Array, signal: Array, *, rate: bool) -> Array:
         rate: True for a rate. Two neighbouring rows of a rate may be half a swing from rest to rest, so they are not tested as a pair.
     """
     found = np.zeros(signal.size)
-    if signal.size < 2 * NEIGHBOURS + PAIR_ROWS:
+    if signal.size < 3 * NEIGHBOURS + 1:
         return found
     # 6 times the distance of one outlier; of a pair, one of the two may have no bend
     bends = np.zeros(signal.size)
     bends[2:-2] = np.abs(np.diff(signal, 4))
     low, high = np.percentile(signal, (1, 99))
-    noise = float(np.median(bends)) / FOURTH_DIFFERENCE
-    scale = max(noise, quantisation_step(np.diff(signal)), ROUNDING_SHARE * float(high - low))
+    scale = max(
+        difference_noise(signal, 4), quantisation_step(np.diff(signal)), BEST_SENSOR * float(high - low)
+    )
     suspect, step = bends > MIN_DISTANCE * scale, float(np.median(np.diff(time)))
-    for apart in (0, *range(2 if rate else 1, PAIR_ROWS)):
+    # Two outliers hide each other if one is a neighbour of the other: test them together. Three may be a motion.
+    for apart in (0, *range(2 if rate else 1, NEIGHBOURS + 1)):
         outliers = np.unique((0, apart)) + NEIGHBOURS
         first = np.arange(signal.size - 2 * NEIGHBOURS - apart)
         first = first[np.logical_or.reduce([suspect[first + place] for place in outliers])]

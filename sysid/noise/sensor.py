@@ -1,5 +1,6 @@
 """Sensor noise, quantisation step and saturation of a signal, from the signal itself."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,8 +21,8 @@ FULL_SCALE_ERROR = 0.03
 limit."""
 SOFT = 0.9
 """Share of its limit from which a sensor may saturate softly; larger readings are left out in every swing."""
-_GAIN = 924.0
-"""Sum of the squared coefficients of the sixth difference: the factor by which the variance of white noise grows."""
+BEST_SENSOR = 1e-6
+"""Least noise of a sensor over its swing; a computed log has less, from rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +49,22 @@ def estimate_noise(signal: Array) -> Noise:
     blocks = _blocks(signal)
     step = quantisation_step(np.diff(blocks, axis=1).ravel())
     differences = np.diff(blocks, DIFFERENCE, axis=1)
-    high = float(np.median(np.sqrt(np.mean(differences**2, axis=1) / _GAIN)))
+    high = float(np.median(np.sqrt(np.mean(differences**2, axis=1) / math.comb(2 * DIFFERENCE, DIFFERENCE))))
     scatter = np.sort(_scatter_about_line(blocks))
     quiet = float(np.median(scatter[: max(1, len(scatter) // 5)]))
     # Even the quietest blocks may move; then only the high differences count.
     quiet = quiet if quiet < 3 * max(high, step / np.sqrt(12)) else 0.0
     return Noise(std=max(high, quiet, step / np.sqrt(12)), step=step)
+
+
+def difference_noise(signal: Array, order: int) -> float:
+    """Return the white noise of an evenly sampled signal, shape (n,), from the median size of its differences, in its unit.
+
+    Differences of order m have C(2m, m) times the variance of the noise. The median ignores short stretches of fast motion; of a
+    normal variable it is 0.6745 σ.
+    """
+    size = float(np.median(np.abs(np.diff(signal, order))))
+    return size / (0.6745 * math.sqrt(math.comb(2 * order, order)))
 
 
 def quantisation_step(differences: Array) -> float:

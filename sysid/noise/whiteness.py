@@ -1,4 +1,4 @@
-"""Autocorrelation of residuals, and tests for whiteness."""
+"""Autocorrelation of residuals, and its length."""
 
 from collections.abc import Sequence
 
@@ -27,25 +27,6 @@ def lag_one(residuals: Sequence[Array]) -> float:
         return 0.0
     rho = sum(float(residual[1:] @ residual[:-1]) for residual in residuals) / power
     return min(rho, 0.999) if rho > 2.5 / np.sqrt(count) else 0.0
-
-
-def ljung_box(residuals: Sequence[Array], lags: int = 20) -> tuple[float, int]:
-    """Return the Ljung–Box statistic pooled over releases and its degrees of freedom (Biometrika 1978).
-
-    Args:
-        residuals: Of each release, shape (n,), in any unit.
-        lags: Largest lag.
-    """
-    statistic, degrees = 0.0, 0
-    for residual in residuals:
-        n = len(residual)
-        count = min(lags, n // 5)
-        if count < 1:
-            continue
-        rho = autocorrelation([residual], count)[1:]
-        statistic += n * (n + 2) * float(np.sum(rho**2 / (n - np.arange(1, count + 1))))
-        degrees += count
-    return statistic, degrees
 
 
 def correlation_length(residuals: Sequence[Array]) -> float:

@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from sysid.errors import SysidError
+from sysid.quantity import SURE
 from sysid.releases.extrema import HalfCycle, SmoothedSignal
 
 SMALLEST_RELEASE = 0.08
@@ -26,10 +27,8 @@ AGAIN = 0.12
 """A larger move in the same direction as the swing before, over the first swing, is made by a hand."""
 WANDER = 0.03
 """Zero drift of a sensor within one swing, over the first swing: a gyro's integral, a warm IMU."""
-SURE, TURN = 4.0, 0.015
-"""Standard deviations from which a loss is too small; error of a turning point over the swing, at 18 samples a period."""
-SHARE_OF_HALF = 0.59
-"""10 to 90 % time of a swing over half a period, lightly damped."""
+TURN = 0.015
+"""Error of a turning point over the swing, at 18 samples a period."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +64,7 @@ class Segment:
     @property
     def half_period(self) -> float:
         """Half a period, lightly damped [s]."""
-        return self.pace / SHARE_OF_HALF
+        return half_period_of(self.pace)
 
     @property
     def sizes(self) -> list[float]:
@@ -74,6 +73,11 @@ class Segment:
             abs(self.swings[0].origin - self.rest),
             *(abs(swing.target - self.rest) for swing in self.swings),
         ]
+
+
+def half_period_of(duration: float) -> float:
+    """Return half a period of a swing [s] from its 10 to 90 % time [s]: those of (1 - cos θ) / 2, lightly damped."""
+    return duration * math.pi / (2 * math.asin(0.8))
 
 
 def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segment]:
@@ -214,7 +218,7 @@ def _room(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle) -> float:
     point by up to `1 - cos(π / 2n)` of the amplitude.
     """
     interval = float(signal.time[1] - signal.time[0])
-    count = max(one.duration / (SHARE_OF_HALF * interval), 2.0)
+    count = max(half_period_of(one.duration) / interval, 2.0)
     return max(6.0 * signal.noise, WANDER * first.size, one.size * (1 - math.cos(math.pi / (2 * count))))
 
 

@@ -23,8 +23,6 @@ TREMOR = 0.01
 """Tremor of a hand that holds the joint, over a radian of the swing, as a share of the widest swing."""
 ASIDE = 0.03
 """Largest distance from rest at which dry friction may hold a joint, as a share of its widest swing; farther off a hand holds it."""
-LAG = 0.2
-"""Lag of the recurrence that gives the law [periods]: near a quarter, at which the motion separates stiffness and damping."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +96,9 @@ def _learned(
     A linear decay at even times, and any moving average of it, obeys `x(t + s) = α x(t) + β x(t - s) + c` for any s.
     """
     step = float(np.median(np.diff(time)))
-    lag = max(1, round(LAG * period / step))
+    lag = max(
+        1, round(period / (4 * step))
+    )  # at a quarter of a period the motion separates stiffness and damping
     kernel = np.bartlett(2 * lag + 1)[1:-1]
     rows: list[Array] = []
     for i, stretches in enumerate(free):

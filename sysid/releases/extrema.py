@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
-from sysid.noise.sensor import quantisation_step
+from sysid.noise.sensor import difference_noise, quantisation_step
 from sysid.roll import Array, Release
 
 SMOOTHING_REACH = 0.25
@@ -16,8 +16,6 @@ reduce a sine by 1e-5."""
 ABRUPT = 4.0
 """A step this many times larger than the two steps before and after it is a jump. In a sine, at any sampling rate, the ratio
 is at most two."""
-PAUSE = 30.0
-"""Longer pauses of the record are shortened to this [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +34,6 @@ class SmoothedSignal:
     """First and last grid index of each stretch at a constant angle."""
     levels: tuple[float, ...]
     """Mean roll of each of these stretches [rad]."""
-    jumps: tuple[int, ...] = ()
-    """Grid index before each jump: a hand was quicker than a sample, or the log was cut."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +78,7 @@ def noise_level(roll: Array) -> float:
     """
     if len(roll) < 8:
         return 0.0
-    noise = 1.4826 * float(np.median(np.abs(np.diff(roll, 3)))) / np.sqrt(20.0)
-    return max(noise, quantisation_step(np.diff(roll)) / np.sqrt(12.0))
+    return max(difference_noise(roll, 3), quantisation_step(np.diff(roll)) / np.sqrt(12.0))
 
 
 def smooth_signal(time: Array, roll: Array, std: float, slower: float = 1.0) -> SmoothedSignal:
@@ -114,15 +109,15 @@ def smooth_signal(time: Array, roll: Array, std: float, slower: float = 1.0) -> 
     step = max(6.0 * noise, 0.02 * span)
     plateaus = _plateaus(smooth, step, quickness * interval)
     levels = tuple(float(smooth[first : last + 1].mean()) for first, last in plateaus)
-    return SmoothedSignal(grid, smooth, noise, step, plateaus, levels, tuple(jumps.tolist()))
+    return SmoothedSignal(grid, smooth, noise, step, plateaus, levels)
 
 
 _SMOOTHED: WeakKeyDictionary[Release, SmoothedSignal] = WeakKeyDictionary()
 
 
 def _without_pauses(time: Array, interval: float) -> Array:
-    """Return a clock with pauses shortened to `PAUSE`: an hour without samples would need a million grid points."""
-    longest = max(PAUSE, 100 * interval)
+    """Return a clock with pauses no longer than all samples together: an hour without samples would need a million grid points."""
+    longest = len(time) * interval
     steps = np.diff(time)
     if steps.max() <= longest:
         return time

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.releases.chains import MANY, SHARE_OF_HALF, Segment, free_segments, given_segment
+from sysid.releases.chains import MANY, Segment, free_segments, given_segment, half_period_of
 from sysid.releases.contact import Span, free_stretches
 from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
 from sysid.roll import Release, Roll
@@ -25,8 +25,6 @@ FEWEST_SAMPLES = 8
 """Fewest samples of a decay."""
 COARSE = 0.5
 """Largest step between neighbours over the range of the motion: larger ones mean too few samples (a sine with six a period)."""
-PULLED = 0.15
-"""Least share of the way to rest in an eighth of the period after a release: half of a free joint's."""
 SLOWER = (5.0, 25.0)
 """Ratios of the speed of a kick to that of the joint, tried if nothing swings at the pace of the fastest motion."""
 SETS_OFF = 0.25
@@ -133,7 +131,7 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
         return []
     # A push makes the first swing longer.
     later = [swing.duration for segment in segments for swing in segment.wide[1:4] or segment.wide]
-    period = 2 * float(np.median(later)) / SHARE_OF_HALF
+    period = 2 * half_period_of(float(np.median(later)))
     spans: list[Span] = []
     holds: list[float] = []
     for segment, other in zip(segments, [*segments[1:], None], strict=True):
@@ -173,10 +171,10 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
 def _pulled(signal: SmoothedSignal, segment: Segment, begin: float, period: float) -> bool:
     """Whether the joint returns from a hold at `begin` [s] as fast as its own torque pulls it, without a hand.
 
-    In an eighth of a period half a cosine goes 29 % of its way, and 19 % at critical damping.
+    In an eighth of a period a cosine goes 29 % of its way to rest, and 19 % at critical damping. Half of a cosine's counts.
     """
     held, then = np.interp((begin, begin + period / 8), signal.time, signal.roll)
-    return bool((held - then) / (held - segment.rest or 1.0) > PULLED)
+    return bool((held - then) / (held - segment.rest or 1.0) > (1 - math.cos(math.pi / 4)) / 2)
 
 
 def _swings_in(signal: SmoothedSignal, segment: Segment, begin: float, end: float) -> bool:

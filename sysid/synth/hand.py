@@ -20,8 +20,6 @@ class HandMotion:
     """When the hand takes the deck [s]."""
     end: float
     """When it lets go [s]."""
-    held_from: float
-    """When the deck has arrived and is only held [s]."""
     spline: Any = field(repr=False)
     bend: Any = field(repr=False)
     """Second derivative of `spline`."""
@@ -71,4 +69,4 @@ def hand_motion(
     roll += tremor * onset**3 * (10 - 15 * onset + 6 * onset**2) * wobble
     # Fixed rate and curvature where the hand takes over; nothing is asked of the far end.
     spline = make_interp_spline(times, roll, k=5, bc_type=([(1, start[1]), (2, 0.0)], [(2, 0.0), (3, 0.0)]))
-    return HandMotion(begin, end, begin + push, spline, spline.derivative(2))
+    return HandMotion(begin, end, spline, spline.derivative(2))

@@ -219,7 +219,7 @@ def _followed() -> Generator[None]:
 @_followed()
 def simulate(
     law: TrueLaw, start: Condition, begin: float, end: float, times: Array, hand: Hand | None = None, *,
-    accelerations: bool = False, rtol: float = RTOL, atol: float = ATOL,
+    accelerations: bool = False, tolerances: tuple[float, float] = (RTOL, ATOL),
 ) -> tuple[Array, Condition]:  # fmt: skip
     """Integrate from `begin` to `end` [s] and sample at `times` [s], shape (n,), ascending, in between.
 
@@ -253,7 +253,7 @@ def simulate(
             return samples, Condition(state, motion.modes)
         until = min([end, *knots[np.searchsorted(knots, time, side="right") :][:1]])
         solver: Any = DOP853(
-            motion.rates, time, state, until, rtol=rtol, atol=atol, max_step=longest,
+            motion.rates, time, state, until, rtol=tolerances[0], atol=tolerances[1], max_step=longest,
             first_step=None if step is None else min(step, until - time),
         )  # fmt: skip
         guards = motion.guards()

@@ -11,7 +11,7 @@ from made import release
 from sysid.decay.linear_fit import fit_traces
 from sysid.fitting.joint import FitOptions, fit_joint
 from sysid.free_decay import fit_decay
-from sysid.noise.lasting import LASTS
+from sysid.noise.lasting import PER_PERIOD
 from sysid.workspace import Workspace
 
 OMEGA, ZETA = 41.083, 0.56265
@@ -20,7 +20,7 @@ STD = np.radians(0.05)
 
 def errors(time, rng):
     """An Ornstein–Uhlenbeck process of unit variance that lasts for an eighth of the period."""
-    kept = np.exp(-np.diff(time) * OMEGA / (2 * np.pi * LASTS))
+    kept = np.exp(-np.diff(time) * OMEGA * PER_PERIOD / np.pi)
     x = np.empty(len(time))
     x[0] = rng.normal()
     for i, share in enumerate(kept, start=1):

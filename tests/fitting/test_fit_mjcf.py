@@ -22,7 +22,7 @@ from sysid.joint.structure import structure_of
 from sysid.least_squares import Normal, minimise
 from sysid.logs import read_roll
 from sysid.noise.floor import difference_std, noise_floor
-from sysid.noise.whiteness import correlation_length, ljung_box
+from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Quantity
 from sysid.releases import find_releases
 from sysid.roll import Release
@@ -294,15 +294,12 @@ def test_noise_floor_of_uneven_samples():
     assert difference_std([(noisy[holed], time[holed])]) == pytest.approx(2e-4, rel=0.15)
 
 
-def test_whiteness_tests_tell_noise_from_a_swing():
+def test_a_swing_is_correlated_and_noise_is_not():
     rng = np.random.default_rng(11)
     white = [rng.standard_normal(1000) for _ in range(3)]
     time = np.arange(1000) / 1000
     swing = [w + 0.4 * np.sin(2 * np.pi * 6 * time) for w in white]
     assert correlation_length(white) < 1.5 < correlation_length(swing)
-    statistic, degrees = ljung_box(white)
-    assert statistic < degrees + 5 * np.sqrt(2 * degrees)
-    assert ljung_box(swing)[0] > 4 * degrees
 
 
 def test_scales_come_from_the_data_where_the_record_is_far_off(pink):

@@ -1,12 +1,10 @@
 """The noise floor: what a release shows at rest counts for noise, what is left of its swing does not."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from made import release
 
-from sysid.noise.floor import held_noise, noise_floor
+from sysid.noise.floor import noise_floor
 
 NOISE = 1e-4
 TIME = np.arange(0.0, 4.0, 5e-3)
@@ -47,13 +45,3 @@ def test_noise_that_lasts_is_read_at_rest():
     floor = noise_floor([at_rest(swing(TIME, 0.1) + noise(4, memory=4.0))])
     assert "at rest" in floor.how
     assert floor.std == pytest.approx(NOISE, rel=0.25)
-
-
-@pytest.mark.parametrize("memory", [0.0, 3.0, 8.0])
-def test_what_is_held_still_shows_noise_that_lasts_beside_a_hand_that_drifts_and_settles(memory):
-    """Noise that lasts is not seen in differences; a hand moves for a quarter of its hold."""
-    hand = 30 * NOISE * (TIME / 4 + np.maximum(0.0, 1 - TIME) ** 2)
-    releases = [
-        replace(at_rest(swing(TIME)), held=at_rest(0.1 + hand + noise(seed, memory))) for seed in (5, 6, 7)
-    ]
-    assert held_noise(releases) == pytest.approx(NOISE, rel=0.15)
