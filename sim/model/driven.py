@@ -72,13 +72,8 @@ def stated(setup: Setup, kind: InputKind, gains: Sequence[float] = ()) -> Stated
     read = gains or (() if acting is None else _gains(acting, kind))
     values |= {f"{source.name}.{p.name}": v for p, v in zip(source.parameters, read, strict=False)}
     if acting is not None:
-        numbers = (
-            (
-                float(acting.forcerange[1]) if model.actuator(acting.name).forcelimited[0] else 0.0,
-                "saturation",
-            ),
-            (float(getattr(acting, "delay", 0.0)), "delay"),
-        )
+        limit = float(acting.forcerange[1]) if model.actuator_forcelimited[acting.id] else 0.0
+        numbers = ((limit, "saturation"), (float(getattr(acting, "delay", 0.0)), "delay"))
         for value, family in numbers:
             part = next(one for one in drives().values() if one.family == family)
             if value > 0:
@@ -222,14 +217,14 @@ def replay(setup: Setup, logs: Mapping[str, DrivenLog], values: Mapping[str, Sta
         acting = next((one for one in actuators_of(spec, setup.with_(joint=name).joint_of(spec))), None)
         by_model = acting is not None and log.kind == "command" and bool(_gains(acting, log.kind))
         gains = tuple(values[name].values.get(f"{source.name}.{p.name}", 1.0) for p in source.parameters)
-        number = model.actuator(acting.name).id if acting is not None and by_model else -1
+        number = acting.id if acting is not None and by_model else -1
         driven.append((where, dof, number, log.mean_input(grid, 0.0)[0], gains))
         if number >= 0 and model.actuator_delay[number] > 0:
             samples = int(model.actuator_history[number, 0])
             mujoco.mj_initCtrlHistory(model, data, number, None, np.full((samples, 1), log.input[0]))
         if number < 0 and acting is not None:
-            model.actuator_gainprm[model.actuator(acting.name).id] = 0.0
-            model.actuator_biasprm[model.actuator(acting.name).id] = 0.0
+            model.actuator_gainprm[acting.id] = 0.0
+            model.actuator_biasprm[acting.id] = 0.0
     paths = np.zeros((len(grid), len(driven)))
     for i in range(len(grid)):
         paths[i] = data.qpos[[where for where, *_ in driven]]
