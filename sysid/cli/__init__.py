@@ -38,6 +38,7 @@ class Command(NamedTuple):
 JOINT = ("--board", "--model", "--joint", "--pose")
 LOG = ("--column", "--unit", "--axis", "--from", "--to")
 OUTPUT = ("--json", "--workspace")
+RIDE = ("--board", "--duration", "--speed", "--turn-deg", "--commands", "--viewer", "--force", "--output")
 COMMANDS = {
     "decay": Command(
         "Measure stiffness, damping and frequency from a log.",
@@ -219,18 +220,7 @@ COMMANDS = {
         "Show a policy in Rerun or in the MuJoCo viewer.",
         ("play data/policies/pink.onnx --board pink", "play data/policies/pink.onnx --board pink --viewer"),
         "runtime.md",
-        first=(
-            "--board",
-            "--duration",
-            "--speed",
-            "--turn-deg",
-            "--commands",
-            "--viewer",
-            "--terrain",
-            "--force",
-            "--output",
-            *OUTPUT,
-        ),
+        first=(*RIDE, "--terrain", *OUTPUT),
     ),
     "export": Command(
         "Pack scene, policy and board record into one folder that runs by itself.",
@@ -241,20 +231,7 @@ COMMANDS = {
         "Run a policy in real time, in MuJoCo or on the robot.",
         ("run data/policies/pink.onnx --board pink", "run pink_on_g1 --robot unitree --interface eth0"),
         "runtime.md",
-        first=(
-            "--board",
-            "--duration",
-            "--speed",
-            "--turn-deg",
-            "--commands",
-            "--robot",
-            "--interface",
-            "--viewer",
-            "--dry-run",
-            "--force",
-            "--output",
-            *OUTPUT,
-        ),
+        first=(*RIDE, "--robot", "--interface", "--dry-run", *OUTPUT),
     ),
 }
 """Every command."""

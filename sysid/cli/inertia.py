@@ -57,10 +57,8 @@ def cuboid(
         distance: Distance e of its centre from the tilt axis [m].
         outcome: Use of the result.
     """
-    from sysid import inertia as methods
-
     given = {"mass": mass, "width": width, "height": height, "distance": distance}
-    return _report("cuboid", methods.cuboid, given, outcome)
+    return _report("cuboid", given, outcome)
 
 
 @inertia.command
@@ -114,10 +112,8 @@ def bifilar(
         distance: Distance e from the centre of mass to the tilt axis [m].
         outcome: Use of the result.
     """
-    from sysid import inertia as methods
-
     given = {"mass": mass, "separation": separation, "length": length, "period": period, "distance": distance}
-    return _report("bifilar", methods.bifilar, given, outcome)
+    return _report("bifilar", given, outcome)
 
 
 @inertia.command
@@ -138,10 +134,8 @@ def torsional(
         distance: Distance e from the wire's axis to the tilt axis [m].
         outcome: Use of the result.
     """
-    from sysid import inertia as methods
-
     given = {"stiffness": stiffness, "period": period, "distance": distance}
-    return _report("torsional", methods.torsional, given | ({"mass": mass} if mass else {}), outcome)
+    return _report("torsional", given | ({"mass": mass} if mass else {}), outcome)
 
 
 @inertia.command
@@ -159,10 +153,8 @@ def compound(
         amplitude: Amplitude of the swing, to correct its longer period [rad].
         outcome: Use of the result.
     """
-    from sysid import inertia as methods
-
     given = {"mass": mass, "pivot": pivot, "period": period, "distance": distance, "amplitude": amplitude}
-    return _report("compound", methods.compound, given, outcome)
+    return _report("compound", given, outcome)
 
 
 @inertia.command(name="added-mass")
@@ -284,8 +276,11 @@ def combine(*estimates: Text, outcome: Outcome = Outcome()) -> int:
     return _finish("combine", result.inertia, outcome, named, {}, extra=extra)
 
 
-def _report(name: str, method: Callable[..., Quantity], given: Mapping[str, str], outcome: Outcome) -> int:
-    """Read the options, run a method, print the result."""
+def _report(name: str, given: Mapping[str, str], outcome: Outcome) -> int:
+    """Read the options, run the method of that name, print the result."""
+    from sysid import inertia as methods
+
+    method: Callable[..., Quantity] = getattr(methods, name)
     inputs = {
         key: parse_quantity(text, UNITS.get(key, "m"), f"--{key}", positive=key not in MAY_BE_ZERO)
         for key, text in given.items()
