@@ -44,7 +44,7 @@ class Tick(NamedTuple):
     action: Array
     """The policy's answer in its own units, shape (23,)."""
     course: float
-    """Sum of the turns asked for since the start [rad]; `command` has the one that the policy was told."""
+    """Sum of the commanded turns since the start [rad]; `command` has the policy's turn."""
 
 
 class Event(NamedTuple):
@@ -133,9 +133,9 @@ class Runtime:
     stop_time: float = STOP_TIME
     """How long the servos brake after a stop [s]."""
     hold_heading: bool = False
-    """Make up for what earlier turns missed, instead of telling the policy each turn as it is asked for."""
+    """Correct the heading errors of earlier turns in each commanded turn."""
     preparation: Preparation | None = None
-    """How the robot comes to where the policy starts; None where it is there already."""
+    """Way of the robot to the start pose; None if it is there already."""
 
     def run(self, duration: float = float("inf")) -> RunResult:
         """Run until the longest time [s] is over, the commands end, or a check stops the robot."""
@@ -242,7 +242,7 @@ class _Run:
             self._ticks += 1
 
     def _decide(self) -> Tick | None:
-        """Read, check, ask, send; return what happened, or None where the commands ended."""
+        """Read, check, ask, send; return the tick, or None after the last command."""
         self._slept = 0.0
         runtime, now = self._runtime, self._ticks * CONTROL_PERIOD
         state = self._read()

@@ -434,7 +434,7 @@ def check_rewards(env: Any, iteration: int) -> None:
 
 
 def check_finite(algorithm: "AmpPPO", numbers: dict[str, float], iteration: int) -> None:
-    """Stop when a loss is not a number any more, naming what first went wrong.
+    """Stop when a loss is not finite, and name the first cause.
 
     Raises:
         SysidError: With the observation group, its column and the world, or the reward, or the loss.
@@ -475,7 +475,7 @@ def _agreed(flag: bool, process: Process) -> bool:
 
 
 def main() -> None:
-    """Go on with a run; what torchrun starts."""
+    """Continue a run; the entry point for torchrun."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--device", default="cuda", choices=("cpu", "cuda"))

@@ -42,7 +42,7 @@ class LogFile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """A board and what logs say about it."""
+    """A board and the results of its logs."""
 
     board: Board
     files: tuple[LogFile, ...]

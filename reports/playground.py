@@ -51,9 +51,9 @@ class Preset:
     vector: tuple[float, ...]
     """Its numbers, as the page's law orders them."""
     spreads: tuple[float | None, ...]
-    """For each release, by how much it may start faster than from rest [rad/s]; None where it was pushed."""
+    """Largest rate at the start of each release [rad/s]; None for a pushed one."""
     zeros: bool
-    """Whether each release has a zero of the sensor of its own."""
+    """Whether the sensor's zero differs between releases."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +177,7 @@ def _presets(
 def _laws(
     evidence: Evidence, diagnosis: LastDiagnosis | None, current: str
 ) -> tuple[list[tuple[str, JointLaw]], JointLaw]:
-    """Return the laws that buttons lead to, and the one to begin with: what the diagnosis chose, or the record's."""
+    """Return the laws of the buttons, and the initial one: that of the diagnosis, or the record's."""
     fitted = [(REFITTED if rung.label == PLAIN else rung.label, rung.fit.law) for rung in evidence.ladder]
     stood = [] if any(law == evidence.stood for _, law in fitted) else [(STOOD, evidence.stood)]
     laws = [*stood, *fitted]
@@ -207,7 +207,7 @@ def _slides(part: Effect) -> bool:
 
 
 def _vanishes(part: Effect) -> bool:
-    """Whether a sensor's effect has values at which it does nothing, without a state of its own or another clock."""
+    """Whether a sensor's effect can vanish, and has neither states nor another clock."""
     plain = isinstance(part, SensorEffect) and not part.states and not part.clock_ratio
     return plain and all(parameter.neutral is not None for parameter in part.parameters)
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH, HEIGHT = 6.4, 3.2
-"""Size of a picture of its own [inch]."""
+"""Size of a single picture [inch]."""
 PERIODS = 4.0
 """Time for which a record's own decay is drawn, in natural periods."""
 
@@ -174,7 +174,7 @@ def _draw_diagnosis(found: Any, axes: "Axes") -> None:
 
 
 def _story(fit: Fit) -> "Figure | None":
-    """Return the story of a fit: the record as it stood and as it is fitted; None without a record that moves."""
+    """Return the story of a fit: the record before and after; None without a record that moves."""
     from reports.figures.story import story_figure
     from reports.story import tell
 

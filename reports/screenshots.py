@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
 
 PATIENCE = 60.0
-"""For a viewer to start, and for its picture to settle [s]: a choice, ten times what a busy machine took."""
+"""Time for a viewer to start and its picture to settle [s]: a choice, ten times that on a busy machine."""
 PAUSE = 1.0
 """Between two pictures that are compared [s]."""
 MENU_BAR = 37
@@ -68,7 +68,7 @@ def _connected(client: "type[ViewerClient]", process: "subprocess.Popen[bytes]",
 
 
 def recording_picture(viewer: "ViewerClient", recording: Path, time_s: float) -> bytes:
-    """Return what a viewer shows of a recording, as PNG, without its menu bar (badges there tell of the machine).
+    """Return a viewer's picture of a recording, as PNG, without the menu bar (its badges depend on the machine).
 
     Args:
         viewer: From `headless_viewer`.

@@ -75,11 +75,11 @@ class Ranked:
 
 @dataclass(frozen=True, slots=True)
 class Missing:
-    """The torque beyond spring and damper against tilt or rate, and what the effects make of it."""
+    """The torque beyond spring and damper against tilt or rate, and that of the effects."""
 
     seen: TorqueProfile
     at: Array
-    """Tilt [rad] or rate [rad/s] at which the law is drawn, shape (m,); empty where no effect is named."""
+    """Tilt [rad] or rate [rad/s] of the drawn law, shape (m,); empty without a named effect."""
     law: Array
     """Mean torque of the effects there [N*m], shape (m,)."""
 
@@ -147,7 +147,7 @@ def times(error: float) -> str:
 
 
 def release_name(result: Comparison, index: int) -> str:
-    """Return the name of a release: with its log where there are several logs."""
+    """Return the name of a release; with its log if there are several logs."""
     release = result.releases[index]
     several = len({other.log for other in result.releases}) > 1
     return f"{Path(release.log).name}, release {release.number}" if several else f"release {release.number}"
@@ -165,7 +165,7 @@ def tell(
     ranked: Sequence[Ranked] = (),
     label: str = "",
 ) -> Story:
-    """Compare two laws of a board with recordings, and say what lies between them.
+    """Compare two laws of a board with recordings, and describe their difference.
 
     Args:
         effects: Effects that `after` has beyond `before`.
@@ -242,7 +242,7 @@ def _torque(law: JointLaw, names: Sequence[str], release: ComparedRelease) -> Ar
 
 
 def _averaged(at: Array, torque: Array) -> tuple[Array, Array]:
-    """Average a torque over bins of as many samples each; nothing where no effect is named."""
+    """Average a torque over bins of equal count; empty without a named effect."""
     if np.isnan(torque).any():
         return np.zeros(0), np.zeros(0)
     parts = np.array_split(np.argsort(at), min(FINE, len(at)))
@@ -270,7 +270,7 @@ def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
 
 
 def for_report(found: "Diagnosis", board: Board) -> dict[str, Any]:
-    """Return what a report needs of a diagnosis besides its JSON: its record, and the model behind its verdict."""
+    """Return the data of a diagnosis for a report besides its JSON: its record, and the model behind its verdict."""
     law = found.best.fit.law
     parameters = {
         name: {"value": float(value)}
@@ -284,7 +284,7 @@ def for_report(found: "Diagnosis", board: Board) -> dict[str, Any]:
 
 
 def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story:
-    """Return the story of a record: as it stood, and as it is or as its last diagnosis would have it."""
+    """Return the story of a record: before its fits, and now or with the effects of its last diagnosis."""
     board, floor, after = evidence.board, evidence.comparison.noise.std, evidence.comparison.law
     effects = tuple(part.name for part in board.effects if not effect(part.name).is_known)
     steps = [

@@ -58,7 +58,7 @@ class Table:
         return Table(self.title, self.columns, added)
 
     def mean(self, row: str, column: str) -> float:
-        """Return the mean of one cell; NaN where no step falls into it."""
+        """Return the mean of one cell; NaN without a step in it."""
         total, count = self.rows[row][self.columns.index(column)]
         return total / count if count else float("nan")
 
@@ -181,7 +181,7 @@ def _cell(values: Any, where: Flags) -> Cell:
 
 
 def _means(columns: Mapping[str, Any]) -> Callable[[str, Iterable[Labelled]], Table]:
-    """Return what makes the table of some columns, (t, n) each, with a row for each label's steps."""
+    """Return the maker of a table with some columns, (t, n) each, and a row for the steps of each label."""
 
     def table(title: str, rows: Iterable[Labelled]) -> Table:
         cells = {label: tuple(_cell(values, where) for values in columns.values()) for label, where in rows}
@@ -233,7 +233,7 @@ def _turn(rides: Rides, steer: _Phases) -> Array:
 
 
 def _at_begin(values: Array, phases: _Phases) -> Array:
-    """Return values of (t, n) as they were at the first step of the phase that a step is in."""
+    """Return values, (t, n), at the first step of the phase of each step."""
     return np.take_along_axis(values, phases.begin, axis=0)
 
 

@@ -60,7 +60,7 @@ class Rides:
     alive: Flags
     """The episode still ran at this step, (t, n)."""
     pushing: Flags
-    """In the pushing phase and told to move, (t, n)."""
+    """In the pushing phase with a command to move, (t, n)."""
     steering: Flags
     """In the steering phase, (t, n)."""
     waiting: Flags
@@ -157,7 +157,7 @@ def episode_errors(rides: Rides) -> dict[str, Array]:
 
 
 def _over_all(values: Array, where: Flags) -> Array:
-    """Return the sum over steps where a flag is set, shape (n,); NaN where it is 0."""
+    """Return the sum over steps with a flag, shape (n,); NaN if it is 0."""
     total = np.where(where, values, 0.0).sum(axis=0)
     return np.where(total > 0, total, np.nan)
 
@@ -189,7 +189,7 @@ def wrong_in_steering(rides: Rides) -> Flags:
 
 
 def _mean(values: Array, where: Flags) -> Array:
-    """Return the mean over steps where a flag is set, shape (n,); NaN where it never is."""
+    """Return the mean over steps with a flag, shape (n,); NaN without one."""
     count = where.sum(axis=0)
     total = np.where(where, values, 0.0).sum(axis=0)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)

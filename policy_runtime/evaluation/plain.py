@@ -38,7 +38,7 @@ from sysid.roll import Array
 FALLEN_INCLINATION = math.radians(70)
 """Inclination of the pelvis that ends an episode [rad]."""
 STOP_TIME = 9.0
-"""How long a robot that is told to stand is left standing [s]; it shall be at rest after 8 s."""
+"""Duration of a commanded stop [s]; the robot must be at rest after 8 s."""
 SETTLING = 0.1
 """Time after the start during which the feet may be unloaded [s]."""
 
@@ -64,7 +64,7 @@ class Protocol:
     board_scale: Mapping[str, float] = field(default_factory=dict[str, float])
     """Factors of the board's numbers, see `sim.board.scaled`."""
     hold_heading: bool = False
-    """Make up for what earlier turns missed (plain MuJoCo only)."""
+    """Correct the heading errors of earlier turns (plain MuJoCo only)."""
     jump: float = 0.0
     """Time after which speed and turn are drawn anew [s] (plain MuJoCo only); 0 for a speed an episode and a turn a cycle."""
     stop: bool = False
@@ -144,10 +144,10 @@ class _Episode:
 def run_episode(
     world: World, policy: Policy, protocol: Protocol, rng: np.random.Generator
 ) -> tuple[Recording, str]:
-    """Ride one episode, leave the world where it ended, and return what happened and how it ended.
+    """Ride one episode, leave the world at its end, and return the recording and the ending.
 
     Raises:
-        KeyboardInterrupt: The run was interrupted: a ride that was cut says nothing about the policy.
+        KeyboardInterrupt: The run was interrupted; its ride is incomplete.
     """
     world.reset(rng=rng)
     if isinstance(world.robot, StressedRobot):
@@ -198,7 +198,7 @@ def policy_named(name: str, board: Board | None, *, force: bool = False) -> Poli
 
 
 def _work(name: str, board: Board, protocol: Protocol, force: bool, seed: int, episodes: range) -> Part:
-    """Ride some episodes of one seed in a process of its own."""
+    """Ride some episodes of one seed in a separate process."""
     world = protocol_world(board, protocol)
     policy = policy_named(name, board, force=force)
     rides: list[Rides] = []

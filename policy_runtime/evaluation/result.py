@@ -33,7 +33,7 @@ class Part:
     endings: list[str]
     """How each episode ended."""
     stood: Flags
-    """Whether it was told to stand all the time, shape (n,)."""
+    """Whether it was commanded to stand all the time, shape (n,)."""
     headings: Array
     """See `metrics.reachable_headings`."""
     tables: tuple[Table, ...]
@@ -66,9 +66,9 @@ class Evaluation:
     """Episodes of each seed."""
     seeds: tuple[int, ...]
     success: Quantity
-    """Share of the rides that last to the time limit; told to stand is no ride."""
+    """Share of the rides that last to the time limit, without commanded standing."""
     standing: Quantity
-    """The same of the episodes that were told to stand."""
+    """The same of the episodes of commanded standing."""
     errors: dict[str, Quantity]
     """Every metric of `METRICS`."""
     endings: dict[str, int]
@@ -76,7 +76,7 @@ class Evaluation:
     duration: Quantity
     """Time until the end of an episode [s]."""
     median_duration: float
-    """Of the rides, without those told to stand [s]."""
+    """Of the rides, without commanded standing [s]."""
     headings: Array
     """See `metrics.reachable_headings`."""
     tables: tuple[Table, ...]

@@ -95,7 +95,7 @@ class StressedRobot(SimulatedRobot):
         super().__init__(model, direct_rake=direct_rake)
 
     def reset(self, qpos: Array, speed: float = 0.0) -> None:
-        """See `SimulatedRobot.reset`; nothing is on its way to the servos, nothing pushes."""
+        """See `SimulatedRobot.reset`; delayed commands and pushes are cleared."""
         self._steps, self._pushed_until = 0, 0
         self._coming: deque[tuple[int, JointCommand]] = deque()
         super().reset(qpos, speed)

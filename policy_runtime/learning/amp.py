@@ -1,5 +1,5 @@
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
-"""Adversarial motion priors (AMP) as one extension of rsl_rl's PPO, which stays as it is.
+"""Adversarial motion priors (AMP) as an extension of rsl_rl's unchanged PPO.
 
 A discriminator separates windows of five joint frames of the reference motions from the policy's. Windows that
 it takes for reference are rewarded (Peng et al. 2021, "AMP"; least-squares loss, gradient penalty). Only
@@ -262,7 +262,7 @@ class AmpPPO(PPO):
 
 
 def average_over_processes(tensor: torch.Tensor) -> None:
-    """Replace a tensor by its mean over all processes; leave it where there is one process."""
+    """Replace a tensor by its mean over all processes; unchanged with one process."""
     if torch.distributed.is_initialized():
         torch.distributed.all_reduce(tensor)
         tensor /= torch.distributed.get_world_size()

@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 LONGEST = 5 / 6 * min(Clock().push, Clock().steer)
 """Patience of a beginner [policy steps]: a phase in the wrong stance ends an episode."""
 PATIENCE_ENDS = 24.0
-"""Ends a minute of riding at which the patience stays as it is: more than one leg alone brings about."""
+"""Ends a minute of riding at which the patience stays: more than riding on one leg causes."""
 STRENGTH_ENDS = 4.5
-"""Ends a minute of riding at which the strength stays as it is."""
+"""Ends a minute of riding at which the strength stays."""
 GAIN = 0.03
 """Step for ends that are off by a factor of e."""
 HARDER, EASIER = 0.03, 0.01
@@ -99,7 +99,7 @@ class Curriculum:
     def __init__(
         self, env: Any, algorithm: "AmpPPO", last_entropy: float, level: Level | None = None
     ) -> None:
-        """Read what the task's own numbers are.
+        """Read the task's own numbers.
 
         Args:
             env: The unwrapped worlds; an episode must end for a wrong stance in them.
@@ -129,7 +129,7 @@ class Curriculum:
         self.set(Level(patience=LONGEST, ends=math.inf) if level is None else level)
 
     def set(self, level: Level) -> None:
-        """Make the task as hard as a level says."""
+        """Set the difficulty of the task to a level."""
         self.level = level
         share = level.patience / self.own
         for own, kept in self._patience.values():

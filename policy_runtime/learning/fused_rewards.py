@@ -106,7 +106,7 @@ class FrameHistory:
         return self._frames
 
     def append(self, frame: torch.Tensor) -> None:
-        """Add a frame, (n, …); where it is an episode's first it fills all places."""
+        """Add a frame, (n, …); the first of an episode fills all places."""
         repeated = frame[:, None].expand(-1, self._length, *frame.shape[1:])
         if self._frames is None or self._new is None:
             self._frames = repeated.clone()
@@ -197,7 +197,7 @@ class SkateEnv(ManagerBasedRlEnv):
                 buffers[name] = FrameHistory(buffer.max_length)
 
     def step(self, action: torch.Tensor) -> Any:
-        """Take a policy step and return what mjlab's environment returns."""
+        """Take a policy step; returns like mjlab's environment."""
         self.extras["log"] = {}
         self.action_manager.process_action(action)
         for substep in range(self.cfg.decimation):

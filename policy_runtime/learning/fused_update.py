@@ -49,7 +49,7 @@ class FusedUpdate:
         self._entropy.fill_(algorithm.entropy_coef)
         self._advantages.copy_(storage.advantages.flatten())
         for model, kept in zip(self._models, self._deviations, strict=True):
-            # rsl_rl makes a new tensor at every step of the rollout; a graph looks where it was recorded.
+            # rsl_rl makes a new tensor at every step of the rollout; a graph reads the recorded one.
             model.obs_normalizer._std = kept.copy_(model.obs_normalizer._std)
         self._totals.zero_()
         batches, epochs = algorithm.num_mini_batches, algorithm.num_learning_epochs
@@ -106,7 +106,7 @@ class FusedUpdate:
 
 
 def use_rate(optimiser: torch.optim.Optimizer, rate: torch.Tensor | None) -> None:
-    """Let an optimiser run in graphs, with a learning rate that is on the device or as it is."""
+    """Let an optimiser run in graphs, with its learning rate on the device or unchanged."""
     for group in optimiser.param_groups:
         group["capturable"] = next(iter(group["params"])).is_cuda
         if rate is not None:

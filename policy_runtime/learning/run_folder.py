@@ -70,7 +70,7 @@ class LearnOptions:
     graphs: bool = True
     """Whether to launch many small operations as one CUDA graph where there is a GPU."""
     learning_rate: float = 1e-3
-    """First learning rate of a run from nothing; it adapts."""
+    """First learning rate of a new run; it adapts."""
     desired_kl: float = 0.015
     gamma: float = 0.99
     lam: float = 0.95
@@ -155,7 +155,7 @@ class RunFolder:
         gpus: int = 1,
         motions: Sequence[Path] = (),
     ) -> None:
-        """Write what a run needs before it starts: options, record, and where they came from.
+        """Write the data of a run before it starts: options, record and their origin.
 
         Args:
             record: The board's record file; it is copied.
@@ -213,18 +213,18 @@ class RunFolder:
         return None if start is None else self.checkpoint(_iteration(Path(start["path"])))
 
     def gpus(self) -> int:
-        """Return how many GPUs the run began on; 1 where it does not say."""
+        """Return the number of GPUs of the run's start; 1 if unknown."""
         return int(self._read_origin().get("gpus", 1))
 
     def _read_origin(self) -> dict[str, Any]:
         return json.loads(self.origin.read_text(encoding="utf-8")) if self.origin.exists() else {}
 
     def has_learned(self) -> bool:
-        """Return whether anything came of the run: an iteration, or a checkpoint of its own."""
+        """Whether the run has a result: an iteration, or a checkpoint of its own."""
         return bool(self.read_curves()) or any(path != self.started_from() for path in self.checkpoints())
 
     def discard(self) -> None:
-        """Remove what `begin` wrote, and the folder unless it holds something else."""
+        """Remove the files of `begin`, and the folder if it is empty then."""
         written = (self.config, self.board, self.origin, self.curves)
         others = (*self.path.glob("events.out.tfevents*"), *self.path.glob("motions/*.npy"))
         for path in (*written, *self.checkpoints(), *others):
@@ -234,7 +234,7 @@ class RunFolder:
                 folder.rmdir()
 
     def add_to_curves(self, numbers: Mapping[str, float]) -> None:
-        """Add an iteration's report; one that a kill has cut short stays on a line of its own."""
+        """Add an iteration's report; an incomplete one from a killed run stays on its own line."""
         with self.curves.open("ab+") as file:
             if file.tell() > 0:
                 file.seek(-1, os.SEEK_END)

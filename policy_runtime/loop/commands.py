@@ -159,7 +159,7 @@ class Keyboard:
         return self._command
 
     def close(self) -> None:
-        """Give the terminal back as it was."""
+        """Restore the terminal."""
         termios.tcsetattr(self._fd, termios.TCSADRAIN, self._saved)
 
 

@@ -18,7 +18,7 @@ class Course:
     """Adds up the turns asked for; with `hold`, asks for those that keep to the sum."""
 
     def __init__(self, clock: Clock, *, hold: bool = False) -> None:
-        """Start straight on; `hold` makes up for what earlier turns missed."""
+        """Start straight on; `hold` corrects the heading errors of earlier turns."""
         self._clock, self._hold = clock, hold
         self.asked = 0.0
         """Sum of the turns asked for since the start [rad]."""

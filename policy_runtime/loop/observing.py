@@ -34,7 +34,7 @@ FRAME_NAMES = tuple(f"{part} {each}".strip() for part, *_ in PARTS for each in _
 
 
 class PaperObservation:
-    """The observation of the paper: the turn as it was told. See `sim.skate.mdp.actor_observation`."""
+    """The observation of the paper, with the commanded turn. See `sim.skate.mdp.actor_observation`."""
 
     size = OBSERVATION_SIZE
     newest: npt.NDArray[np.intp] = np.arange(OBSERVATION_SIZE - FRAME_SIZE, OBSERVATION_SIZE)

@@ -1,4 +1,4 @@
-"""Policies: what turns states and commands into joint targets."""
+"""Policies: they turn states and commands into joint targets."""
 
 from typing import Protocol
 
@@ -52,7 +52,7 @@ class OnnxPolicy:
         self.name = file.path.stem
         self.file = file
         self.observing = _observation(file)
-        """Builds what it sees."""
+        """Builds its observation."""
         self.observation = np.zeros(file.size)
         """What it saw last."""
         self._default, self._scale = default_pose(), servos().action_scale

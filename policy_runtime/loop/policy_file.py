@@ -34,7 +34,7 @@ class PolicyFile:
 
     @property
     def turn_feedback(self) -> bool:
-        """Whether it wants to see how far it still has to turn, instead of the turn as it was told."""
+        """Whether it sees the remaining turn, instead of the commanded turn."""
         return self.metadata.get("observation_turn") == "still-to-turn"
 
 

@@ -1,4 +1,4 @@
-"""A first inference of an ONNX file in a process of its own.
+"""A first inference of an ONNX file in a separate process.
 
 onnxruntime limits neither loops nor memory: a
 broken file could block the caller.
@@ -74,7 +74,7 @@ def open_session(path: Path, options: Any) -> Any:
 
 
 def _answer_once(path: Path) -> str | None:
-    """Load a policy and let it answer zeros; return what went wrong."""
+    """Load a policy and run it on zeros; return its error."""
     import numpy as np
 
     options = session_options()

@@ -45,7 +45,7 @@ class Seen:
 
 
 class RangeCheck:
-    """Collects what a policy sees."""
+    """Collects the observations of a policy."""
 
     def __init__(self, policy: OnnxPolicy) -> None:
         """Read the normaliser of the policy's file.
@@ -66,7 +66,7 @@ class RangeCheck:
         """Which joint the first answer would have moved furthest, and by how much [rad]."""
 
     def add(self, state: RobotState, target: Array) -> None:
-        """Take what the policy has just seen, and the joint targets [rad], shape (23,), that it answered."""
+        """Take the policy's last observation, and its joint targets [rad], shape (23,)."""
         if not self._rows:
             moves = target - state.joint_position
             worst = int(np.abs(moves).argmax())

@@ -33,7 +33,7 @@ class Limits:
 
 
 class Guard:
-    """Watches successive states; keeps what lasts longer than a tick."""
+    """Watches successive states, and keeps conditions that last longer than a tick."""
 
     def __init__(self, limits: Limits, period: float) -> None:
         """Start watching, with so much time between two checks [s]."""

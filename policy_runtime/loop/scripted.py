@@ -17,7 +17,7 @@ from sysid.errors import SysidError, did_you_mean
 from sysid.roll import Array
 
 EASE_STEPS = 10
-"""Policy steps over which a script leads from where the joints are to where it begins."""
+"""Policy steps of the way from the current joints to the start of a script."""
 
 
 THRUST = 60.0

@@ -40,7 +40,7 @@ class _Viewed:
 
 @contextmanager
 def viewed(robot: SimulatedRobot, wanted: bool) -> Generator[Robot]:
-    """Yield the robot, drawn in MuJoCo's viewer where that is wanted.
+    """Yield the robot, drawn in MuJoCo's viewer if wanted.
 
     Raises:
         SysidError: There is no display for the viewer.

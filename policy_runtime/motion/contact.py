@@ -25,7 +25,7 @@ class Stance:
     planted: npt.NDArray[np.bool_]
     """Shape (frames,)."""
     ground: float
-    """Height of the sole where it stands [m]."""
+    """Height of the standing sole [m]."""
     noise: float
     """Scatter of that height [m]."""
     slide: float

@@ -14,7 +14,7 @@ PD_PERIOD = 0.002
 ARM, BEGIN = "start", "A"
 """Buttons of the handset that let the robot move to the start pose, and the policy begin."""
 STAND = "X"
-"""Button of the handset that tells the robot to stand; `BEGIN` lets it go on."""
+"""Button of the handset that commands a stop; `BEGIN` ends it."""
 STOPS = ({"select"}, {"L2", "B"})
 """Buttons of the handset that stop the robot; the second pair is the factory's own."""
 
@@ -60,7 +60,7 @@ class JointCommand:
 
     @classmethod
     def brake(cls) -> Self:
-        """Return the command that holds nothing and only damps."""
+        """Return the command of damping alone."""
         zeros = np.zeros(len(JOINTS))
         return cls(position=zeros, stiffness=zeros, damping=servos().damping)
 
@@ -78,7 +78,7 @@ class Robot(Protocol):
         ...
 
     def send(self, command: JointCommand) -> None:
-        """Set what the servos do from now on."""
+        """Set the command of the servos from now on."""
         ...
 
     def step(self) -> None:

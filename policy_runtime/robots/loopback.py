@@ -54,7 +54,7 @@ class SimulatedG1:
         """Buttons of the handset that are held down."""
         self.hoisted = hoisted
         self.wrists = np.zeros(len(WRIST_MOTORS))
-        """[rad], shape (6,). Massless: they are where they are told to be as soon as their servos hold."""
+        """[rad], shape (6,). Massless: they reach their targets as soon as their servos hold."""
         self.commands = self.rejected = 0
         """Commands obeyed, and commands thrown away for a wrong check sum."""
 
@@ -71,7 +71,7 @@ class SimulatedG1:
         self._reader = self._writer = self._participant = None
 
     def assist(self, kind: str) -> None:
-        """Do what people beside a real robot do when its run logs an event: arm it, let it down, begin, step back."""
+        """Act like people beside a real robot at an event of its run: arm it, let it down, begin, step back."""
         presses = {"wait": ARM, "ready": BEGIN}
         self.pressed = frozenset({presses[kind]} if kind in presses else ())
         self.hoisted = self.hoisted and kind not in ("ready", "start")

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportUnknownParameterType=false
 # (MuJoCo ships no type stubs.)
-"""The robot on its board in plain MuJoCo: what a real robot would report, and the truth besides."""
+"""The robot on its board in plain MuJoCo: the reports of a real robot, and the truth."""
 
 import math
 from dataclasses import dataclass
@@ -140,7 +140,7 @@ class SimulatedRobot:
         self._held = self._in_board_frame()
 
     def hang(self) -> None:
-        """Put pelvis and board back to where they were at the last reset, at rest: the robot hangs on a hoist."""
+        """Put pelvis and board back to their place at the last reset, at rest: the robot hangs on a hoist."""
         for q, v in ((self.base_q, self.base_v), (self.board_q, self.board_v)):
             self.data.qpos[q : q + 7] = self._began[q : q + 7]
             self.data.qvel[v : v + 6] = 0.0
@@ -205,7 +205,7 @@ class SimulatedRobot:
         data.xfrc_applied[board, 5] = -torque[2]
 
     def close(self) -> None:
-        """Do nothing: there is nothing to let go of."""
+        """Do nothing: a simulation has no connection."""
 
     def push(self, velocity: Array) -> None:
         """Change the robot's velocity at once, as a shove would [m/s], shape (2,)."""

@@ -106,7 +106,7 @@ class UnitreeG1:
         self._command = message
 
     def _lead_wrists(self, braking: bool) -> Array:
-        """Return the wrists' next targets [rad], shape (6,): from where they are, slowly to where they shall be."""
+        """Return the wrists' next targets [rad], shape (6,): slowly from their angles to the wanted ones."""
         now = time.monotonic()
         if braking or self._wrists is None:
             self._wrists = np.array([self._state.motor_state[slot].q for slot in WRIST_MOTORS])
@@ -153,7 +153,7 @@ def load_messages() -> Any:
 def open_topics(
     interface: str | None, domain: int, written: tuple[str, Any], read: tuple[str, Any]
 ) -> tuple[Any, Any, Any]:
-    """Return a DDS participant on one network interface, and what writes one topic (name, type) and reads another.
+    """Return a DDS participant on one network interface, with the writer of one topic (name, type) and the reader of another.
 
     Raises:
         SysidError: CycloneDDS cannot use the interface.

@@ -131,7 +131,7 @@ class LowState(IdlStruct, typename="unitree_hg.msg.dds_.LowState_"):
 
 
 def empty_command() -> LowCmd:
-    """Return a command that asks for nothing."""
+    """Return an empty command."""
     motors = [MotorCmd(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0) for _ in range(MOTORS)]
     return LowCmd(0, 0, motors, [0] * 4, 0)
 
@@ -173,7 +173,7 @@ _COMMAND_LAYOUT = struct.Struct("<2B2x" + "B3x5fI" * MOTORS + "4I")
 _STATE_LAYOUT = struct.Struct("<2I2B2xI" + "13fh2x" + "B3x4f2hf2II4I" * MOTORS + "40B4I")
 
 
-# On the wire a motor follows what comes before it without padding.
+# On the wire a motor follows the field before it without padding.
 _COMMAND_WIRE = struct.Struct("<2B" + "Bx5fI" + "B3x5fI" * (MOTORS - 1) + "4II")
 _STATE_WIRE = struct.Struct("<2I2B2xI" + "13fh" + "Bx4f2hf2II4I" + "B3x4f2hf2II4I" * (MOTORS - 1) + "40B4II")
 _HEADER = b"\x00\x01\x00\x00"

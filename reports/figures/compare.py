@@ -63,7 +63,7 @@ def draw_release(axes: "Sequence[Axes]", result: Comparison, index: int) -> None
 
 
 def _lower_panels(result: Comparison) -> "list[Callable[[Axes], None]]":
-    """Return what there is to draw below the decays; nothing is drawn empty."""
+    """Return the non-empty panels below the decays."""
     panels: list[Callable[[Axes], None]] = []
     if result.missing is not None:
         missing, only_noise = result.missing, "" if result.where else "; the error is at the noise"

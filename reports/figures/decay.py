@@ -170,7 +170,7 @@ def draw_peak_line(axes: "Axes", decay: FreeDecay) -> "Axes":
 
 
 def _readable_log_axis(axes: "Axes") -> None:
-    """Label a logarithmic axis with plain numbers, also where it spans less than a decade."""
+    """Label a logarithmic axis with plain numbers, even if it spans less than a decade."""
     from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
     low, high = axes.get_ylim()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 PLAIN = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.06)
 """The pink board with a sixth of its damping, so that several swings show."""
 STIFF = JointLaw(inertia=7.15e-3, stiffness=34.85, damping=0.54)
-"""The black board as it is: a simulator's step shows on a strong damper only."""
+"""The black board: a simulator's step shows on a strong damper only."""
 
 
 def effect_figure(effect: Effect) -> "Figure":

@@ -130,7 +130,7 @@ def _hover_data(figure: "Figure") -> list[dict[str, object]]:
 
 
 def _name(line: "Line2D") -> str:
-    """Return what a line is called that the page can find; '' for others."""
+    """Return the name of a line for the page; '' without one."""
     group = str(line.get_gid())
     return group.removeprefix("series:") if group.startswith("series:") else ""
 

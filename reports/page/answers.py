@@ -43,12 +43,12 @@ def _match(board: Board, evidence: Evidence | None) -> tuple[str, str]:
 
 
 def _fails(board: Board) -> bool:
-    """Return whether the scene was checked for the board as it is recorded now, and failed."""
+    """Whether the current record failed the check of its scene."""
     return bool(board.last_check) and not board.check_is_stale and not board.passed
 
 
 def _is_added(board: Board, evidence: Evidence | None, diagnosis: LastDiagnosis | None) -> bool:
-    """Return whether the effects that a diagnosis named were added since, and nothing is left beyond the tolerance."""
+    """Whether the effects of a diagnosis were added since, and the error is within the tolerance."""
     if diagnosis is None or diagnosis.is_current or evidence is None or not evidence.comparison.passed:
         return False
     named = diagnosis.content["verdict"]["effects"]
@@ -145,7 +145,7 @@ def next_step(
 
 
 def _ready(board: Board, command: Callable[..., str]) -> str:
-    """Return what a board that has passed its check is ready for."""
+    """Return the next step of a board that has passed its check."""
     if board.model:
         return f"It is ready: {board.model['file']}"
     train = f", or {command('train', logs=None)}" if board.geometry else ""

@@ -76,7 +76,7 @@ def board_report(
     provenance: Provenance,
     diagnosis: LastDiagnosis | None = None,
 ) -> str:
-    """Return the page of a board as HTML; its logs are listed where they are gone too, and there is no evidence then."""
+    """Return the page of a board as HTML; missing logs are listed too, without evidence."""
     page = Page(title=title(board), subtitle=board.description)
     page.lead = "\n".join(_lead(board, evidence, diagnosis, files, provenance.space))
     with page_style():
@@ -287,7 +287,7 @@ def _weakest(alike: LookAlikes, index: int, *, slides: bool) -> str:
         return "shows here" if share < 1 else TOO_WEAK
     if share > MAX_STRENGTH_RATIO:
         return TOO_WEAK
-    # Stiction, or what grows with the load, may be all there is of a friction: what comes first is zero then.
+    # A friction may be stiction or load friction alone: its first parameter is zero then.
     strength = alike.strength[index]
     name, unit = next((p.name, p.unit) for p in parameters if strength[p.name])
     weakest = abs(strength[name]) * share
@@ -333,7 +333,7 @@ def _correlation(evidence: Evidence) -> list[str]:
     strong = [f"{one} and {other}" for value, one, other in pairs if abs(value) >= MIN_CORRELATION]
     said = f"Each parameter stands by itself: no two are correlated beyond {MIN_CORRELATION}."
     if strong:
-        said = f"Hardly told apart by these logs: {'; '.join(strong)}."
+        said = f"These logs hardly separate: {'; '.join(strong)}."
         said += " Another amplitude, or a parameter that is known, parts them."
     rows = [(one, other, f"{value:+.2f}") for value, one, other in pairs[:MOST_SHOWN]]
     source = "Of a fit of the board's law to these logs, for a roll inertia that is known."

@@ -1,4 +1,4 @@
-"""The page of a running measurement: numbers and intervals after each release, what to do next, and sliders."""
+"""The page of a running measurement: numbers and intervals after each release, the next step, and sliders."""
 
 import numpy as np
 
@@ -52,14 +52,14 @@ def _shrinking(session: Session, name: str) -> str:
     axes.vlines(at, low, high, color=SIM, lw=2)
     axes.plot(at, [quantity.value for quantity in found], "o", color=SIM)
     axes.set(xlabel="releases", ylabel=f"{name} [{found[0].printed_unit}]", xticks=at)
-    # The first release may say next to nothing, and would flatten what follows.
+    # The interval of the first release may be very wide, and would flatten the others.
     low, high = float(np.median(low)), float(np.median(high))
     axes.set_ylim(low - 1.5 * (high - low), high + 1.5 * (high - low))
     return figure(figure_to_svg(drawn, f"live-{name}", name), f"{name.capitalize()} with its 95 % interval.")
 
 
 def _sliders(session: Session) -> str:
-    """Return sliders that begin with the measured linear decay; nothing if it cannot be simulated."""
+    """Return sliders that begin with the measured linear decay; '' if it cannot be simulated."""
     decay = session.decay
     if decay is None:
         return ""

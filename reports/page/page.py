@@ -14,7 +14,7 @@ class Page:
     title: str
     subtitle: str
     lead: str = ""
-    """HTML between the heading and the first section: what a hurried reader wants."""
+    """HTML between the heading and the first section, for a hurried reader."""
     _sections: list[tuple[str, str]] = field(default_factory=list[tuple[str, str]])
 
     def section(self, title: str, *parts: str) -> None:
@@ -102,7 +102,7 @@ def answers(rows: Sequence[tuple[str, str, str]]) -> str:
 
 
 def panels(parts: Sequence[str]) -> str:
-    """Return figures beside one another where there is room, one below another on a phone."""
+    """Return figures side by side if there is room, else one below another."""
     return f'<div class="panels">{"".join(parts)}</div>'
 
 

@@ -254,7 +254,7 @@ def _log_boards(stream: "rr.RecordingStream", evidence: Evidence) -> None:
             for address in trucks:
                 positions[:, address] = steer
             log_model(stream, root, model, tint=tint if alpha < 1 else None, alpha=alpha)
-            # Before its release the deck is held where it starts.
+            # Before its release the deck is held at its start.
             time = np.r_[before, release.time[kept]]
             log_poses(stream, root, model, time, np.vstack([positions[:1], positions]))
         label = [0.0, -_spacing(board) * i, 0.28]

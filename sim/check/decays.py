@@ -108,7 +108,7 @@ class SceneCheck:
 def check_scene(
     board: Board, scene: ClampedScene, releases: Sequence[Release], *, tolerance: float = 0.02
 ) -> SceneCheck:
-    """Release the deck in a scene as it was released in the logs, and compare.
+    """Release the deck in a scene as in the logs, and compare.
 
     Angle and rate at the start and the log's zero are fitted for each release: noise of the first samples does not count.
 
@@ -182,7 +182,7 @@ def _inside(release: Release, tilt_range: float) -> int:
 def _rest_error(board: Board, release: Release, zero: float, zero_std: float) -> float:
     """Return the difference of the rests of scene and log, beyond its 95 % interval [rad]."""
     if release.zero != "known" or board.stiffness == 0:
-        # Without a spring the rest does not tell the zero; integrated rates, glued sensors and cameras have another zero.
+        # Without a spring the rest does not fix the zero; integrated rates, glued sensors and cameras have another zero.
         return 0.0
     allowed = Z95 * math.hypot(board.tilt["rest_angle"].std, zero_std)
     return zero - min(max(zero, -allowed), allowed)

@@ -108,7 +108,7 @@ class Verdict(Shown):
         return "\n".join(lines)
 
     def to_json(self) -> dict[str, Any]:
-        """Return what `husky-sysid check --json` writes."""
+        """Return the result of `husky-sysid check --json`."""
         decays, joint = self.case.decays, self.case.parts
         return {
             "board": self.case.board.name,
@@ -147,7 +147,7 @@ class Verdict(Shown):
 def judge(
     board: Board, scene: ClampedScene, releases: Sequence[Release], *, tolerance: float = 0.02
 ) -> Verdict:
-    """Release the deck in a scene as it was released in the logs, and judge the scene.
+    """Release the deck in a scene as in the logs, and judge the scene.
 
     Args:
         board: The record: sensor effects, rest angle and wanted joint.

@@ -155,7 +155,7 @@ def _no_servos(model: mujoco.MjModel, joint: str) -> bool:
 
 
 def _no_contacts(model: mujoco.MjModel, joint: str) -> bool:
-    """Lift the wheels: nothing touches anything."""
+    """Switch off all contacts, as if the wheels were lifted."""
     touching = bool(np.any(model.geom_contype | model.geom_conaffinity))
     model.geom_contype[:] = 0
     model.geom_conaffinity[:] = 0

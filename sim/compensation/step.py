@@ -39,7 +39,7 @@ BELOW_BARRIER = 0.75
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compensation:
-    """A board as it is written for one integrator and step, with the remaining errors."""
+    """A board's written numbers for one integrator and step, with the remaining errors."""
 
     board: Board
     """The record with roll inertia and damping replaced; stiffness and effects are the record's."""
@@ -102,7 +102,7 @@ def compensate_step(board: Board, *, timestep: float, integrator: str = "implici
         timestep: [s].
 
     Raises:
-        SysidError: The step is too long for this board, the integrator damps more than it, or nothing pulls it back to rest.
+        SysidError: The step is too long for this board, the integrator damps more than the board, or its restoring torque is missing.
     """
     build = _bench(timestep, integrator)
     first = closed_form(board, timestep=timestep, integrator=integrator)

@@ -13,7 +13,7 @@ from sysid.roll import Array
 POINTS = 60
 """Points of the arc on either side of the pose: three harmonics fitted to a pendulum's half turn are exact to 1e-12."""
 REACH = {"hinge": np.pi, "slide": 1.0, "loop": 1.0}
-"""Length of the arc on either side where no limit ends it [rad or m]; a loop may jam earlier."""
+"""Length of the path on either side without a limit [rad or m]; a loop may jam earlier."""
 CLOSED = 1e-7
 """Gap of a closed loop, and size of an entry of its Jacobian that counts [m or rad]."""
 MAX_LOOP_RATIO = 30.0
@@ -170,7 +170,7 @@ def tied_to(model: mujoco.MjModel, data: mujoco.MjData, own: int) -> set[int]:
 
 
 def close(model: mujoco.MjModel, data: mujoco.MjData, movable: Sequence[int]) -> bool:
-    """Move the given velocities until the loops are closed; return False where they cannot be closed."""
+    """Move the given velocities until the loops are closed; return False if they cannot be closed."""
     for _ in range(30):
         jacobian, error = _loops(model, data)
         inside = np.abs(jacobian[:, movable]).sum(axis=1) > CLOSED

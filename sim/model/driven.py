@@ -29,7 +29,7 @@ from sysid.errors import SysidError
 from sysid.roll import Array
 
 HOLDING_ARMATURE = 1e9
-"""Armature of joints that are held [kg*m^2 or kg]: what pulls at them moves them by less than rounding does."""
+"""Armature of held joints [kg*m^2 or kg]: loads move them by less than rounding."""
 TURN = 1e-4
 """Turn of a joint over which the slope of its load is taken [rad or m]."""
 
@@ -112,7 +112,7 @@ def _simulator(model: Any, dof: int, *, followed: bool) -> Simulator:
 
 
 def _gains(actuator: Any, kind: InputKind) -> tuple[float, ...]:
-    """Return kp and kd of a position servo, or the torque for one unit of a motor [SI]; nothing where it is another."""
+    """Return kp and kd of a position servo, or the torque for one unit of a motor [SI]; empty for other actuators."""
     gear = float(actuator.gear[0])
     if kind == "command":
         return (

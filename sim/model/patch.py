@@ -328,7 +328,7 @@ def _end_of_tag(raw: bytes, start: int) -> int:
 
 
 def tagged(tag: str, values: Mapping[str, str]) -> str:
-    """Return a start tag with attributes set: in their place where they are there, else at its end."""
+    """Return a start tag with attributes set: in place if present, else at its end."""
     for name, value in values.items():
         pattern = re.compile(rf"""(\s{name}\s*=\s*)("[^"]*"|'[^']*')""")
         if pattern.search(tag):

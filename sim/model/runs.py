@@ -11,7 +11,7 @@ FIELDS = ("file", "keyframe", "pose", "payload")
 
 
 def read_runs(path: Path, setup: Setup) -> list[tuple[Path, Setup]]:
-    """Read a list of logs: `[[log]]` with `file`, and `keyframe`, `pose` or `payload` where they differ.
+    """Read a list of logs: `[[log]]` with `file`, and other `keyframe`, `pose` or `payload`.
 
     Args:
         path: The list; files count from its folder.

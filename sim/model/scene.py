@@ -1,4 +1,4 @@
-"""Free decay of a joint in the user's own model: all else stays where it was held, and nothing drives it."""
+"""Free decay of a joint in the user's own model: all other joints are held, and actuators are off."""
 
 import mujoco
 import numpy as np

@@ -53,7 +53,7 @@ class Payload:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
-    """One joint of a model, as it was measured."""
+    """One joint of a model in the setup of the measurement."""
 
     file: Path
     """The MJCF, with its includes."""
@@ -85,7 +85,7 @@ class Setup:
 
     @classmethod
     def of_entry(cls, entry: Mapping[str, Any]) -> Self:
-        """Return what `entry` wrote."""
+        """Return the setup of an `entry`."""
         return cls(
             file=Path(entry["file"]), joint=entry["joint"], keyframe=entry.get("keyframe", ""),
             pose=entry.get("pose", {}), free=tuple(entry.get("free", ())),

@@ -30,7 +30,7 @@ NEAR = 1.6
 
 
 def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]]:
-    """Return the record of a joint of a model, and notes on what the model states.
+    """Return the record of a joint of a model, and notes on the model's facts.
 
     Args:
         mass_error: Half-width of the 95 % interval of the model's masses, as a share: one factor for all.
@@ -192,7 +192,7 @@ def in_degrees(spec: mujoco.MjSpec, joint: mujoco.MjsJoint) -> bool:
 
 
 def _range(arc: Arc, rest: float) -> float:
-    """Return the larger distance of the rest from an end of the arc [rad or m]; half a turn where nothing limits it."""
+    """Return the larger distance of the rest from an end of the path [rad or m]; half a turn without a limit."""
     reach = float(np.abs(arc.position[[0, -1]] - rest).max())
     return math.pi if arc.closed else reach or math.pi
 

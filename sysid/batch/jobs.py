@@ -56,7 +56,7 @@ def job_key(job: Job, workspace: Path) -> str:
 
 
 def run_job(job: Job, workspace: Path, key: str) -> dict[str, Any]:
-    """Return the row of a job, its key kept in it; where the job failed it says what went wrong."""
+    """Return the row of a job with its key; of a failed job, with its error."""
     begin = time.monotonic()
     row: dict[str, Any] = {
         "key": key, "job": job.name, "task": job.task, "board": job.board, "logs": [str(log) for log in job.logs],
@@ -99,7 +99,7 @@ def failure(row: Mapping[str, Any]) -> str:
 
 
 def with_interval(row: Mapping[str, Any], name: str) -> str:
-    """Return 'value ± half-width of the 95 % interval' of a quantity in a row of the table; '-' where it is not there."""
+    """Return 'value ± half-width of the 95 % interval' of a quantity in a row of the table; '-' without one."""
     if column(name) not in row:
         return "-"
     value, low, high = (row[column(name, end)] for end in ENDS)
@@ -107,7 +107,7 @@ def with_interval(row: Mapping[str, Any], name: str) -> str:
 
 
 def table_row(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a row of the table, by `COLUMNS`; what the task does not find is left out."""
+    """Return a row of the table, by `COLUMNS`, with the results of the task."""
     result = row.get("result", {})
     quantities = {**result, **result.get("parameters", {})}
     cells: dict[str, Any] = {

@@ -77,7 +77,7 @@ class JointLaw:
 
     @property
     def frequency(self) -> float:
-        """Natural frequency at small tilts, with what effects add to the stiffness [rad/s]."""
+        """Natural frequency at small tilts, with the stiffness of effects [rad/s]."""
         stiffness = self.stiffness + self.stiffness_of_effects
         return float(np.sqrt(max(abs(stiffness), 1e-9) / (self.inertia * self.inertia_ratio)))
 
@@ -101,7 +101,7 @@ class JointLaw:
 
     @property
     def timestep(self) -> float:
-        """Time step of the simulator that the law stands for [s]; 0 where it is continuous."""
+        """Time step of the law's simulator [s]; 0 for a continuous law."""
         return sum(values.get(part.timestep, 0.0) for part, values in self._torques())
 
     def of_joint(self) -> Self:

@@ -58,7 +58,7 @@ class Hinge:
     torque: Torque | None = None
     """Anything else that is smooth, e.g. gravity. MuJoCo treats it explicitly."""
     damper: Torque | None = None
-    """Anything else that is smooth and that MuJoCo treats as it treats the damper, implicitly where it does that."""
+    """Other smooth terms; MuJoCo treats them like the damper, implicit if the damper is."""
     eulerdamp: bool = True
     """MuJoCo's flag of that name: whether Euler treats damping implicitly."""
 
@@ -111,7 +111,7 @@ def _smooth(hinge: Hinge, q: Expression, v: Expression) -> Expression:
 
 
 def _damping_slope(hinge: Hinge, q: Expression, v: Expression) -> Expression:
-    """Derivative of the damper's torque with respect to velocity, positive where it brakes [N*m*s/rad]."""
+    """Derivative of the damper's torque with respect to velocity, positive for braking [N*m*s/rad]."""
     a, b, c = hinge.damping
     more = 0.0 if hinge.damper is None else -ca.jacobian(hinge.damper(q, v), v)
     return a + (0.0 if _zero(b) else 2 * b * ca.fabs(v)) + (0.0 if _zero(c) else 3 * c * v**2) + more
@@ -124,7 +124,7 @@ def _damps(hinge: Hinge) -> Expression:
 
 
 def _stiffness_slope(hinge: Hinge, q: Expression) -> Expression:
-    """Derivative of the spring's torque with respect to position, positive where it pulls back [N*m/rad]."""
+    """Derivative of the spring's torque with respect to position, positive for restoring [N*m/rad]."""
     x = q - hinge.springref
     a, b, c = hinge.stiffness
     return a + (0.0 if _zero(b) else 2 * b * x) + (0.0 if _zero(c) else 3 * c * x**2)

@@ -33,7 +33,7 @@ def at_samples(structure: Structure) -> tuple[SensorEffect, ...]:
 
 
 def clock_ratio(structure: Structure, parameters: Mapping[str, float]) -> float:
-    """Return how many seconds the log's clock counts in one, from parameters by name; 1 where it is right."""
+    """Return the ratio of the log's time to true time, from parameters by name; 1 for a right clock."""
     ratio = 1.0
     for part in at_samples(structure):
         if part.clock_ratio:
@@ -75,7 +75,7 @@ def reader(structure: Structure) -> Any:
 
 
 def sense(law: JointLaw, time: Array, roll: Array) -> Array:
-    """Return what a law's sensor reads of a deck that somebody else has moved, from when it was let go [rad], shape (n,).
+    """Return the readings of a law's sensor for a given motion, from the release on [rad], shape (n,).
 
     Times are on the log's clock [s], shape (n,), the deck's roll in rad.
     """

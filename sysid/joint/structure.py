@@ -48,7 +48,7 @@ class Structure:
 
     @property
     def nonsmooth(self) -> bool:
-        """Whether a torque bends where no turning point is."""
+        """Whether a torque has kinks besides turning points."""
         return any(part.nonsmooth for part in self.parts)
 
     @property

@@ -1,1 +1,1 @@
-"""A measurement while it runs: a phone read over the network, releases as they end, and what to do next."""
+"""A measurement while it runs: a phone read over the network, releases as they end, and the next step."""

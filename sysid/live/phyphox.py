@@ -29,7 +29,7 @@ _TABLES = {
     "Gyroscope": ("rad/s", (("gyr_time", "gyrX", "gyrY", "gyrZ"), ("gyro_time", "gyroX", "gyroY", "gyroZ"))),
     "Accelerometer": ("m/s^2", (("acc_time", "accX", "accY", "accZ"),)),
 }
-"""For each sensor its unit, and what its buffers are called in the app's experiments: time, x, y, z."""
+"""For each sensor its unit, and the names of its buffers in the app's experiments: time, x, y, z."""
 _HEADS = {"Gyroscope": "Gyroscope", "Accelerometer": "Acceleration"}
 
 
@@ -53,7 +53,7 @@ class Phone:
     _sensors: list[_Sensor] = field(default_factory=list["_Sensor"])
 
     def connect(self) -> None:
-        """Ask what the phone measures, begin a log, and start the measurement.
+        """List the phone's sensors, begin a log, and start the measurement.
 
         Raises:
             SysidError: Nothing answers there, or it has no gyroscope.

@@ -17,7 +17,7 @@ from sysid.text import DEGREES, display
 EACH_SIDE = 3
 """Releases from each side that a diagnosis is well served with: one of them can be left out and two remain."""
 AMPLITUDE_RATIO = 3.0
-"""Ratio of the widest to the smallest first amplitude from which what grows with it shows."""
+"""Least ratio of the widest to the smallest first amplitude, to show effects of the amplitude."""
 BEGINNING = 0.3
 """Stretch at the beginning of a log before anybody touches the deck [s]."""
 SAME_REST = 0.4
@@ -54,7 +54,7 @@ class Session:
     history: list[Numbers] = field(default_factory=list[Numbers])
 
     def take(self, recordings: Sequence[Recording]) -> dict[int, Release]:
-        """Take all that has been read so far, each log as it is now, and return the releases that have ended since, by their numbers."""
+        """Take all logs read so far, and return the releases that have ended since, by their numbers."""
         found = [
             r for recording in recordings for r in (_ended(recording) if self.grows else recording.releases)
         ]

@@ -84,7 +84,7 @@ def steps(name: str) -> bool:
 def true_law(board: Board, effects: Mapping[str, Sequence[float]]) -> TrueLaw:
     """Return the true joint of a board with effects.
 
-    An effect of which `TrueLaw` has no formula of its own acts by the catalogue's.
+    An effect without a formula in `TrueLaw` acts by that of the catalogue.
 
     Raises:
         SysidError: An effect is unknown or its parameters are wrong, or nothing here can move it.

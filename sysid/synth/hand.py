@@ -67,6 +67,6 @@ def hand_motion(
     onset = np.clip((times - begin - 0.7 * push) / (0.5 * push), 0.0, 1.0)
     wobble = np.sin(np.outer(times - begin, frequencies) + phases).sum(axis=1) * np.sqrt(2 / 3)
     roll += tremor * onset**3 * (10 - 15 * onset + 6 * onset**2) * wobble
-    # Fixed rate and curvature where the hand takes over; nothing is asked of the far end.
+    # Rate and curvature are fixed at the start; the far end is free.
     spline = make_interp_spline(times, roll, k=5, bc_type=([(1, start[1]), (2, 0.0)], [(2, 0.0), (3, 0.0)]))
     return HandMotion(begin, end, spline, spline.derivative(2))

@@ -71,7 +71,7 @@ CHANGES: Mapping[str, tuple[Change, str]] = {
     ),
     "MuJoCo's default soft frictionloss": (_friction(hard=False), "the log was probably simulated with it"),
 }
-"""Each change of the scene, and the advice where it halves the error."""
+"""Each change of the scene, and the advice if it halves the error."""
 
 
 def _says(case: Case) -> Iterator[str]:
