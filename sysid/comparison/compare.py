@@ -5,6 +5,7 @@ Only roll and rate at each release are fitted here; the law is that of the board
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -146,10 +147,7 @@ def compare(
     _, bias = held_parameters(law.structure, board, FitOptions(**chosen))
     with stage(0.0, 0.4):
         residuals, starts = fit_initial_states(law, records, bias=bias)
-    compared = tuple(
-        _compared(law, record, residual, start)
-        for record, residual, start in zip(records, residuals, starts, strict=True)
-    )
+    compared = tuple(map(partial(_compared, law), records, residuals, starts))
     rmse = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
     size = _motion(law, records, bias)
     least, excess, most = (part / size for part in noise.excess(rmse))
