@@ -14,7 +14,7 @@ from sysid.roll import Array
 SHARE_OF_PERIOD = 1 / 6
 """Length of the differentiating filter, over the period: a local quartic follows a swing over it to 0.1 %."""
 FEW_A_BIN, MOST_BINS = 1.5, 15
-"""Fewest independent samples of a bin of a profile, and largest number of bins."""
+"""Fewest independent samples [1] of a bin of a profile, and largest number of bins."""
 BINS = 15
 """Cells of a surface, in tilt and in rate: an odd number, so that one is about rest; each is some 7 % of the swing."""
 SIGN_TILT_SHARE = 0.1

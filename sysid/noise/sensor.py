@@ -68,7 +68,7 @@ def difference_noise(signal: Array, order: int) -> float:
 
 
 def quantisation_step(differences: Array) -> float:
-    """Return the step of a quantised signal: nearly all its differences, shape (n,), are multiples of it. 0 if it has no step."""
+    """Return the step of a quantised signal, in its unit; nearly all its differences, shape (n,), are multiples of it. 0 without a step."""
     changes = np.abs(differences)
     size = float(changes.max(initial=0.0))
     changes = changes[changes > 1e-9 * size]

@@ -101,7 +101,7 @@ def test_a_position_is_no_angle_of_a_board(tmp_path):
         scaled = np.column_stack([time, moved if name == "x_mm" else 0.01 * moved])
         np.savetxt(log, scaled, "%.6f", ",", header=f"time_s,{name}", comments="")
         releases[name] = Recording.read(log).releases
-    with pytest.raises(SysidError, match="position of a slide, and the joint of board 'pink' turns"):
+    with pytest.raises(SysidError, match="position of a slide, but the joint of board 'pink' turns"):
         amplitude_warnings(releases["x_mm"], board)
     assert amplitude_warnings(releases["x_mm"], board.of_slide()) == []
     (said,) = amplitude_warnings(releases["angle"], board.of_slide())
