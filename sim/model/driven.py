@@ -111,6 +111,20 @@ def _simulator(model: Any, dof: int, *, followed: bool) -> Simulator:
     )
 
 
+def free_inertia(setup: Setup, armatures: Mapping[str, float]) -> float:
+    """Return the inertia of a joint at qpos0 with all others free, without its own armature [kg*m^2].
+
+    Args:
+        armatures: Of joints, in place of the model's [kg*m^2].
+    """
+    model = setup.load().compile()
+    for name, armature in armatures.items():
+        model.dof_armature[int(model.joint(name).dofadr[0])] = armature
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    dof = int(model.joint(setup.joint).dofadr[0])
+    return float(1 / model.dof_invweight0[dof] - model.dof_armature[dof])
+
+
 def _gains(actuator: Any, kind: InputKind) -> tuple[float, ...]:
     """Return kp and kd of a position servo, or the torque for one unit of a motor [SI]; empty for other actuators."""
     gear = float(actuator.gear[0])

@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from sim.model.driven import Stated, load_along
+from sim.model.driven import Stated, free_inertia, load_along
 from sim.model.setup import Setup
 from sysid.driven.fit import DrivenFit, fit, free_of
 from sysid.driven.log import DrivenLog
@@ -70,10 +69,16 @@ def _beside(
     """Fit a joint beside the motions that the fits of the others have."""
     before = fits[joint][number]
     motion = {other: _motion(own[number]) - own[number].values[ZERO] for other, own in fits.items()}
-    load = load_along(setup.with_(joint=joint), motion, before.log.time, simulated=True, lag=_lag(before))
+    own_setup = setup.with_(joint=joint)
+    load = load_along(own_setup, motion, before.log.time, simulated=True, lag=_lag(before))
+    armatures = {other: own[number].values["armature"] for other, own in fits.items()}
+    simulator = replace(stated[joint].simulator, alone=free_inertia(own_setup, armatures))
+    structure = before.structure
+    if structure.simulator is not None:
+        structure = replace(structure, simulator=simulator)
     return fit(
-        replace(before.log, load=load), before.structure, before.values, tuple(before.quantities), bounds=bounds,
-        begins=[before.values], quick=not last, simulator=stated[joint].simulator if last else None,
+        replace(before.log, load=load), structure, before.values, tuple(before.quantities), bounds=bounds,
+        begins=[before.values], quick=not last, simulator=simulator if last else None,
     )  # fmt: skip
 
 
@@ -128,9 +133,8 @@ def _coupled(setup: Setup, fits: Fits, number: int) -> list[DrivenFit]:
                 changed = replace(problem, log=replace(problem.log, load=more))
                 found = changed.residuals(own[i].point, slopes=False)[0][0]
                 taken[ends[i] : ends[i + 1], ends[j] + k] = back[i] @ (found - rest[i]) / max(size, 1e-300)
-    spread = np.linalg.inv(np.eye(ends[-1]) - taken)
-    spread = spread @ block_diag(*alone) @ spread.T
-    return [
-        one.widened(spread[a:b, a:b] - own_part)
-        for one, own_part, (a, b) in zip(own, alone, pairwise(ends), strict=True)
-    ]
+    whole = np.linalg.inv(np.eye(ends[-1]) - taken)
+    spread = np.diag(whole @ block_diag(*alone) @ whole.T)
+    before = np.concatenate([np.diag(one) for one in alone])
+    factors = np.sqrt(np.maximum(np.divide(spread, before, out=np.ones_like(spread), where=before > 0), 1.0))
+    return [one.widened(factors[a : a + len(one.quantities)]) for one, a in zip(own, ends, strict=False)]

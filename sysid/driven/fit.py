@@ -79,16 +79,13 @@ class DrivenFit:
             log=self.log, structure=self.structure, values=self.values, free=tuple(self.quantities)
         )
 
-    def widened(self, more: Array) -> "DrivenFit":
-        """Return it with more covariance of the unknowns, in units of their sizes, shape (p, p)."""
-        free = len(self.quantities)
-        size = self.problem.sizes[:free]
-        covariance = self.covariance + np.nan_to_num(more[:free, :free]) * np.outer(size, size)
-        stds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    def widened(self, factors: Array) -> "DrivenFit":
+        """Return it with larger deviations of the fitted parameters, by factors [1] of shape (p,)."""
         quantities = {
-            name: replace(quantity, std=float(std))
-            for (name, quantity), std in zip(self.quantities.items(), stds, strict=True)
+            name: replace(quantity, std=quantity.std * float(factor))
+            for (name, quantity), factor in zip(self.quantities.items(), factors, strict=True)
         }
+        covariance = self.covariance * np.outer(factors, factors)
         return replace(self, covariance=covariance, quantities=quantities)
 
     def to_json(self) -> dict[str, object]:
