@@ -6,36 +6,28 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made import release
 from scipy.signal import lfilter
 
-from sysid.board import Board, load_board
+from sysid.board import Board
 from sysid.effects._base import Scales
 from sysid.errors import SysidError
 from sysid.fitting.joint import FitOptions, fit_joint
 from sysid.fitting.problem import Problem
 from sysid.fitting.profile import profiles
 from sysid.fitting.records import make_records
-from sysid.fitting.search import scales_of, search, starting_points
-from sysid.fitting.shooting import Shooting
+from sysid.fitting.search import starting_points
 from sysid.joint import JointLaw, simulate
 from sysid.joint.structure import structure_of
-from sysid.least_squares import Normal, minimise
 from sysid.logs import read_roll
 from sysid.noise.floor import difference_std, noise_floor
 from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Quantity
 from sysid.releases import find_releases
-from sysid.roll import Release
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.sensors import Sensor
-from sysid.workspace import shipped_data
 
 NOISE = np.radians(0.1)
-
-
-@pytest.fixture(scope="module")
-def pink() -> Board:
-    return load_board(shipped_data() / "boards" / "pink.toml")
 
 
 def releases_of(
@@ -49,13 +41,9 @@ def releases_of(
         rests = np.abs(roll[-len(time) // 5 :] - roll[-1]).max() < 0.3 * noise
         white = rng.standard_normal(len(time) + 100 * (rho > 0))
         sensed = lfilter([np.sqrt(1 - rho**2)], [1.0, -rho], white)[-len(time) :]
-        result.append(
-            Release(
-                log="made.csv", number=number, time=time + 3.0 * number,
-                roll=roll + noise * sensed, std=np.full(len(time), noise), origin="angle",
-                rest=law.rest_angle, hold=1.0, end="rest" if rests else "log",
-            )
-        )  # fmt: skip
+        end = "rest" if rests else "log"
+        kept = {"number": number, "rest": law.rest_angle, "end": end}
+        result.append(release(time + 3.0 * number, roll + noise * sensed, noise, **kept))
     return result
 
 
@@ -78,16 +66,6 @@ def test_truth_is_recovered(pink, effect, values):
         found = fit.quantities[name]
         assert abs(found.value - truth) < 4.5 * found.std
         assert found.std < 0.04 * truth
-
-
-def test_starts_that_meet_are_followed_once(pink):
-    records = make_records(releases_of(LIGHT.with_effect("cubic-stiffness", 150.0), 1), NOISE, rate=False)
-    scales, structure = scales_of(records, pink), structure_of(["cubic-stiffness"])
-    start = starting_points(structure, scales)[0]
-    _, alone, once = search(structure, records, scales, starts=[start])
-    _, found, thrice = search(structure, records, scales, starts=[start] * 3)
-    assert found.normal.cost == alone.normal.cost
-    assert thrice < 2 * once
 
 
 def test_start_far_away_gives_the_same_answer(pink):
@@ -172,23 +150,11 @@ def test_sensitivities_are_exact(name):
         assert np.abs(slope - jacobian[:, column]).max() < 2e-3 * np.abs(jacobian[:, column]).max() + 1e-9
 
 
-def test_no_release_is_integrated_for_a_cost_that_is_too_large_without_it(monkeypatch):
-    records = make_records(releases_of(LIGHT, 4, duration=0.4), NOISE, rate=False)
-    scales = Scales(inertia=8.7e-3, stiffness=14.7, damping=0.04, amplitude=0.2)
-    problem = Problem(structure_of(()), records, scales)
-    at = problem.start({"stiffness": 12.0, "damping": 0.04, "rest_angle": 0.0})
-    whole, read, seen = problem.normal(at), Shooting.read, []
-    monkeypatch.setattr(Shooting, "read", lambda *args: seen.append(1) or read(*args))
-    assert problem.normal(at, 0.01 * whole.cost).cost == np.inf
-    assert len(seen) == 1
-    assert problem.normal(at, whole.cost).cost == whole.cost
-
-
 def test_outliers_count_less_with_the_robust_loss(pink):
     releases = releases_of(HEAVY, 5)
     rng = np.random.default_rng(0)
-    for release in releases:
-        release.roll[rng.integers(0, len(release.roll), 12)] += 0.2
+    for one in releases:
+        one.roll[rng.integers(0, len(one.roll), 12)] += 0.2
     plain = fit_joint(releases, pink)
     robust = fit_joint(releases, pink, options=FitOptions(robust=True))
     off = [abs(f.law.stiffness / 14.684 - 1) + abs(f.law.damping / 0.402 - 1) for f in (plain, robust)]
@@ -198,8 +164,8 @@ def test_outliers_count_less_with_the_robust_loss(pink):
 
 def test_own_bias_takes_up_sensor_zeros(pink):
     releases = releases_of(HEAVY, 6)
-    for shift, release in zip((0.02, -0.03, 0.01), releases, strict=True):
-        release.roll[:] += shift
+    for shift, one in zip((0.02, -0.03, 0.01), releases, strict=True):
+        one.roll[:] += shift
     fit = fit_joint(releases, pink, options=FitOptions(bias="per-release"))
     assert fit.rmse == pytest.approx(fit.noise.std, rel=0.08)
     assert "rest_angle" not in fit.quantities  # it is not to be told from the zeros
@@ -223,39 +189,17 @@ def test_intervals_cover_the_truth(pink, rho):
     law = HEAVY.with_effect("coulomb", 0.1)
     truth = {"stiffness": 14.684, "damping": 0.402, "coulomb.torque": 0.1}
     known = replace(pink, inertia=replace(pink.inertia, std=0.0))
-    fits = [fit_joint(releases_of(law, 100 + seed, rho=rho), known, ["coulomb"]) for seed in range(150)]
+    fits = [fit_joint(releases_of(law, 100 + seed, rho=rho), known, ["coulomb"]) for seed in range(60)]
     for name, value in truth.items():
         found = [fit.quantities[name] for fit in fits]
         inside = np.mean([q.ci95[0] <= value <= q.ci95[1] for q in found])
-        assert inside >= 0.9, (name, inside)  # 95 - 5: not three standard deviations of 150 draws
+        assert inside > 0.95 - 3 * 0.028, (name, inside)  # of 60 logs
         # The deviations themselves are a sharper test than how often two of them are exceeded.
-        scores = np.sort([(q.value - value) / q.std for q in found])[4:-4]  # less a few that kinks throw far
-        assert 0.8 < np.std(scores) / 0.866 < 1.2, (name, np.std(scores))
+        scores = np.sort([(q.value - value) / q.std for q in found])[2:-2]  # less a few that kinks throw far
+        assert 0.73 < np.std(scores) / 0.86 < 1.27, (name, np.std(scores))  # three standard deviations of 60
 
 
-def test_levenberg_marquardt_on_rosenbrock_with_bounds():
-    def normal(x):
-        r = np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]])
-        j = np.array([[-20 * x[0], 10.0], [-1.0, 0.0]])
-        return Normal(0.5 * float(r @ r), j.T @ r, j.T @ j)
-
-    free = minimise(normal, np.array([-1.2, 1.0]), np.full(2, -5.0), np.full(2, 5.0), iterations=200)
-    assert free.point == pytest.approx([1.0, 1.0], abs=1e-3)
-    assert not free.at_bound.any()
-    held = minimise(normal, np.array([-1.2, 1.0]), np.full(2, -5.0), np.array([0.5, 5.0]), iterations=200)
-    assert held.point == pytest.approx([0.5, 0.25], abs=1e-3)
-    assert held.at_bound.tolist() == [True, False]
-
-
-@pytest.mark.parametrize("rate", [200.0, 1000.0])
-@pytest.mark.parametrize("degrees", [0.04, 0.2])
-def test_noise_floor_of_a_moving_board(rate, degrees):
-    releases = releases_of(LIGHT, 8, noise=np.radians(degrees), rate=rate, duration=2.0)
-    assert noise_floor(releases).std == pytest.approx(np.radians(degrees), rel=0.06)
-
-
-@pytest.mark.parametrize("rate", [200.0, 400.0, 500.0, 1000.0])
-@pytest.mark.parametrize("law", [LIGHT, HEAVY])
+@pytest.mark.parametrize(("law", "rate"), [(LIGHT, 200.0), (HEAVY, 400.0), (LIGHT, 1000.0)])
 def test_noise_floor_is_not_biased(law, rate):
     """Over many logs, neither the motion nor the choice of the order shows in it."""
     noise = np.radians(0.05)
@@ -267,19 +211,13 @@ def test_noise_floor_is_not_biased(law, rate):
 
 def test_noise_floor_of_a_quantised_and_of_a_smoothing_sensor():
     releases = releases_of(HEAVY, 9, noise=1e-9)
-    for release in releases:
-        release.roll[:] = np.round(release.roll / 0.002) * 0.002
+    for one in releases:
+        one.roll[:] = np.round(one.roll / 0.002) * 0.002
     assert noise_floor(releases).std == pytest.approx(0.002 / np.sqrt(12), rel=0.05)
     smooth = releases_of(HEAVY, 10)
-    for release in smooth:
-        release.roll[:] = np.convolve(release.roll, np.ones(9) / 9, mode="same")
+    for one in smooth:
+        one.roll[:] = np.convolve(one.roll, np.ones(9) / 9, mode="same")
     assert noise_floor(smooth).std > 2 * difference_std([(smooth[0].roll, smooth[0].time)])
-
-
-def test_noise_floor_of_short_releases_is_theirs_together():
-    """Of one release of 60 samples the spread and its robust double differ by chance, and the lower one was taken."""
-    found = [noise_floor(releases_of(HEAVY, s, noise=1e-3, rate=500.0, duration=0.12)).std for s in range(40)]
-    assert np.mean(found) == pytest.approx(1e-3, rel=0.04)
 
 
 def test_noise_floor_of_uneven_samples():
@@ -300,12 +238,6 @@ def test_a_swing_is_correlated_and_noise_is_not():
     time = np.arange(1000) / 1000
     swing = [w + 0.4 * np.sin(2 * np.pi * 6 * time) for w in white]
     assert correlation_length(white) < 1.5 < correlation_length(swing)
-
-
-def test_scales_come_from_the_data_where_the_record_is_far_off(pink):
-    far = pink.with_tilt(stiffness=Quantity(200.0, 1.0, "N*m/rad"))
-    scales = scales_of(make_records(releases_of(LIGHT, 12), NOISE, rate=False), far)
-    assert scales.stiffness == pytest.approx(14.684, rel=0.02)
 
 
 def test_nothing_to_fit_is_said(pink):

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made import release
 
 from sysid.board import board_to_toml
 from sysid.cli.parameter_options import parse_bounds, parse_fixed
 from sysid.errors import SysidError
 from sysid.fitting.joint import FitOptions, check_parameters, fit_joint
-from sysid.fitting.ladder import ladder
 from sysid.fitting.record_update import require_usable, updated_board
 from sysid.joint.law import JointLaw
 from sysid.joint.trajectory import simulate as motion
@@ -27,26 +27,15 @@ PINK = Workspace(Path()).load_board("pink")
 
 def pendulum(stiffness: float, zero: float = 0.0) -> list[Release]:
     """A pendulum of 0.02 kg*m² and 1.3 N*m, with dry friction, released from both sides; its sensor's zero is off."""
-    law = TrueLaw(
-        inertia=0.02,
-        stiffness=stiffness,
-        damping=0.01,
-        gravity=1.3,
-        static_friction=0.03,
-        friction=0.03,
-    )
+    friction = {"static_friction": 0.03, "friction": 0.03}
+    law = TrueLaw(inertia=0.02, stiffness=stiffness, damping=0.01, gravity=1.3, **friction)
     rng = np.random.default_rng(5)
     releases = []
     for number, angle in enumerate((1.2, -0.8), start=1):
         start = Condition(np.array([angle, 0.0, 0.0, 0.0, 0.0]), Modes().regions(law, angle))
         samples, _ = simulate(law, start, 0.0, float(TIME[-1]), TIME)
         roll = samples[:, 0] + zero + NOISE * rng.standard_normal(len(TIME))
-        releases.append(
-            Release(
-                log="made", number=number, time=TIME, roll=roll, std=np.full(len(TIME), NOISE), origin="angle",
-                rest=zero, hold=1.0, end="log",
-            )
-        )  # fmt: skip
+        releases.append(release(TIME, roll, NOISE, number=number, rest=zero))
     return releases
 
 
@@ -106,13 +95,6 @@ def test_a_bound_is_kept_and_no_fault_of_the_logs():
     assert any("damping" in warning and "bound" in warning for warning in fit.warnings)
 
 
-def test_a_ladder_says_of_each_model_only_what_it_has():
-    options = FitOptions(fixed={"stiffness": 0.0, "gravity.moment": 1.3})
-    rungs = list(ladder(pendulum(0.0), arm(), ("coulomb", "gravity"), options, heldout=False))
-    assert [rung.label for rung in rungs] == ["spring and damper", "+ coulomb", "+ gravity"]
-    assert rungs[-1].rmse < 0.2 * rungs[1].rmse
-
-
 @pytest.mark.parametrize(
     ("options", "says"),
     [
@@ -164,8 +146,8 @@ def test_a_damper_is_never_made_to_drive():
     law = JointLaw(inertia=0.02, stiffness=2.0, damping=-1e-3).with_effect("coulomb", 0.03)
     noise = NOISE * np.random.default_rng(5).standard_normal(len(TIME))
     releases = [
-        replace(release, roll=motion(law, TIME, angle).roll + noise)
-        for release, angle in zip(pendulum(2.0), (0.3, -0.2), strict=True)
+        replace(one, roll=motion(law, TIME, angle).roll + noise)
+        for one, angle in zip(pendulum(2.0), (0.3, -0.2), strict=True)
     ]
     fit = fit_joint(releases, arm(), ("coulomb",))
     assert fit.law.damping == 0.0

@@ -5,21 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made import release
 
 from sysid.board import load_board
 from sysid.cli.console import Common
 from sysid.cli.fit import fit as fit_command
 from sysid.cli.subject import Subject
 from sysid.errors import SysidError
-from sysid.fitting.bootstrap import Bootstrap, block_length, blocks, bootstrap, corrected_percentiles
+from sysid.fitting.bootstrap import bootstrap, corrected_percentiles
 from sysid.fitting.intervals import agreements
 from sysid.fitting.joint import fit_joint
-from sysid.fitting.profile import Profile, profile, profiles
+from sysid.fitting.profile import profile, profiles
 from sysid.joint import JointLaw, simulate
 from sysid.least_squares import Normal, minimise
 from sysid.noise.autoregression import ResidualNoise
 from sysid.quantity import Z95, Quantity
-from sysid.roll import Release
 from sysid.workspace import shipped_data
 
 NOISE = np.radians(0.1)
@@ -54,13 +54,8 @@ def releases_of(law, seed, *, angles=(0.19, -0.15, 0.11), stiffer=None, rho=0.0)
     for number, angle in enumerate(angles, start=1):
         mine = law if stiffer is None else replace(law, stiffness=law.stiffness * stiffer[number - 1])
         noise = ResidualNoise(1 - rho**2, np.array([rho]) if rho else np.zeros(0)).drawn(len(time), rng)
-        made.append(
-            Release(
-                log="made.csv", number=number, time=time + 3.0 * number,
-                roll=simulate(mine, time, angle, 0.0).roll + NOISE * noise, std=np.full(len(time), NOISE),
-                origin="angle", rest=0.0, hold=1.0, end="rest",
-            )
-        )  # fmt: skip
+        roll = simulate(mine, time, angle, 0.0).roll + NOISE * noise
+        made.append(release(time + 3.0 * number, roll, NOISE, number=number, end="rest"))
     return made
 
 
@@ -137,17 +132,6 @@ def test_drawing_blocks_foretells_the_scatter():
         assert np.std(drawn.draws, axis=0) == pytest.approx(scatter, rel=0.4)
 
 
-def test_blocks_keep_neighbours_together():
-    rng = np.random.default_rng(4)
-    pool = [np.arange(0.0, 100.0), np.arange(1000.0, 1060.0)]
-    row = blocks(pool, 95, 10, rng)
-    assert len(row) == 95
-    for begin in range(0, 90, 10):
-        assert (np.diff(row[begin : begin + 10]) == 1).all()
-    assert block_length(ResidualNoise(1.0, np.zeros(0)), 1000) == 1
-    assert 25 <= block_length(ResidualNoise(1.0, np.array([0.8])), 1000) <= 60
-
-
 def test_whole_releases_show_what_differs_between_them():
     """A stiffness that scatters by 3 % from release to release: no look at residuals shows how unsure its mean is."""
     rng = np.random.default_rng(5)
@@ -168,33 +152,6 @@ def test_percentiles_do_not_depend_on_how_a_parameter_is_written():
     low, high = corrected_percentiles(np.exp(logs), 1.0)
     assert (low, high) == pytest.approx(tuple(np.exp(corrected_percentiles(logs, 0.0))))
     assert np.log([low, high]) == pytest.approx([-0.1 - Z95 * 0.3, -0.1 + Z95 * 0.3], abs=0.03)
-
-
-def test_the_words_say_which_interval_to_trust():
-    q = {"x": Quantity(1.0, 0.1, "N*m")}
-    half = 0.1 * Z95
-
-    def shape(low, high, *, at_bound=(False, False), deeper=0.0):
-        seen = np.array([0.9, 1.0, 1.1]), np.array([1, 0, 1])
-        return Profile(1.0, *seen, (low, high), at_bound, deeper, name="x")
-
-    def said(shape, ends=None):
-        drawn = ends and Bootstrap("blocks", 9, np.ones((900, 1)), ("x",), {"x": ends}, 0)
-        verdict = agreements(q, [shape] if shape else [], drawn)[0]
-        return verdict.trust, verdict.text
-
-    assert said(shape(1 - half, 1 + half))[0] == "Jacobian"
-    assert said(shape(1 - half, 1 + half), (1 - half, 1 + half)) == (
-        "Jacobian", "the bootstrap agrees (width 1.00 of it, good to 5 %)",
-    )  # fmt: skip
-    assert said(shape(0.9, 1.5)) == ("profile", "the cost bends: -0.1 to one side, +0.5 to the other")
-    assert said(shape(0.9, np.inf))[1] == "the logs do not bound it above"
-    assert said(shape(0.0, 1.2, at_bound=(True, False)))[1].startswith("it reaches its own bound of 0")
-    assert "side valley" in said(shape(1 - half, 1 + half, deeper=3.0))[1]
-    trust, text = said(shape(1 - half, 1 + half), (0.5, 1.5))
-    assert trust == "bootstrap"
-    assert "2.6 times as far" in text
-    assert said(None, (0.95, 1.05))[0] == "Jacobian"
 
 
 def test_too_few_draws_are_refused():

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made import release
 
 from sysid.errors import SysidError
 from sysid.fit_mjcf import fit
 from sysid.joint import JointLaw, simulate
 from sysid.quantity import Quantity
-from sysid.roll import Release
 from sysid.workspace import Workspace
 
 NOISE = 5e-4
@@ -21,12 +21,9 @@ STOP = LAW.with_effect("end-stop", 0.12, 60.0, 0.0)
 def releases_of(law, angles):
     time, rng = np.arange(0.0, 1.5, 2e-3), np.random.default_rng(4)
     return [
-        Release(
-            log="made.csv", number=number, time=time, std=np.full(len(time), NOISE), origin="angle", rest=0.0,
-            roll=simulate(law, time, angle).roll + NOISE * rng.standard_normal(len(time)), hold=1.0, end="log",
-        )
+        release(time, simulate(law, time, angle).roll, NOISE, rng=rng, number=number)
         for number, angle in enumerate(angles, start=1)
-    ]  # fmt: skip
+    ]
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made import release
 
 from sysid.board import load_board
 from sysid.fitting.bootstrap import bootstrap
@@ -15,7 +16,6 @@ from sysid.logs.sources.swing_smoother import GAIN_STD
 from sysid.logs.table.names import ACCEL_UNITS
 from sysid.quantity import Z95, Quantity
 from sysid.recording import Recording
-from sysid.roll import Release
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.sensors import Sensor, measure, write_log
 from sysid.workspace import shipped_data
@@ -68,20 +68,12 @@ def test_intervals_from_an_imu_hold(deviations, index):
 
 def fitted(*effects, scale=1.0, scale_std=0.01, **options):
     rng, time, made = np.random.default_rng(3), np.arange(0.0, 0.8, 0.004), []
-    law = JointLaw(
-        inertia=8.7e-3,
-        stiffness=14.684,
-        damping=0.05,
-        effects=tuple((name, VALUES[name]) for name in effects),
-    )
+    known = tuple((name, VALUES[name]) for name in effects)
+    law = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.05, effects=known)
     for number, angle in enumerate((0.19, -0.15, 0.11), start=1):
         roll = simulate(law, time, angle, 0.0).roll + 1e-3 * rng.standard_normal(len(time))
-        made.append(
-            Release(
-                log="made.csv", number=number, time=time + 3.0 * number, roll=scale * roll, std=np.full(len(time), 1e-3),
-                scale_std=scale_std, origin="angle", rest=0.0, hold=0.0, end="log",
-            )
-        )  # fmt: skip
+        scaled = {"scale_std": scale_std, "number": number, "hold": 0.0}
+        made.append(release(time + 3.0 * number, scale * roll, 1e-3, **scaled))
     return fit_joint(made, BOARD, effects, FitOptions(**options))
 
 

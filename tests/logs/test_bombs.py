@@ -62,17 +62,3 @@ def test_a_cell_far_from_the_others(tmp_path):
         sheet.write(1048575, 16383, 1.0)
     with pytest.raises(SysidError, match=r"a cell far from the others \(column 16384, row 1048576\)"):
         read_roll(path)
-
-
-def test_a_note_beside_the_table_is_no_column_of_it(tmp_path):
-    pytest.importorskip("python_calamine")
-    writer = pytest.importorskip("xlsxwriter")
-    path = tmp_path / "log.xlsx"
-    time = np.arange(0, 5, 0.01)
-    with writer.Workbook(path) as book:
-        sheet = book.add_worksheet()
-        sheet.write(2, 9, "spring changed here")
-        sheet.write_row(0, 0, ("time_s", "roll_rad"))
-        for row, cells in enumerate(zip(time, 0.2 * np.exp(-time) * np.cos(20 * time), strict=True), 1):
-            sheet.write_row(row, 0, cells)
-    assert read_roll(path).time.size == time.size

@@ -12,7 +12,6 @@ from rocking import imu, rocking, write_csv
 
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
-from sysid.logs.formats.csv import open_csv
 from sysid.logs.table.names import parse_column
 
 TIME = np.arange(0, 4, 0.01)
@@ -33,31 +32,19 @@ def check(path, **options):
         ("angle_rad", "angle", "", "rad"),
         ("Winkel [°]", "angle", "", "deg"),
         ("pitch", "angle", "y", None),
-        ("gyroX (rad/s)", "rate", "x", "rad/s"),
         ("Gyroscope x (rad/s)", "rate", "x", "rad/s"),
         ("GyroY_dps", "rate", "y", "deg/s"),
-        ("gz", "rate", "z", None),
-        ("gyro_x_deg", "rate", "x", "deg/s"),
         ("gyro_integrated_x [deg]", "angle", "x", "deg"),
         ("gyroAngleX", "angle", "x", None),
-        ("accAngleY", "angle", "y", None),
         ("integrated gyro x (rad/s)", "rate", "x", "rad/s"),
         ("/imu.angular_velocity.x", "rate", "x", None),
-        ("roll_rate_deg_s", "rate", "x", "deg/s"),
         ("ax", "accel", "x", None),
         ("Acceleration z (m/s^2)", "accel", "z", "m/s^2"),
-        ("acc_x_g", "accel", "x", "g"),
         ("qw", "quaternion", "w", None),
-        ("orientation.x", "quaternion", "x", None),
-        ("t_s", "time", "", "s"),
         ("Time (s)", "time", "", "s"),
-        ("seconds_elapsed", "time", "", "s"),
         ("timestamp_ns", "time", "", "ns"),
-        ("time", "time", "", None),
         ("roll_std_rad", "std", "x", "rad"),
-        ("torque_on", "other", "", None),
         ("heave_m", "other", "", None),
-        ("Absolute (rad/s)", "other", "", None),
     ],
 )
 def test_names_tell_quantity_axis_and_unit(name, kind, axis, unit):
@@ -65,12 +52,11 @@ def test_names_tell_quantity_axis_and_unit(name, kind, axis, unit):
     assert (column.kind, column.axis, column.unit) == (kind, axis, unit)
 
 
-@pytest.mark.parametrize("sep", [",", ";", "\t", "|", " "])
-@pytest.mark.parametrize("decimal", [".", ","])
-@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+@pytest.mark.parametrize(
+    ("sep", "decimal", "newline"),
+    [(",", ".", "\n"), (";", ",", "\r\n"), ("\t", ",", "\n"), ("|", ".", "\r\n"), (" ", ".", "\n")],
+)
 def test_every_delimiter_decimal_sign_and_line_end(tmp_path, sep, decimal, newline):
-    if sep == decimal:
-        pytest.skip("a comma cannot be both")
     path = write_csv(
         tmp_path / "log.txt", ("t_s", "roll_rad"), TIME, ROLL, sep=sep, decimal=decimal, newline=newline
     )
@@ -133,13 +119,6 @@ def test_seconds_and_nanoseconds_without_names(tmp_path):
     rows = zip(whole + 1778594712, rest, names, ROLL, np.gradient(ROLL, TIME), strict=True)
     path.write_text("".join(f"{s:.0f},{ns:.0f},,{name},{x:.9g},{v:.9g},0.0\n" for s, ns, name, x, v in rows))
     check(path, column="5")
-
-
-def test_columns_are_counted_as_in_the_file_where_two_of_them_are_the_clock(tmp_path):
-    whole, rest = np.divmod(np.round(TIME * 1e9) + 0.7e9, 1e9)
-    names = ("stamp_sec", "stamp_nanosec", "roll_rad", "other_rad")
-    path = write_csv(tmp_path / "log.csv", names, whole + 1e6, rest, ROLL, ROLL / 2)
-    check(path, column="3")
 
 
 def test_rate_that_vicon_writes_above_its_frames(tmp_path):
@@ -223,18 +202,6 @@ def test_phyphox_zip(tmp_path, sep, decimal):
         archive.writestr("meta/time.csv", '"event","experiment time"\n"START",0\n"PAUSE",6\n')
         archive.writestr("meta/device.csv", "property,value\nversion,1.1\n")
     check_phone(path)
-
-
-def test_phyphox_single_table(tmp_path):
-    time, gyro, _ = sensor_files()
-    names = [f"Gyroscope {axis} (rad/s)" for axis in "xyz"]
-    absolute = np.linalg.norm(gyro, axis=1)
-    path = tmp_path / "Raw Data.csv"
-    path.write_text(table(("Time (s)", *names, "Absolute (rad/s)"), time, *gyro.T, absolute))
-    roll = read_roll(path)
-    assert roll.origin == "gyro"
-    truth = rocking(roll.time, rest=0.0)[0]
-    assert np.rad2deg(np.abs(roll.roll - truth).max()) < 0.3
 
 
 def test_matlab_mobile_zip(tmp_path):
@@ -359,24 +326,3 @@ def test_mcap_with_json_messages_and_a_joint(tmp_path):
         writer.finish()
     roll = read_roll(path, LogOptions(unit="rad"))
     np.testing.assert_allclose(roll.roll, ROLL, atol=1e-9)
-
-
-def test_missing_mcap_extra_names_what_to_install(tmp_path, monkeypatch):
-    import sys
-
-    (tmp_path / "a.mcap").write_bytes(b"\x89MCAP0\r\n")
-    monkeypatch.setitem(sys.modules, "mcap.reader", None)
-    with pytest.raises(SysidError, match=r"\[mcap\]"):
-        read_roll(tmp_path / "a.mcap")
-
-
-def test_only_the_needed_columns_are_read(tmp_path):
-    text = "t_s,note,roll_rad\n" + "".join(
-        f"{t:.6g},hello,{r:.9g}\n" for t, r in zip(TIME, ROLL, strict=True)
-    )
-    (tmp_path / "log.csv").write_text(text)
-    table = open_csv(tmp_path / "log.csv")
-    assert table.names == ("t_s", "note", "roll_rad")
-    check(tmp_path / "log.csv")
-    with pytest.raises(SysidError, match="'hello' is not a number"):
-        table.read(["note"])

@@ -37,9 +37,15 @@ def worst_deg(roll, **motion):
 # Gyro and accelerometer
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("zeta", [0.03, 0.5])
-@pytest.mark.parametrize("arm", [(0.0, 0.0, 0.0), (0.1, 0.08, 0.05)], ids=["on the axis", "off the axis"])
+@pytest.mark.parametrize(
+    ("seed", "zeta", "arm"),
+    [
+        (0, 0.03, (0.0, 0.0, 0.0)),
+        (1, 0.5, (0.0, 0.0, 0.0)),
+        (2, 0.03, (0.1, 0.08, 0.05)),
+        (0, 0.5, (0.1, 0.08, 0.05)),
+    ],
+)
 def test_roll_is_recovered_and_its_offset_too(tmp_path, seed, zeta, arm):
     roll = read_roll(sensor(tmp_path, seed=seed, zeta=zeta, arm=arm))
     assert roll.origin == "imu"
@@ -83,8 +89,16 @@ def test_the_sensor_may_lie_any_way_on_the_deck(tmp_path, mount, flipped):
     assert worst_deg(roll) < 0.2
 
 
-@pytest.mark.parametrize("rate_unit", ["rad/s", "deg/s", "mdeg/s", "mrad/s"])
-@pytest.mark.parametrize("accel_unit", [1.0, 9.80665, 9.80665e-3, 9.80665 / 16384])
+@pytest.mark.parametrize(
+    ("rate_unit", "accel_unit"),
+    [
+        ("rad/s", 9.80665),
+        ("deg/s", 1.0),
+        ("mdeg/s", 9.80665e-3),
+        ("mrad/s", 9.80665 / 16384),
+        ("deg/s", 9.80665),
+    ],
+)
 def test_silent_units_are_told_by_gravity(tmp_path, rate_unit, accel_unit):
     roll = read_roll(sensor(tmp_path, rate_unit=RATE_UNITS[rate_unit], accel_unit=accel_unit))
     assert worst_deg(roll) < 0.2
@@ -112,35 +126,10 @@ def test_an_upright_axis_is_left_to_the_gyro(tmp_path):
     assert worst_deg(roll, rest=0.0) < 0.3
 
 
-def test_accelerations_without_gravity_leave_the_gyro(tmp_path):
-    names = ("t_s", *(f"gyro{a} (rad/s)" for a in "XYZ"), *(f"userAcceleration.{a}" for a in "xyz"))
-    rng = np.random.default_rng(0)
-    gyro, _ = imu(TIME, *rocking(TIME, release=2.0))
-    path = write_csv(
-        tmp_path / "imu.csv",
-        names,
-        TIME,
-        *(gyro + rng.normal(0, 2e-3, gyro.shape)).T,
-        *rng.normal(0, 0.1, gyro.shape).T,
-    )
-    roll = read_roll(path)
-    assert roll.origin == "gyro"
-    assert any("no gravity" in warning for warning in roll.warnings)
-
-
-def test_a_motion_about_several_axes_is_a_warning(tmp_path):
-    gyro, accel = imu(TIME, *rocking(TIME, release=2.0))
-    gyro[:, 1] += 3 * np.sin(5 * TIME)
-    path = write_csv(
-        tmp_path / "imu.csv", ("t_s", "gx", "gy", "gz", "ax", "ay", "az"), TIME, *gyro.T, *accel.T
-    )
-    assert any("several axes" in warning for warning in read_roll(path).warnings)
-
-
 # Gyro alone
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_gyro_alone_starts_from_its_rest(tmp_path, seed):
     rng = np.random.default_rng(seed)
     rate = rocking(TIME, release=2.0, omega=30.0)[1] + 0.05 + rng.normal(0, 3e-3, TIME.size)
@@ -162,13 +151,6 @@ def test_a_drifting_offset_goes_from_rest_to_rest(tmp_path):
     assert worst_deg(roll, rest=0.0, omega=30.0, zeta=0.15) < 0.6
 
 
-def test_a_saturated_gyro_is_a_warning(tmp_path):
-    rate = np.clip(rocking(TIME, release=2.0, zeta=0.02)[1], -5, 5) + 0.0
-    roll = read_roll(write_csv(tmp_path / "log.csv", ("t_s", "gyro_rad_s"), TIME, rate))
-    assert any("saturated at 5 rad/s" in warning for warning in roll.warnings)
-    assert np.abs(roll.rate).max() < 5
-
-
 def limited(rate, soft):
     """A rate [deg/s] that its sensor keeps below 250, from a share `soft` below that on little by little."""
     begin = 250 * (1 - soft)
@@ -177,9 +159,10 @@ def limited(rate, soft):
     return np.where(beyond > 0, np.sign(rate) * bent, rate)
 
 
-@pytest.mark.parametrize("soft", [0.0, 0.03, 0.1])
-@pytest.mark.parametrize(("noise", "amplitude"), [(0.05, 26), (0.3, 35), (2.0, 45)])
-@pytest.mark.parametrize("zeta", [0.03, 0.08])
+@pytest.mark.parametrize(
+    ("soft", "noise", "amplitude", "zeta"),
+    [(0.0, 0.05, 26, 0.03), (0.03, 0.3, 35, 0.08), (0.1, 2.0, 45, 0.03), (0.0, 2.0, 45, 0.08)],
+)
 def test_a_flat_top_is_left_out_though_no_value_repeats(tmp_path, soft, noise, amplitude, zeta):
     from sysid.free_decay import fit_decay
     from sysid.releases import find_releases
@@ -194,9 +177,10 @@ def test_a_flat_top_is_left_out_though_no_value_repeats(tmp_path, soft, noise, a
     assert abs(damping.value / zeta - 1) < max(0.01, 2 * 1.96 * damping.std / zeta)
 
 
-@pytest.mark.parametrize("noise", [0.05, 0.3, 2.0])
-@pytest.mark.parametrize("zeta", [0.005, 0.03, 0.2])
-@pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0])
+@pytest.mark.parametrize(
+    ("noise", "zeta", "rate"),
+    [(0.05, 0.005, 50.0), (0.3, 0.03, 200.0), (2.0, 0.2, 1000.0), (0.05, 0.2, 200.0)],
+)
 def test_round_tops_are_no_limit(tmp_path, noise, zeta, rate):
     time = np.arange(0, 9, 1 / rate)
     clean = np.degrees(rocking(time, amplitude=0.35, omega=4 * np.pi, zeta=zeta)[1])
@@ -205,21 +189,12 @@ def test_round_tops_are_no_limit(tmp_path, noise, zeta, rate):
     assert not any("saturated" in warning for warning in roll.warnings)
 
 
-def test_a_deck_with_play_coasts_without_a_limit(tmp_path):
-    time = np.arange(0, 9, 0.01)
-    rate = np.degrees(rocking(time, amplitude=0.6, omega=4 * np.pi, zeta=0.05)[1])
-    tops = np.exp(-0.05 * 4 * np.pi * np.maximum(time - 1, 0)) * 330
-    coasting = np.clip(rate, -tops, tops) + np.random.default_rng(9).normal(0, 0.3, len(time))
-    roll = read_roll(write_csv(tmp_path / "log.csv", ("t_s", "gyro_dps"), time, coasting))
-    assert not any("saturated" in warning for warning in roll.warnings)
-
-
-@pytest.mark.parametrize("hardening", [1e4, 2e4, 4e4])
+@pytest.mark.parametrize("hardening", [1e4, 4e4])
 def test_the_top_of_a_hard_spring_bends_and_is_no_limit(hardening):
     """It is flatter than a parabola, and may be near a limit that gyros have, of any height."""
     from scipy.integrate import solve_ivp
 
-    for amplitude in np.arange(0.3, 0.4, 0.005):
+    for amplitude in np.arange(0.3, 0.4, 0.02):
         swing = solve_ivp(
             lambda _, y: (y[1], -7 * y[1] - 900 * y[0] - hardening * y[0] ** 3), (0, 2), (-amplitude, 0.0),
             t_eval=np.arange(0, 2, 0.004), max_step=1e-3,
@@ -265,8 +240,10 @@ ARM = (0.1, 0.08, 0.05)
 
 
 @pytest.mark.parametrize("way", range(6))
-@pytest.mark.parametrize("rate_unit", ["rad/s", "deg/s"])
-@pytest.mark.parametrize("names", [None, ("t_s", *(f"w{a}" for a in "xyz"), *(f"a{a}" for a in "xyz"))])
+@pytest.mark.parametrize(
+    ("rate_unit", "names"),
+    [("rad/s", None), ("deg/s", ("t_s", *(f"w{a}" for a in "xyz"), *(f"a{a}" for a in "xyz")))],
+)
 def test_the_unit_of_a_gyro_off_the_axis(tmp_path, way, rate_unit, names):
     """The lever arm's accelerations are not gravity, and a triad is never in rpm."""
     path = sensor(
@@ -283,8 +260,9 @@ def test_the_unit_of_a_gyro_off_the_axis(tmp_path, way, rate_unit, names):
     assert any(rate_unit in text and "--unit" in text for text in roll.warnings)
 
 
-@pytest.mark.parametrize("height", [-0.15, -0.02, 0.01, 0.02, 0.05, 0.1, 0.2])
-@pytest.mark.parametrize("rate_unit", ["rad/s", "deg/s"])
+@pytest.mark.parametrize(
+    ("height", "rate_unit"), [(-0.15, "deg/s"), (0.02, "rad/s"), (0.05, "deg/s"), (0.1, "deg/s")]
+)
 def test_a_gyro_above_or_below_the_axis_keeps_its_unit(tmp_path, height, rate_unit):
     """At 5 to 10 cm the lever arm's acceleration made deg/s look like rpm, and every angle six times as large."""
     roll = read_roll(sensor(tmp_path, arm=(0.0, 0.0, height), rate_unit=RATE_UNITS[rate_unit], zeta=0.02))
@@ -306,20 +284,7 @@ def test_raw_counts_of_a_gyro(tmp_path, counts_per_deg_s):
     assert any("one count" in text for text in roll.warnings)
 
 
-def test_a_gyro_that_gravity_tells_nothing_of_is_warned_of(tmp_path):
-    """About an upright axis gravity does not move."""
-    rng = np.random.default_rng(0)
-    rate = rocking(TIME, release=2.0)[1]
-    gyro = np.stack((0 * rate, 0 * rate, rate), axis=1) + rng.normal(0, 3e-3, (len(TIME), 3))
-    accel = np.array((0.0, 0.0, 9.81)) + rng.normal(0, 0.03, (len(TIME), 3))
-    path = write_csv(
-        tmp_path / "imu.csv", ("t_s", "gx", "gy", "gz", "ax", "ay", "az"), TIME, *gyro.T, *accel.T
-    )
-    assert any("names no unit" in text for text in read_roll(path).warnings)
-
-
-@pytest.mark.parametrize("gain", [0.98, 1.0, 1.02])
-@pytest.mark.parametrize("below", [2.0, 2.4])
+@pytest.mark.parametrize(("gain", "below"), [(0.98, 2.0), (1.02, 2.4)])
 def test_at_the_end_of_a_pendulum_the_gyro_keeps_its_scale(tmp_path, below, gain):
     """A swing seat feels its weight along the ropes at every tilt, which tells no angle."""
     time, rng = np.arange(0, 80, 1 / 50), np.random.default_rng(2)
@@ -336,8 +301,7 @@ def test_at_the_end_of_a_pendulum_the_gyro_keeps_its_scale(tmp_path, below, gain
 # Accelerometer alone
 
 
-@pytest.mark.parametrize("height", [-0.05, 0.06, 0.2])
-@pytest.mark.parametrize("given", [False, True])
+@pytest.mark.parametrize(("height", "given"), [(-0.05, False), (0.2, False), (0.06, True)])
 def test_an_accelerometer_alone_gives_the_decay_of_a_swing(tmp_path, height, given):
     """Along the motion it feels g sin φ + r φ̈: the same decay, of another size."""
     from sysid.free_decay import fit_decay

@@ -41,31 +41,6 @@ def test_time_and_angle_in_other_languages(tmp_path, time, angle):
     assert np.ptp(roll.roll) == pytest.approx(np.ptp(ROLL), rel=1e-6)
 
 
-def test_bare_quaternion_names_with_odd_units(tmp_path):
-    w, x = np.cos(ROLL / 2), np.sin(ROLL / 2)
-    header = ("epoc (ms)", "elapsed (s)", "x (number)", "y (number)", "z (number)", "w (number)")
-    stamps = [f"{1.58e12 + 1e3 * t:.0f}" for t in TIME]
-    assert (
-        right(write_csv(tmp_path / "log.csv", header, stamps, TIME, x, 0 * x, 0 * x, w)).origin
-        == "quaternion"
-    )
-
-
-def test_joints_that_are_numbered_are_no_quaternion(tmp_path):
-    others = [0.3 + 1e-3 * np.random.default_rng(k).normal(0, 1, len(TIME)) for k in range(3)]
-    path = write_csv(tmp_path / "log.csv", ("t", "q0", "q1", "q2", "q3"), TIME, *others[:2], ROLL, others[2])
-    assert right(path).origin == "angle"
-
-
-def test_columns_of_a_motor_logger(tmp_path):
-    rate = rocking(TIME)[1]
-    names = ("timestamp", "tau_est", "current_A", "q_des", "dq", "q", "temperature")
-    path = write_csv(
-        tmp_path / "log.csv", names, TIME, 0.1 * rate, 0 * rate, 0 * rate, rate, ROLL, 40 + 0 * rate
-    )
-    assert right(path).origin == "angle"
-
-
 @pytest.mark.parametrize("names", [("time", "sensor1"), ("t", "x"), ("seconds", "Messwert")])
 def test_the_only_column_that_moves_is_the_motion(tmp_path, names):
     roll = right(write_csv(tmp_path / "log.csv", names, TIME, ROLL))

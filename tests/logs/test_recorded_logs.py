@@ -34,21 +34,6 @@ def test_a_workspace_is_looked_at_from_another_folder(tmp_path: Path, monkeypatc
     assert str(tmp_path) not in str(board.fit["logs"]), "a record speaks of no machine"
 
 
-def test_a_linked_workspace_finds_its_logs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Out of it, `..` leads to the folder where it really is."""
-    (tmp_path / "deep" / "real").mkdir(parents=True)
-    (here := tmp_path / "here").mkdir()
-    (here / "runs").symlink_to(tmp_path / "deep" / "real", target_is_directory=True)
-    (here / "log.csv").write_text("0,0")
-    monkeypatch.chdir(here)
-    for space in (Workspace(Path("runs")), Workspace(Path("../deep/real")), Workspace(Path())):
-        name = space.named(Path("log.csv"))
-        assert space.recorded(name) == Path("log.csv")
-        assert (space.root.resolve() / name).resolve() == here / "log.csv"
-    assert Workspace(Path("runs")).recorded("/a/log.csv") == Path("/a/log.csv")
-    assert Workspace(Path("/runs")).recorded("../a/log.csv") == Path("/a/log.csv")
-
-
 def test_logs_are_read_again_as_they_were_fitted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Otherwise 180 mrad are 180 degrees, and what `--to` left out is a release more."""
     lines = (shipped_data() / "decays" / "pink.csv").read_text().splitlines()[1:]

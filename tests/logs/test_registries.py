@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import sysid.logs.formats as formats_package
 import sysid.logs.sources as sources_package
 from sysid.errors import SysidError
 from sysid.fitting.records import signal_of
@@ -13,24 +12,6 @@ from sysid.logs import LogOptions, read_roll
 from sysid.logs.formats.registry import formats
 from sysid.logs.sources.registry import sources
 from sysid.releases import find_releases
-
-FORMAT = '''
-"""Toy format: the magic TOY, then rows of little-endian doubles, time and angle in rad."""
-
-import numpy as np
-
-from sysid.logs.formats.registry import Format, starts_with
-from sysid.logs.table.file import LogFile
-
-
-def open_toy(path):
-    columns = dict(zip(("time_s", "roll_rad"), np.frombuffer(path.read_bytes()[3:], "<f8").reshape(-1, 2).T))
-    read = lambda names: {name: columns[name] for name in names}
-    return LogFile(path=path, names=tuple(columns), notes=("toy table",), read=read)
-
-
-FORMAT = Format(name="toy", order=1, sniff=starts_with(b"TOY"), open=open_toy)
-'''
 
 SOURCE = '''
 """Toy sensor: an angle that a potentiometer writes in volts, 1 V a radian."""
@@ -82,17 +63,6 @@ def extended(tmp_path, monkeypatch):
     sources.cache_clear()
 
 
-def test_a_format_is_one_file(extended, decay, tmp_path):
-    log = tmp_path / "swing.toy"
-    log.write_bytes(b"TOY" + np.column_stack(decay).astype("<f8").tobytes())
-    with pytest.raises(SysidError):
-        read_roll(log)
-    extended(formats_package, FORMAT, formats)
-    roll = read_roll(log)
-    np.testing.assert_allclose(roll.roll, decay[1])
-    assert "toy table" in roll.notes
-
-
 def test_a_kind_of_sensor_is_one_file(extended, decay, tmp_path):
     log = tmp_path / "swing.csv"
     np.savetxt(log, np.column_stack(decay), delimiter=",", header="time_s,pot_V", comments="")
@@ -105,23 +75,3 @@ def test_a_kind_of_sensor_is_one_file(extended, decay, tmp_path):
     assert signal_of(rated) == {"use_rate": True, "bias": "per-release"}
     with pytest.raises(SysidError, match="accelerometer, position, toy"):
         read_roll(log, LogOptions(source="pot"))
-
-
-def test_formats_and_sensors_keep_their_order():
-    assert [form.name for form in formats()] == [
-        *(
-            "spreadsheet",
-            "Parquet",
-            "MCAP",
-            "ROS bag",
-            "phone export",
-            "compressed",
-            "MATLAB",
-            "HDF5",
-            "JSON",
-            "phyphox experiment",
-            "labelled text",
-            "text table",
-        )
-    ]
-    assert list(sources()) == ["angle", "imu", "gyro", "quaternion", "accelerometer", "position"]

@@ -81,14 +81,6 @@ def test_a_clock_that_is_set_back_loses_no_sample(tmp_path):
     assert len(find_releases(roll)) == 1
 
 
-def test_a_record_emptied_by_its_clock_is_refused(tmp_path):
-    """Every stamp is one of four: what is left is no record."""
-    stamps = np.repeat([0.0, 1.0, 2.0, 3.0], 5)
-    path = write_csv(tmp_path / "log.csv", ("t", "roll_rad"), stamps, np.repeat([0.1, 0.2, -0.1, 0.05], 5))
-    with pytest.raises(SysidError, match="time-column"):
-        read_roll(path)
-
-
 def test_times_are_shown_and_taken_as_the_log_has_them(tmp_path):
     path = write_csv(tmp_path / "log.csv", ("t_s", "roll_rad"), TIME + 13.84, swing(TIME))
     roll = read_roll(path)

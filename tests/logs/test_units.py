@@ -29,22 +29,6 @@ def test_size_of_a_unit(text, size):
     assert found == pytest.approx(size, rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("column", "unit", "size"),
-    [("x_mm", None, 1e-3), ("travel (cm)", None, 1e-2), ("x", "mm", 1e-3), ("x_mm", "m", 1.0)],
-)
-def test_the_position_of_a_slide_is_in_the_unit_of_its_name_or_the_users(tmp_path, column, unit, size):
-    """Not in degrees, which a reach of 100 would be of a column without a unit."""
-    time = np.arange(0, 4, 0.01)
-    values = 100 * np.cos(5 * time)
-    log = tmp_path / "slide.csv"
-    np.savetxt(log, np.column_stack([time, values]), "%.6f", ",", header=f"time_s,{column}", comments="")
-    roll = read_roll(log, LogOptions(column=column, unit=unit))
-    assert np.ptp(roll.roll) == pytest.approx(200 * size, rel=1e-3)
-    assert any("position of a slide" in note for note in roll.notes)
-    assert not any("°" in note or "rad" in note for note in roll.notes)
-
-
 def test_a_speed_is_no_position(tmp_path):
     time = np.arange(0, 4, 0.01)
     log = tmp_path / "slide.csv"
@@ -107,18 +91,6 @@ def test_a_position_is_no_angle_of_a_board(tmp_path):
     (said,) = amplitude_warnings(releases["angle"], board.of_slide())
     assert "the joint slides" in said
     assert amplitude_warnings(releases["angle"], board) == []
-
-
-@pytest.mark.parametrize("name", ["encoder", "enc", "enc_1"])
-def test_counts_of_an_encoder_are_asked_for_under_its_short_name_too(tmp_path, name):
-    time = np.arange(0, 4, 0.01)
-    counts = np.round(1234 + 400 * np.exp(-0.5 * time) * np.cos(7 * time))
-    log = tmp_path / "counts.csv"
-    log.write_text(
-        f"tick_ms,{name}\n" + "".join(f"{1e3 * t:.0f},{c:.0f}\n" for t, c in zip(time, counts, strict=True))
-    )
-    with pytest.raises(SysidError, match=r"look like counts of an encoder.*--unit 0\.0015"):
-        read_roll(log)
 
 
 @pytest.mark.parametrize("name", ["encoder_ticks", "position [counts]", "enc_pulses"])
