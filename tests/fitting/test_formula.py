@@ -1,14 +1,13 @@
 """A learned torque in words: the right shape, where it acts, and nothing where nothing was learned."""
 
 import pickle
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from light_board import BOARD, magnet, releases
 
 from sysid.effects._algebra import NUMPY
-from sysid.fitting.formula import SHAPES, Formula, _candidates, _said, formula_of, in_words, own_effect
+from sysid.fitting.formula import SHAPES, Formula, formula_of
 from sysid.fitting.joint import fit_joint
 
 
@@ -56,18 +55,6 @@ def test_a_bumper_or_two_alike_are_a_stop_that_the_catalogue_has():
     assert not known(fifth=0.0)
 
 
-def test_of_a_joint_that_slides_widths_are_shown_in_mm_and_forces_in_newton():
-    bumper = next(shape for shape in SHAPES if shape.name == "right bumper")
-    known = Formula(
-        shapes=(bumper,), coefficients=(3.0,), widths=(0.0125,), share=1, error=0, good=True, text="", slides=True
-    )  # fmt: skip
-    assert known.law == "max(x - 12.5 mm, 0)"
-    assert "x - 12.5 mm" in own_effect(replace(known, text="acts"))[1]
-    assert _said(bumper, 3.0, 0.0125, 0.25, slides=True).startswith("acts beyond 12.5 mm on the right only")
-    assert _said(bumper, 3.0, 0.0125, 0.25, slides=True).endswith("0.25 N")
-    assert "0.716°" in _said(bumper, 3.0, 0.0125, 0.25, slides=False)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("torque", "name", "said"),
@@ -86,18 +73,3 @@ def test_the_right_shape_is_named(torque, name, said):
 
 def test_of_nothing_no_formula_is_made():
     assert formula_of(fit_joint(releases(lambda t, x, v: 0.0), BOARD, ["learned"])) is None
-
-
-def test_a_formula_that_carries_little_is_no_word_for_it():
-    assert (
-        in_words(["hardens", "brakes"], 0.9)
-        == "hardens and brakes; this formula carries 90 % of what was learned"
-    )
-    assert "hardens" not in in_words(["hardens"], 0.3)
-    assert "30 %" in in_words(["hardens"], 0.3)
-
-
-def test_a_joint_that_swung_to_one_side_only_has_no_pair_of_bumpers():
-    right = next(shape for shape in SHAPES if shape.name == "right bumper")
-    column = (right, 0.1, np.array([1.0, 0.0]))
-    assert _candidates([column], np.array([1.0, 0.1])) == [(column,)]

@@ -14,25 +14,10 @@ from sysid.fitting.joint import fit_joint
 from sysid.fitting.learned_torque import learned_torque
 from sysid.fitting.record_update import require_usable
 from sysid.fitting.records import make_records
-from sysid.fitting.smoothing import ZERO_TABLE_WEIGHT, _chosen
 from sysid.logs import read_roll
 from sysid.releases import find_releases
 
 M = NUMPY
-
-
-class RanAway:
-    """No prediction of a part by the others is a number."""
-
-    def score(self, weights):
-        return -np.inf
-
-
-def test_where_every_prediction_ran_away_a_table_stays_flat():
-    assert _chosen(RanAway(), (ZERO_TABLE_WEIGHT, ZERO_TABLE_WEIGHT)) == (
-        (ZERO_TABLE_WEIGHT, ZERO_TABLE_WEIGHT),
-        -np.inf,
-    )
 
 
 def test_a_table_is_met_at_its_knots_and_smooth_between():

@@ -1,6 +1,5 @@
 """The logs of a record are found from any folder."""
 
-from dataclasses import replace
 from pathlib import Path
 from shutil import copy
 
@@ -11,7 +10,6 @@ from reports.evidence import find_logs
 from sysid.cli.console import Common
 from sysid.cli.fit import fit
 from sysid.cli.subject import Subject
-from sysid.files import sha256
 from sysid.workspace import Workspace, shipped_data
 
 
@@ -55,17 +53,3 @@ def test_logs_are_read_again_as_they_were_fitted(tmp_path: Path, monkeypatch: py
     done = husky("report", "--board", "pink")
     assert done.returncode == 1
     assert "fit.reading" in done.stderr
-
-
-def test_a_name_from_the_current_folder_is_still_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    log = tmp_path / "log.csv"
-    log.write_text("0,0")
-    monkeypatch.chdir(tmp_path)
-    board = Workspace(tmp_path).load_board("pink")
-    old = replace(board, fit={"logs": [{"path": "log.csv", "sha256": sha256(log)}]})
-    (found,) = find_logs(old, [], Workspace(tmp_path / "mine"))
-    assert found.state == "as fitted"
-    log.write_text("0,1")
-    (changed,) = find_logs(old, [], Workspace(tmp_path / "mine"))
-    assert changed.found is None
-    assert "changed" in changed.state

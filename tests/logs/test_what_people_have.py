@@ -12,14 +12,11 @@ import numpy as np
 import pytest
 from rocking import OMEGA, imu, rocking, write_csv
 
-from sysid.comparison.compare import compare
 from sysid.errors import SysidError
-from sysid.fit_mjcf import fit
 from sysid.free_decay import fit_decay
 from sysid.logs import read_roll
 from sysid.quantity import Quantity
 from sysid.releases import find_releases
-from sysid.workspace import Workspace
 
 TIME = np.arange(0, 6, 1 / 200)
 INERTIA = Quantity(8.7e-3, 0.0, "kg*m^2")
@@ -73,28 +70,6 @@ def test_imu_rows_of_their_own_are_brought_together(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("\n".join(rows) + "\n")
     assert right(path).origin == "imu"
-
-
-def test_a_weak_release_does_not_refuse_the_others(tmp_path):
-    releases = find_releases(read_roll_of(swing()))
-    weak = find_releases(read_roll_of(swing(amplitude=0.003)))
-    result = fit_decay([*releases, *weak], INERTIA)
-    assert len(result.releases) == 1
-    assert any("left out" in text for text in result.warnings)
-    with pytest.raises(SysidError, match="too little to fit"):
-        fit_decay(weak, INERTIA)
-    board = Workspace(tmp_path).load_board("pink")
-    given = [*releases, *weak]
-    assert fit(given, board).releases == tuple(releases)
-    compared = compare(given, board)
-    assert len(compared.releases) == 1
-    assert any("left out" in text for text in compared.warnings)
-
-
-def read_roll_of(angle):
-    from sysid.roll import Roll
-
-    return Roll(log="made", time=TIME, roll=angle, std=np.full(len(TIME), 1e-3), origin="angle")
 
 
 # Cells

@@ -19,6 +19,7 @@ JOINT = "left_ankle_roll_joint"
 TRUTH = {"armature.inertia": 3e-4, "coulomb.torque": 1.5e-3, "damping": 6e-4}
 
 
+@pytest.mark.train
 @pytest.mark.slow
 def test_the_ankle_of_the_g1_is_fitted_and_its_file_mended(tmp_path):
     folder = Path(mjlab.__file__).parent / "asset_zoo/robots/unitree_g1/xmls"
