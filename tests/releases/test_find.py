@@ -44,6 +44,7 @@ def test_release_time_is_right_to_one_percent_of_a_period():
     assert np.abs(errors).max() < 0.01 * 2 * np.pi / recipe.omega
 
 
+@pytest.mark.slow
 def test_rough_logs_are_read_nearly_always():
     """Hand tremor, 0.3° noise, 9 samples a swing, encoders, hands at the end: 60 logs, most of them hard."""
     rng = np.random.default_rng(5)
