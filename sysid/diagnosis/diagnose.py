@@ -248,7 +248,8 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
         verdict = replace(
             verdict, status="missing", effects=effects, families=families, indistinguishable_from=alike
         )
-    ordered = sorted({c.effects: c for _, c in reversed(fits)}.values(), key=lambda c: c.score)
+    once = {best.effects: best, **{c.effects: c for _, c in reversed(fits)}}
+    best, ordered = once[best.effects], sorted(once.values(), key=lambda c: c.score)
     rival = next((c for c in ordered if c.effects != best.effects), None)
     step = ""
     if rival is not None and (verdict.indistinguishable_from or verdict.confidence < 0.95):

@@ -106,6 +106,7 @@ def test_numbers_that_json_cannot_hold_are_null(hidden):
 def test_what_is_printed_says_verdict_and_next_command(hidden):
     text = hidden.report()
     assert text.startswith("Result: coulomb is missing (confidence ")
+    assert [line.split("│")[2].strip() for line in text.splitlines() if "→" in line] == ["coulomb"]
     assert "fit pink_hidden.csv --board pink --effect coulomb" in text.replace(
         str(shipped_data() / "decays") + "/", ""
     )
