@@ -8,12 +8,13 @@ import pytest
 
 from sysid.board import load_board
 from sysid.diagnosis.evidence import log_odds
-from sysid.diagnosis.exact import reaches_noise, sizes_of, weigh
+from sysid.diagnosis.exact import is_possible, reaches_noise, sizes_of, weigh
 from sysid.diagnosis.experiment import deciding, in_words
 from sysid.diagnosis.posterior import Found, Size
 from sysid.diagnosis.record import record_deviation
 from sysid.diagnosis.verdict import decide, matters
 from sysid.fitting.joint import fit_joint
+from sysid.joint.law import JointLaw
 from sysid.joint.trajectory import simulate as move
 from sysid.quantity import Quantity
 from sysid.roll import Release
@@ -193,3 +194,13 @@ def test_size_and_deciding_release_of_dry_friction(light):
     assert step.number == 1
     assert in_words(step, "coulomb", "nothing", light).startswith("Release once from ")
     assert in_words(None, "a", "b", light) == "No release of up to 5 decides between a and b."
+
+
+def test_torques_that_cancel_each_other_are_impossible(light):
+    fitted = fit_joint(releases(), light)
+    tenfold = 10 * 14.677  # a pendulum and a negative spring: together they are the joint's own spring
+    for moment, possible in ((0.5 * 14.677, True), (tenfold, False)):
+        law = JointLaw(
+            inertia=8.7e-3, stiffness=14.677 - moment, damping=0.04, effects=(("gravity", (moment,)),)
+        )  # fmt: skip
+        assert is_possible(replace(fitted, law=law), ["gravity"]) == possible

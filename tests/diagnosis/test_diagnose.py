@@ -148,3 +148,18 @@ def test_a_release_that_is_all_noise_is_refused_with_the_next_step():
     short = [release[:9] for release in recording.releases]
     with pytest.raises(SysidError, match=r"samples|motion|rate"):
         diagnose(short, board)
+
+
+def test_a_log_that_jumps_home_is_judged_until_then():
+    """A swing that is set to zero before it has ended, as a log does that is made of pieces."""
+    time, noise = np.arange(0.0, 2.5, 2e-3), 5e-4
+    after = np.clip(time - 0.5, 0.0, None)
+    free = np.exp(-1.0 * after) * (np.cos(20 * after) + 0.05 * np.sin(20 * after))
+    roll = np.where(after < 1.2, 0.2 * free, 0.0) + noise * np.random.default_rng(4).standard_normal(
+        len(time)
+    )
+    found = diagnose(
+        Recording.from_arrays(time, angle=roll), replace(PINK, inertia=Quantity(1.0, 0.01, "kg*m^2"))
+    )
+    assert not set(found.verdict.families) - {"rest", "inertia", "clock"}, found
+    assert found.best.rmse < 1.3 * noise
