@@ -435,7 +435,11 @@ class Fits:
             if one is best or len(set(one.families) - {"rest"}) <= 2:
                 self.add(one, top)
         self.add(next((s for s in found.sets if not s.families), _set((), ())), top)
-        if found.nameless > NAMELESS or any(reaches_noise(c.fit) for _, c in self.all()):
+        exact = [one for one, c in self.all() if reaches_noise(c.fit)]
+        for one in exact:  # a part that reaches the noise too explains as much with less
+            for part in _parts(one):
+                self.add(part, top)
+        if found.nameless > NAMELESS or exact:
             return
         for one in _variants(best, self.own):
             self.add(one, top)
