@@ -21,8 +21,8 @@ from hidden_truths import TRUTHS, board_of, make
 from pages import table, write_between
 from suite import Row, command_line, run_suite
 
+from sysid.diagnosis.learned_torque import learn
 from sysid.errors import SysidError
-from sysid.fitting.formula import formula_of
 from sysid.fitting.initial_state import fit_initial_states
 from sysid.fitting.joint import FitOptions, fit_joint
 from sysid.fitting.record_update import require_usable
@@ -53,7 +53,7 @@ def run(name: str, seed: int) -> Row:
         releases = make(truth, seed, Path(folder))
     row: Row = {"truth": name, "seed": seed}
     try:
-        fit = fit_joint(releases, board_of(truth), ["learned"])
+        fit, words = learn(releases, board_of(truth), ["learned"], FitOptions())
     except SysidError as error:
         return {**row, "error": str(error)}
     try:
@@ -61,7 +61,6 @@ def run(name: str, seed: int) -> Row:
         refused = ""
     except SysidError as error:
         refused = str(error)
-    words = None if "nothing was learned" in refused else formula_of(fit)
     row |= {
         "effects": [n for n, _ in fit.law.effects], "rmse": fit.rmse / fit.noise.std, "refused": refused,
         "warnings": list(fit.warnings), "words": "" if words is None else words.text,

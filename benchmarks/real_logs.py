@@ -22,9 +22,9 @@ from pages import table, write_between
 
 from sysid.board import Board, load_board
 from sysid.diagnosis.diagnose import Diagnosis, diagnose, fittable
+from sysid.diagnosis.learned_torque import learn
 from sysid.errors import SysidError
-from sysid.fitting.formula import formula_of
-from sysid.fitting.joint import fit_joint
+from sysid.fitting.joint import FitOptions
 from sysid.logs import read_roll
 from sysid.releases import find_releases
 from sysid.roll import Release
@@ -70,10 +70,9 @@ def learned(
 ) -> tuple[str, str, str]:
     """Learn a torque beside effects; return error and held-out error over the noise, and the torque in words."""
     try:
-        fit = fit_joint(releases, board, [*beside, "learned"])
+        fit, words = learn(releases, board, [*beside, "learned"], FitOptions())
     except SysidError as error:
         return "", "", str(error)
-    words = formula_of(fit)
     text = "nothing" if words is None else words.text.replace("|", "\\|")
     return f"{fit.rmse / noise:.2f}", f"{fit.heldout_rmse() / noise:.2f}", text
 

@@ -14,9 +14,7 @@ from typing import TYPE_CHECKING, Any
 from sysid.board import Board, require_record
 from sysid.decay.plausibility import amplitude_warnings, period_warnings, refuse_period
 from sysid.effects import effect
-from sysid.effects._base import TorqueEffect
 from sysid.fitting import report as fit_report
-from sysid.fitting.formula import Formula, formula_of
 from sysid.fitting.joint import FitOptions, check_effects, fit_joint
 from sysid.fitting.ladder import Rung, ladder, rung_name
 from sysid.fitting.record_update import error_of, left_open, require_usable, updated_board
@@ -35,6 +33,11 @@ from sysid.text import WIDTH, count, quantity_frame
 if TYPE_CHECKING:
     import pandas as pd
 
+    from sysid.diagnosis.shapes import Formula
+
+LEARNED = "learned"
+"""The effect that is a table."""
+
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Fit(Shown):
@@ -50,6 +53,8 @@ class Fit(Shown):
     """The logs; empty if only releases were given."""
     warnings: tuple[str, ...]
     """Problems of the logs, of the logs for this board, and of the fit."""
+    formula: "Formula | None" = None
+    """The formula nearest to a learned torque."""
 
     @property
     def law(self) -> JointLaw:
@@ -92,16 +97,10 @@ class Fit(Shown):
         return error_of(self.before, self.joint)
 
     @cached_property
-    def formula(self) -> Formula | None:
-        """Formula nearest to the learned torque; None without one."""
-        return formula_of(self.joint, slides=self.before.slides)
-
-    @cached_property
     def ladder(self) -> tuple[Rung, ...]:
         """Errors of the linear joint and with each effect added."""
         parts = self.law.structure.parts
-        beside = {part.memory for part in parts if isinstance(part, TorqueEffect)}  # learned beside a table
-        names = [part.name for part in parts if part.name not in beside]
+        names = [part.name for part in parts]
         known = [name for name in names if effect(name).is_known]
         added = [name for name in names if name not in known]
         with stage(0.0, 0.8):
@@ -173,7 +172,7 @@ def _leaning_on_record(
         for part in board.effects if part.name in wanting
         for name, q in part.parameters.items() if 0 < q.std < math.inf and f"{part.name}.{name}" in joint.quantities
     ]  # fmt: skip
-    if not known or joint.problem.smoothing:
+    if not known:
         return options, joint, []
     richer = replace(options, priors=tuple(dict.fromkeys((*options.priors, *known))))
     told = fit_joint(releases, board, effects, richer)
@@ -238,13 +237,20 @@ def fit(
         robust=robust, fixed=fixed or {}, bounds=bounds or {}, priors=tuple(priors), **signal_of(releases, signal)
     )  # fmt: skip
     warnings = [*reading_warnings(recordings), *weak, *amplitude_warnings(releases, board)]
-    every = tuple(dict.fromkeys((*kept, *effects)))
-    joint = fit_joint(releases, board, every, options)
-    options, joint, leant = _leaning_on_record(releases, board, every, options, joint)
+    every = tuple(sorted(dict.fromkeys((*kept, *effects)), key=LEARNED.__eq__))  # tables hold the rest
+    formula, leant = None, list[str]()
+    if LEARNED in every:
+        from sysid.diagnosis.learned_torque import learn
+
+        joint, formula = learn(releases, board, every, options)
+    else:
+        joint = fit_joint(releases, board, every, options)
+        options, joint, leant = _leaning_on_record(releases, board, every, options, joint)
     named, frequency = ", ".join(dict.fromkeys(release.log for release in releases)), joint.law.frequency
     if not any_period:
         refuse_period(frequency, board, log=named)
     warnings += [*period_warnings(frequency, board, log=named), *joint.warnings, *leant, *_misfit(joint)]
     return Fit(
         joint=joint, before=board, releases=tuple(releases), options=options, recordings=recordings, warnings=tuple(warnings),
+        formula=formula,
     )  # fmt: skip

@@ -6,9 +6,11 @@ import numpy as np
 
 from reports.figures.palette import NOISE, REAL, SIM
 from reports.figures.style import styled
-from sysid.fitting.formula import Formula, motion_of
-from sysid.fitting.learned_torque import learned_torque
+from sysid.diagnosis.learned_torque import learned_torque
+from sysid.diagnosis.shapes import Formula
+from sysid.joint.trajectory import simulate
 from sysid.quantity import Z95
+from sysid.roll import Array
 from sysid.text import display, effort
 
 if TYPE_CHECKING:
@@ -22,7 +24,7 @@ def learned_figure(fit: "JointFit", formula: Formula | None, title: str, *, slid
 
     The nearest formula, if there is one, is drawn beside it.
     """
-    tilts, rates = motion_of(fit)
+    tilts, rates = _motion(fit)
     with styled(8.8, 3.9) as figure:
         axes = figure.subplots(2, 2, sharex="col", height_ratios=(4, 1))
         for column, values in enumerate((tilts, rates)):
@@ -53,3 +55,14 @@ def learned_figure(fit: "JointFit", formula: Formula | None, title: str, *, slid
         axes[0, 0].legend(loc="best")
         figure.suptitle(title, x=0.01, ha="left", fontsize=10)
     return figure
+
+
+def _motion(fit: "JointFit") -> tuple[Array, Array]:
+    """Return tilt from rest [rad] and rate [rad/s] along the fitted releases, shape (n,) each."""
+    law = fit.law.of_joint()
+    starts = zip(fit.records, fit.starts, strict=True)
+    paths = [
+        simulate(law, np.linspace(0.0, float(record.time[-1]), 1500), *start) for record, start in starts
+    ]
+    tilts = np.concatenate([path.roll for path in paths]) - law.rest_angle
+    return tilts, np.concatenate([path.rate for path in paths])

@@ -85,7 +85,6 @@ def fit(
     from sysid.cli.bars import working
     from sysid.fit_mjcf import fit as fit_recordings
     from sysid.fitting.joint import check_effects, prior_in_words
-    from sysid.fitting.learned_torque import tables_of
     from sysid.fitting.result import TOLERANCE
     from sysid.progress import stage
 
@@ -150,7 +149,7 @@ def fit(
     command = space_of(common, arguments).command(verb, *record.options, logs=logs)
     printer.say(f"next: {why}: {command}")
     written = [_draw(common, result)]
-    if tables_of(result.joint):
+    if result.joint.problem.smoothing:
         written.append(_draw_learned(common, result))
     if result.formula is not None and result.formula.good and not result.formula.effects:
         written.append(_offer(common, result, printer))
@@ -170,10 +169,8 @@ def fit(
 
 def _offer(common: Common, result: "Fit", printer: Printer) -> Path:
     """Write the learned formula as an effect of its own."""
-    from sysid.fitting.formula import own_effect
-
     assert result.formula is not None
-    name, source = own_effect(result.formula)
+    name, source = result.formula.own_effect()
     path = common.space.outputs(result.before.name) / f"{name.replace('-', '_')}.py"
     write_atomically(path, source)
     printer.say(f"the formula as an effect of its own: --plain --effect-file {path}")
@@ -230,7 +227,7 @@ def _patched(record: Board, copy: Path, printer: Printer) -> tuple[Board, list[P
 def _draw_learned(common: Common, result: "Fit") -> Path:
     from reports.figures.learned import learned_figure
 
-    title = f"{result.before.name}: {result.formula.text if result.formula else 'nothing was learned'}"
+    title = f"{result.before.name}: {result.formula.text if result.formula else 'no torque was learned'}"
     figure = learned_figure(result.joint, result.formula, title, slides=result.before.slides)
     return write_figure(common.space.outputs(result.before.name) / "learned.png", figure)
 

@@ -148,12 +148,12 @@ def solve(problem: Problem, items: Sequence[int]) -> Scored:
     columns = np.array([*range(1, 1 + base), *(c for item in picked for c in item.columns)])
     wide = np.r_[problem.wide, [STRENGTH] * (len(columns) - base)]
     signs = np.array([0] * base + [s for item in picked for s in item.signs])
-    likelihood, mean, covariance = _closed(problem.gram, columns, wide)
+    likelihood, mean, covariance = closed(problem.gram, columns, wide)
     if problem.bend and items:
         bends = [c for item in picked for c in item.bends]
         each = [len(item.bends) // len(item.columns) for item in picked for _ in item.columns]
         loose = np.maximum(problem.bend * np.repeat(np.abs(mean[base:]), each), 1e-9)
-        likelihood, mean, covariance = _closed(
+        likelihood, mean, covariance = closed(
             problem.gram, np.r_[columns, bends].astype(np.intp), np.r_[wide, loose]
         )
         mean, covariance = mean[: len(columns)], covariance[: len(columns), : len(columns)]
@@ -168,7 +168,7 @@ def solve(problem: Problem, items: Sequence[int]) -> Scored:
     )
 
 
-def _closed(gram: Array, columns: npt.NDArray[np.intp], wide: Array) -> tuple[float, Array, Array]:
+def closed(gram: Array, columns: npt.NDArray[np.intp], wide: Array) -> tuple[float, Array, Array]:
     """Return the log marginal likelihood, posterior means and covariance of one set of columns."""
     inner = gram[np.ix_(columns, columns)] + np.diag(wide**-2.0)
     covariance = np.asarray(np.linalg.inv(inner), dtype=np.float64)

@@ -9,11 +9,12 @@ The law of the tilt joint, with roll φ, tilt x = φ - rest angle and rate v, is
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, Literal, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.effects._algebra import NUMPY, Algebra, Numbers, Value, Values
 from sysid.roll import Array
@@ -325,16 +326,20 @@ class Effect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Smoothness:
-    """Smoothness of parameters that are a table of torques: their roughness, and the part of spring and damper."""
+    """Prior of a learned torque: coordinates of its tables in which the roughness is diagonal."""
 
     names: tuple[str, ...]
-    """The parameters of the tables, in order; p in all."""
-    tables: tuple[str, ...]
-    """Names of the tables; each has a smoothing weight."""
-    forms: tuple[Array, ...]
-    """For each, the quadratic form of its roughness in all parameters, shape (p, p)."""
-    linear: Mapping[str, Array]
-    """For a parameter of the linear joint, the direction of the tables with the same torque, shape (p,)."""
+    """Parameters of the tables, in order; p in all."""
+    space: Array
+    """Table values of each coordinate, orthonormal, shape (p, q). Spring and damper hold the directions that are missing."""
+    roughness: Array
+    """Roughness of each coordinate, shape (q,)."""
+    part: npt.NDArray[np.intp]
+    """Part of the tables to which each coordinate belongs, shape (q,). Each part has its own weight."""
+
+    def weighted(self, weights: Sequence[float]) -> Array:
+        """Return the roughness of each coordinate times the weight of its part, shape (q,)."""
+        return self.roughness * np.array(weights)[self.part]
 
 
 def no_torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
@@ -372,8 +377,6 @@ class TorqueEffect(Effect):
     """Of a learned table: its smoothness."""
     support: tuple[str, ...] = ()
     """Of a learned table: the parameters of the measured range (lowest and highest tilt, lowest and highest rate)."""
-    memory: str = ""
-    """Of a learned table: the effect to add if tilt and rate alone leave a residual."""
     timestep: str = ""
     """Parameter that is the time step, if the effect is a simulator; else ''."""
 

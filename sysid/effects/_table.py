@@ -62,11 +62,11 @@ def bending(n: int) -> Array:
     """Return the quadratic form of a table's roughness in its values [1], shape (2n, 2n).
 
     It sums the squared second differences along the knots, including the zero in the middle. A small weight of the values, that of
-    half a wave over the whole reach, makes unmeasured parts zero.
+    one wave over the whole reach, makes unmeasured parts zero.
     """
     second = np.diff(np.eye(2 * n + 1), 2, axis=0)
     second = np.delete(second, n, axis=1)
-    return second.T @ second + (np.pi / (2 * n)) ** 4 * np.eye(2 * n)
+    return second.T @ second + (np.pi / n) ** 4 * np.eye(2 * n)
 
 
 def interpolate(m: Algebra, s: Value, values: Sequence[Value]) -> Value:

@@ -8,7 +8,6 @@ and rate; beyond it the torque is that of its edge.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
 from operator import attrgetter
 
 import numpy as np
@@ -69,24 +68,63 @@ def _shares(m: Algebra, tilt: Value, rate: Value, parameters: Values) -> tuple[V
     return share(tilt, "tilt"), share(rate, "rate")
 
 
+def basis(tilt: Array, rate: Array, support: Values) -> Array:
+    """Return how much each table value counts at tilts [rad] and rates [rad/s], shape (n,) each, as shape (n, p)."""
+    x, v = _shares(NUMPY, tilt, rate, support)
+    curves = [
+        *cardinals(NUMPY, position(NUMPY, x, TILT_GRADING), TILT_KNOTS),
+        *cardinals(NUMPY, position(NUMPY, v, RATE_GRADING), RATE_KNOTS),
+    ]
+    rows, columns = cardinals(NUMPY, x, BOTH_KNOTS), cardinals(NUMPY, v, BOTH_KNOTS)
+    return np.column_stack([*curves, *(row * column for row in rows for column in columns)])
+
+
 @cache
 def smoothness() -> Smoothness:
-    """Return the roughness of the three tables, each with its own weight, and their part of spring and damper."""
-    sizes = (len(TILT), len(RATE), len(BOTH))
-    ends = np.cumsum((0, *sizes))
-    places = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-    plain = bending(BOTH_KNOTS)
-    each = np.eye(2 * BOTH_KNOTS)
-    own = (bending(TILT_KNOTS), bending(RATE_KNOTS), np.kron(plain, each) + np.kron(each, plain))
-    forms = [np.zeros((ends[-1], ends[-1])) for _ in sizes]
-    for whole, place, form in zip(forms, places, own, strict=True):
-        whole[place, place] = form
-    linear = {"stiffness": np.zeros(ends[-1]), "damping": np.zeros(ends[-1])}
-    linear["stiffness"][places[0]] = knots(TILT_KNOTS, TILT_GRADING)
-    linear["damping"][places[1]] = knots(RATE_KNOTS, RATE_GRADING)
+    """Return the prior: the odd and the even part of each table are smooth, each by a weight of its own.
+
+    Most laws are odd: they act alike to both sides. The table over both is split by the rate: damping is odd in it.
+    """
+    plain, each = bending(BOTH_KNOTS), np.eye(2 * BOTH_KNOTS)
+    rough = (bending(TILT_KNOTS), bending(RATE_KNOTS), np.kron(plain, each) + np.kron(each, plain))
+    mirrors = (np.eye(len(TILT))[::-1], np.eye(len(RATE))[::-1], np.kron(each, each[::-1]))
+    linear = (knots(TILT_KNOTS, TILT_GRADING), knots(RATE_KNOTS, RATE_GRADING), None)
+    spaces: list[Array] = []
+    values: list[Array] = []
+    for form, mirror, held in zip(rough, mirrors, linear, strict=True):
+        own: list[Array] = []
+        for sign in (-1.0, 1.0):
+            free = _range_of(np.eye(len(form)) + sign * mirror)
+            if held is not None and sign < 0:  # spring and damper are odd
+                free = free @ _range_of(np.eye(free.shape[1]) - _onto(free.T @ held))
+            roughness, turn = np.linalg.eigh(free.T @ form @ free)
+            own.append(free @ turn)
+            values.append(roughness)
+        spaces.append(np.column_stack(own))
+    part = np.repeat(np.arange(len(values)), [len(v) for v in values])
     return Smoothness(
-        names=(*TILT, *RATE, *BOTH), tables=("tilt", "rate", "both"), forms=tuple(forms), linear=linear
+        names=(*TILT, *RATE, *BOTH), space=_blocks(spaces), roughness=np.concatenate(values), part=part
     )
+
+
+def _range_of(symmetric: Array) -> Array:
+    """Return an orthonormal basis of the range of a symmetric matrix."""
+    values, vectors = np.linalg.eigh(symmetric)
+    return vectors[:, values > 0.5 * values[-1]]
+
+
+def _onto(direction: Array) -> Array:
+    return np.outer(direction, direction) / float(direction @ direction)
+
+
+def _blocks(parts: Sequence[Array]) -> Array:
+    """Return a matrix with some matrices along its diagonal."""
+    whole = np.zeros(tuple(np.sum([part.shape for part in parts], axis=0)))
+    row = column = 0
+    for part in parts:
+        whole[row : row + part.shape[0], column : column + part.shape[1]] = part
+        row, column = row + part.shape[0], column + part.shape[1]
+    return whole
 
 
 NUMERIC = "_learned_torque"
@@ -279,5 +317,4 @@ EFFECT = TorqueEffect(
     sharpness=3.0,
     smoothness=smoothness,
     support=SUPPORT,
-    memory="learned-memory",
 )

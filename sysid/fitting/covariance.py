@@ -145,7 +145,7 @@ def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence
     sensitivity = sensitivity_of(problem, minimum)
     noise = noise_behind(problem, minimum, residuals, sensitivity)
     shared, sizes = len(problem.names), problem.sizes()
-    variance = problem.records[0].std ** 2 / problem.average
+    variance = problem.records[0].std ** 2
 
     root = sensitivity.root
     rows = [
@@ -178,7 +178,7 @@ def _stated_noise(record: Record, problem: Problem) -> ResidualNoise | None:
     if not release.errors_last:
         return None
     std = float(np.median(own_std(release)))
-    step = problem.average * np.median(np.diff(record.time), keepdims=True)
+    step = np.median(np.diff(record.time), keepdims=True)
     kept = kept_after(step, problem.scales.frequency)
     return ResidualNoise(std**2 * (1 - float(kept[0]) ** 2), kept)
 
@@ -209,7 +209,7 @@ def sensitivity_of(problem: Problem, minimum: Minimum) -> Sensitivity:
         counted = row if problem.weights is None else row[problem.weights[index] >= 1]
         square += counted.T @ counted
         rows.append(row)
-    square[:shared, :shared] += problem.records[0].std ** 2 / problem.average * problem.prior
+    square[:shared, :shared] += problem.records[0].std ** 2 * problem.prior
     root, lent = np.zeros_like(square), np.zeros(len(square))
     root[np.ix_(free, free)], lent[free] = _root(square[np.ix_(free, free)])
     return Sensitivity(tuple(rows), root, lent)

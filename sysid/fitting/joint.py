@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
@@ -14,10 +13,9 @@ from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, make_records
 from sysid.fitting.result import JointFit, summarise
 from sysid.fitting.search import scales_of, search, starting_points
-from sysid.fitting.smoothing import is_table, learn
 from sysid.joint.structure import Structure, structure_of
 from sysid.least_squares import Minimum
-from sysid.noise.floor import noise_floor
+from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.noise.whiteness import correlation_length
 from sysid.roll import Release
 
@@ -129,7 +127,12 @@ def held_parameters(structure: Structure, board: Board, options: FitOptions) -> 
     """
     values, fixed, bias = record_values(board), dict(options.fixed), options.bias
     for part in structure.parts:
-        names = [f"{part.name}.{p.name}" for p in part.parameters if p.held]
+        table = isinstance(part, TorqueEffect) and part.smoothness is not None
+        names = [f"{part.name}.{p.name}" for p in part.parameters if p.held or table]
+        if table and not {*names} <= {*values}:
+            raise SysidError(
+                f"the record has no table of '{part.name}': `fit --effect {part.name}` learns one."
+            )
         fixed = {**{name: values[name] for name in names if name not in options.bounds}, **fixed}
     if board.stiffness == 0 and "stiffness" not in options.bounds and pulls_back(structure, board):
         fixed.setdefault("stiffness", 0.0)
@@ -233,33 +236,50 @@ def fit_joint(
     structure = structure_of(effects)
     fixed, bias = held_parameters(structure, board, options)
     fine = options.steps_per_period * (3 if structure.nonsmooth else 1)
-    learns = any(map(is_table, structure.parts))
-    if learns and options.priors:
-        raise SysidError(
-            f"a learned torque and a prior of {', '.join(options.priors)}: fit the one without the other."
-        )
     first = starting_points(structure, scales, fixed)
     starts = first if start is None else [{**first[0], **start}, *first[:BESIDE]]
-    problem, minimum, evaluations = (learn if learns else partial(search, starts=starts))(
-        structure, records, scales, bias=bias, fixed=fixed, bounded=options.bounds, steps_per_period=fine,
+    problem, minimum, evaluations = search(
+        structure, records, scales, bias=bias, fixed=fixed, bounded=options.bounds, steps_per_period=fine, starts=starts,
         priors={**record_priors(structure, board, options, fixed), **priors_of(board, options)},
     )  # fmt: skip
     problem, minimum, more = _plainest(problem, minimum)
-    evaluations += more
     warnings: list[str] = []
     if not (board.stiffness and (board.fit or board.decay)):
         problem, minimum, warnings = _springless(problem, minimum, board)
-    if (
-        "damping" in {*problem.names} - {*problem.bounded}
-        and problem.parameters(minimum.point)["damping"] <= 0
-    ):
+    found = finished(problem, minimum, board, options, noise, evaluations + more)
+    return replace(found, warnings=(*warnings, *found.warnings))
+
+
+def finished(
+    problem: Problem, minimum: Minimum, board: Board, options: FitOptions, noise: NoiseFloor, evaluations: int
+) -> JointFit:
+    """Return a fit from its minimum: no damper that drives, outliers down-weighted on request.
+
+    Raises:
+        SysidError: The motion has no bound.
+    """
+    free = {*problem.names} - {*problem.bounded}
+    if "damping" in free and problem.parameters(minimum.point)["damping"] <= 0:
         problem, minimum = _without_damper(problem, minimum)
     if options.robust:
         problem, minimum = _robust(problem, minimum)
     if not np.isfinite(minimum.normal.cost):
         raise SysidError("the fit found no parameters with a bounded motion. Check the unit of the log.")
-    found = summarise(problem, minimum, board, noise, evaluations)
-    return replace(found, warnings=(*warnings, *found.warnings))
+    return summarise(problem, minimum, board, noise, evaluations)
+
+
+def options_for(options: FitOptions, effects: Sequence[str], board: Board) -> FitOptions:
+    """Return options without the parameters that a joint with some effects lacks, and without a spring of 0 that nothing replaces."""
+    structure = structure_of(effects)
+    kept = set(structure.parameters)
+    if not pulls_back(structure, board):
+        kept -= {"stiffness"} if options.fixed.get("stiffness") == 0 else set()
+    return replace(
+        options,
+        fixed={name: value for name, value in options.fixed.items() if name in kept},
+        bounds={name: ends for name, ends in options.bounds.items() if name in kept},
+        priors=tuple(name for name in options.priors if name in kept),
+    )
 
 
 def _plainest(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum, int]:

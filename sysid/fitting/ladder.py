@@ -2,13 +2,12 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from sysid.board import Board
 from sysid.effects import effect
-from sysid.fitting.joint import FitOptions, fit_joint, pulls_back
+from sysid.fitting.joint import FitOptions, fit_joint, options_for
 from sysid.fitting.result import JointFit
-from sysid.joint.structure import structure_of
 from sysid.progress import stage, steps
 from sysid.roll import Array, Release
 
@@ -60,24 +59,10 @@ def ladder(
     for count in steps(range(len(added) + 1), lambda n: rung_name(added[:n])):
         names = [*known, *added[:count]]
         with stage(0.0, 0.6):
-            fitted = fit_joint(releases, board, names, _without_missing(options, names, board))
+            fitted = fit_joint(releases, board, names, options_for(options, names, board))
         with stage(0.6, 1.0):
             error = fitted.heldout_rmse() if heldout else math.nan
         yield Rung(rung_name(added[:count]), fitted, error)
-
-
-def _without_missing(options: FitOptions, effects: Sequence[str], board: Board) -> FitOptions:
-    """Return options for a joint that lacks effects: what is said of those is left out, and so is a spring that is none."""
-    structure = structure_of(effects)
-    kept = set(structure.parameters)
-    if not pulls_back(structure, board):
-        kept -= {"stiffness"} if options.fixed.get("stiffness") == 0 else set()
-    return replace(
-        options,
-        fixed={name: value for name, value in options.fixed.items() if name in kept},
-        bounds={name: ends for name, ends in options.bounds.items() if name in kept},
-        priors=tuple(name for name in options.priors if name in kept),
-    )
 
 
 def rung_name(effects: Sequence[str]) -> str:

@@ -10,9 +10,10 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.effects._algebra import Numbers
-from sysid.effects._base import Effect, Scales, SensorEffect
+from sysid.effects._base import Effect, Scales, SensorEffect, Smoothness
 from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record, first_from, measured_rest
 from sysid.fitting.shooting import Shooting
 from sysid.joint.hermite import hermite_matrix
@@ -22,6 +23,8 @@ from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, Normal, minimise
 from sysid.roll import Array, Release
 
+ZERO_TABLE_WEIGHT = 1e12
+"""Weight of a table that is zero."""
 _FORBIDDEN = 1e8
 """Weight of what a table must not do because spring and damper do it."""
 _RUNAWAY = 1e30
@@ -79,10 +82,8 @@ class Problem:
     """What is known of free parameters before: value and standard deviation, in their units."""
     free_states: bool = True
     steps_per_period: int = 40
-    average: int = 1
-    """Neighbouring samples whose means are fitted instead of each: nearly as good, and quicker."""
     smoothing: tuple[float, ...] = ()
-    """Of each table of the structure's learned torques, by which its roughness counts as if it had been measured."""
+    """Weight of each part of a learned torque, by which its roughness counts as a measurement."""
     weights: Sequence[Array] | None = None
     """Of each sample of each record, for robust losses; None for all ones."""
 
@@ -108,9 +109,30 @@ class Problem:
         """
         small = self.unnoticed if tolerance is None else tolerance
         low, high = self.bounds()
-        return minimise(
-            self.normal, start, low, high, iterations=iterations, tolerance=small, known=known, abandons=True
-        )
+        if not self.smoothing:
+            return minimise(
+                self.normal,
+                start,
+                low,
+                high,
+                iterations=iterations,
+                tolerance=small,
+                known=known,
+                abandons=True,
+            )
+        turn = self._turn
+
+        def turned(normal: Normal) -> Normal:
+            return Normal(normal.cost, turn.T @ normal.gradient, turn.T @ normal.hessian @ turn)
+
+        alone = np.arange(turn.shape[1]) < len(turn) - sum(len(mine) for _, mine in self._tables)
+        ends = [np.where(alone, turn.T @ end, side) for end, side in ((low, -np.inf), (high, np.inf))]
+        found = minimise(
+            lambda z, most=np.inf: turned(self.normal(turn @ z, most)), turn.T @ start, *ends, iterations=iterations,
+            tolerance=small, known=None if known is None else turned(known), abandons=True,
+        )  # fmt: skip
+        point, at_bound = turn @ found.point, (turn[:, alone] @ found.at_bound[alone]) > 0
+        return Minimum(point, self.normal(point), found.status, found.evaluations + 1, at_bound)
 
     @property
     def step(self) -> float:
@@ -128,16 +150,15 @@ class Problem:
         for record in self.records:
             time, release = record.time / ratio, record.release
             steps = steps_for(float(time[-1]), self.step)
-            mean = _averaging(len(time), self.average)
             slopes = (False, True) if sensed else (record.is_rate,)
-            at = _means_on_grid(time.tobytes(), self.step, steps, slopes, self.average)
-            signal = mean @ record.signal
+            at = _on_grid(time.tobytes(), self.step, steps, slopes)
+            signal = record.signal
             paths.append(
                 _Path(
                     shooting=Shooting(begin, Rollout(stepper, steps, block), at, max(release.hold, 0.0)),
                     signal=signal,
-                    clock=mean @ (record.time + float(release.time[0])),
-                    std=record.std / float(np.sqrt(self.average)),
+                    clock=record.time + float(release.time[0]),
+                    std=record.std,
                     reader=Buffered(reader(self.structure).map("readings", "serial", len(signal), [3], []))
                     if sensed
                     else None,
@@ -214,7 +235,7 @@ class Problem:
     @property
     def samples(self) -> int:
         """Number of residuals."""
-        return sum(len(record.time) // self.average for record in self.records)
+        return sum(len(record.time) for record in self.records)
 
     def unnoticed(self, cost: float) -> float:
         """Return the relative fall of a cost that no judgement would notice [1].
@@ -384,39 +405,39 @@ class Problem:
 
     @cached_property
     def prior(self) -> Array:
-        """What is known of the free parameters before: `centre`, with this inverse covariance, shape (free, free) [1].
+        """Prior of the free parameters: inverse covariance about `centre`, in units of their sizes, shape (free, free).
 
-        Tables are smooth, and hold nothing that spring and damper can do where those are free.
+        Tables are smooth. They have no part that spring and damper hold.
         """
-        return self.prior_of(self.smoothing)
-
-    def prior_of(self, smoothing: Sequence[float]) -> Array:
-        """Return `prior` with other weights of the tables' roughness, shape (free, free) [1]."""
-        certain, rough = self._forms
-        return certain + sum(weight * form for weight, form in zip(smoothing, rough, strict=True))
-
-    @cached_property
-    def _forms(self) -> tuple[Array, list[Array]]:
-        """What of the prior no weight changes, and the roughness of each table, shape (free, free) each [1]."""
         at = {name: i for i, name in enumerate(self.names)}
-        certain, rough = np.zeros((len(at), len(at))), list[Array]()
-        for part in self.structure.torques if self.smoothing else ():
-            if part.smoothness is None:
-                continue
-            smooth = part.smoothness()
-            free = [i for i, name in enumerate(smooth.names) if f"{part.name}.{name}" in at]
-            where = [at[f"{part.name}.{smooth.names[i]}"] for i in free]
-            here, own = np.ix_(where, where), np.ix_(free, free)
-            for name, direction in smooth.linear.items():
-                if name in at:
-                    certain[here] += (_FORBIDDEN * np.outer(direction, direction))[own]
-            for form in smooth.forms:
-                rough.append(np.zeros_like(certain))
-                rough[-1][here] = np.asarray(form)[own]
+        known = np.zeros((len(at), len(at)))
+        for smooth, mine in self._tables:
+            beyond = np.eye(len(mine)) - smooth.space @ smooth.space.T
+            form = (smooth.space * smooth.weighted(self.smoothing)) @ smooth.space.T
+            known[np.ix_(mine, mine)] += form + _FORBIDDEN * beyond
         for name, (_, std) in self.priors.items():
             if name in at:
-                certain[at[name], at[name]] += (self.sizes()[at[name]] / std) ** 2
-        return certain, rough
+                known[at[name], at[name]] += (self.sizes()[at[name]] / std) ** 2
+        return known
+
+    @cached_property
+    def _tables(self) -> list[tuple[Smoothness, npt.NDArray[np.intp]]]:
+        """The priors of free tables, and where their values are among the unknowns."""
+        at = {name: i for i, name in enumerate(self.names)}
+        parts = [(p.name, p.smoothness()) for p in self.structure.torques if p.smoothness and self.smoothing]
+        each = [(s, [at[key] for name in s.names if (key := f"{part}.{name}") in at]) for part, s in parts]
+        return [(smooth, np.array(mine)) for smooth, mine in each if len(mine) == len(smooth.names)]
+
+    @cached_property
+    def _turn(self) -> Array:
+        """Unknowns from those of a search, shape (p, m): tables in the coordinates of their prior, without parts that are zero."""
+        columns = np.eye(len(self.sizes()))
+        for smooth, mine in self._tables:
+            kept = np.array(self.smoothing)[smooth.part] < ZERO_TABLE_WEIGHT
+            own = np.zeros((len(columns), int(kept.sum())))
+            own[mine] = smooth.space[:, kept]
+            columns = np.column_stack([np.delete(columns, mine, axis=1), own])
+        return columns
 
     @cached_property
     def centre(self) -> Array:
@@ -488,27 +509,6 @@ class Problem:
             late = float(np.hypot(late, delay(begin.pull, begin.std, own)))
         return late * begin.pull
 
-    def start_penalty(self, unknowns: Array) -> float:
-        """Return the sum of squares [1] that `normal` charges, at unknowns of shape (p,), for starts that are too fast."""
-        return sum(self._inward(index, unknowns)[0] ** 2 for index in range(len(self.records)))
-
-    def too_fast(self, unknowns: Array, error: float) -> float:
-        """Return the sum of squares [1] of how much faster records start than releases from rest can be found to.
-
-        A release is found by motion that stands above the noise, so a deck may have set off before it; and no start is known
-        better than the motion after it.
-
-        Args:
-            unknowns: In units of their sizes, shape (p,).
-            error: That the fit leaves, RMS over the noise [1].
-        """
-        total = 0.0
-        for index, (begin, (_, rate)) in enumerate(zip(self._starts, self.starts(unknowns), strict=True)):
-            sign, spread = self.start_limit(index, unknowns)
-            hidden = float(np.sqrt(2 * max(error, 1.0) * begin.std * begin.pull))
-            total += (max(sign * rate, 0.0) / float(np.hypot(spread, hidden))) ** 2
-        return total
-
 
 def _first_pull(release: Release) -> float:
     """Return the acceleration with which a release sets off [rad/s²]: a stop that it leans on pulls hardest."""
@@ -519,34 +519,19 @@ def _first_pull(release: Release) -> float:
 
 
 @lru_cache(maxsize=512)
-def _means_on_grid(time: bytes, step: float, steps: int, slopes: tuple[bool, ...], width: int) -> Any:
-    """Return the sparse matrix from values and slopes on a grid to means of `width` samples, values above slopes as they are wanted.
-
-    Kept, because every law is read off at the same samples.
+def _on_grid(time: bytes, step: float, steps: int, slopes: tuple[bool, ...]) -> Any:
+    """Return the sparse matrix from values and slopes on a grid to samples; it is kept, as every law is read at the same samples.
 
     Args:
         time: Of the samples [s], the memory of shape (n,).
         step: Of the grid [s].
         steps: Points of the grid.
-        slopes: For each block of n // width rows, whether slopes are wanted.
+        slopes: For each block of n rows, whether slopes are wanted.
     """
     from scipy.sparse import vstack
 
     at = np.frombuffer(time)
-    mean = _averaging(len(at), width)
-    return vstack([mean @ hermite_matrix(at, step, steps, slope=slope) for slope in slopes], "csr")
-
-
-def _averaging(count: int, width: int) -> Any:
-    """Return the sparse matrix of means of `width` neighbours, shape (count // width, count)."""
-    from scipy.sparse import csr_matrix, identity
-
-    if width == 1:
-        return identity(count, format="csr")
-    rows = count // width
-    used = rows * width
-    entries = np.full(used, 1.0 / width)
-    return csr_matrix((entries, np.arange(used), np.arange(0, used + 1, width)), shape=(rows, count))
+    return vstack([hermite_matrix(at, step, steps, slope=slope) for slope in slopes], "csr")
 
 
 def _first_motion(record: Record) -> tuple[float, float]:

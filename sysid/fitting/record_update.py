@@ -15,8 +15,8 @@ from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.fitting.covariance import table_values
 from sysid.fitting.initial_state import residuals_of_law
+from sysid.fitting.problem import ZERO_TABLE_WEIGHT
 from sysid.fitting.result import JointFit
-from sysid.fitting.smoothing import ZERO_TABLE_WEIGHT
 from sysid.quantity import Quantity, slide_unit
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.fitting.covariance import known_together, table_values
-from sysid.fitting.learned_torque import tables_of
 from sysid.quantity import Z95
 from sysid.text import WIDTH, count, display, table
 
@@ -73,33 +72,25 @@ def report(fit: "Fit", width: int = WIDTH) -> str:
 
 
 def learned_lines(fit: "Fit") -> list[str]:
-    """Return the learned torque in words: where, its nearest formula, and how to make it an effect."""
-    lines: list[str] = []
-    laws = dict(fit.law.effects)
-    for part in tables_of(fit.joint):
-        values = part.named(laws[part.name])
-        low, high, slow, fast = (values[name] for name in part.support)
-        lines.append(
-            f"learned from {np.degrees(low):.3g}° to {np.degrees(high):.3g}° and from {slow:.3g} to {fast:.3g} rad/s; "
-            "beyond that nothing is known, and the torque stays as it is there"
-        )
-    for part in fit.law.structure.torques:
-        if part.smoothness and part.states:
-            known = ", ".join(f"{n} {fit.quantities[f'{part.name}.{n}']}" for n in ("reach", "fading"))
-            lines.append(
-                f"the joint remembers its path: {known}. Nearest of the catalogue: {', '.join(part.look_alikes)}"
-            )
+    """Return the learned torque in words: its range, its nearest formula, and how to make it an effect."""
+    part = next((part for part in fit.law.structure.torques if part.smoothness), None)
+    if part is None:
+        return []
+    values = part.named(dict(fit.law.effects)[part.name])
+    low, high, slow, fast = (values[name] for name in part.support)
+    lines = [
+        f"learned from {np.degrees(low):.3g}° to {np.degrees(high):.3g}° and from {slow:.3g} to {fast:.3g} rad/s; "
+        "beyond that range the torque stays as it is at the edge"
+    ]
     formula = fit.formula
     if formula is not None:
-        lines.append(f"it {formula.text}")
-        lines.append(
-            formula.compared(is_rate=fit.is_rate)
-            + (
-                f". Fit it: --effect {' --effect '.join(formula.effects)}"
-                if formula.good and formula.effects
-                else ""
-            )
+        known = f". Fit it: --effect {' --effect '.join(formula.effects)}" if formula.effects else ""
+        good = (
+            f"the formula is as likely as the table{known}"
+            if formula.good
+            else "the table is likelier than the formula"
         )
+        lines += [f"Learned torque: {formula.text}", good]
     return lines
 
 
@@ -146,7 +137,7 @@ def to_json(fit: "Fit") -> dict[str, Any]:
             if fit.options.bounds
             else {}
         ),
-        **({"learned": _learned_json(fit)} if tables_of(fit.joint) else {}),
+        **({"learned": _learned_json(fit)} if fit.joint.problem.smoothing else {}),
         "status": fit.status,
         "warnings": list(fit.warnings),
     }

@@ -1,12 +1,11 @@
 """A fitted joint: its law, its parameters with their uncertainty, and what is left."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from sysid.board import Board
-from sysid.fitting.changing import changes_with_time
 from sysid.fitting.covariance import (
     common_covariance,
     correlation_of,
@@ -18,10 +17,8 @@ from sysid.fitting.cross_validation import heldout_residuals, rms
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Record, read_at_rest
 from sysid.joint.law import JointLaw
-from sysid.joint.torques import torque_shares
 from sysid.least_squares import Minimum
 from sysid.noise.floor import NoiseFloor
-from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Quantity
 from sysid.roll import Array
 
@@ -119,32 +116,7 @@ def summarise(
         starts=tuple(problem.starts(minimum.point)),
         residuals=tuple(residuals),
         evaluations=evaluations,
-        warnings=(*identifiability_warnings(problem, minimum, quantities, covariance, own), *_unlearned(problem, minimum, residuals)),
+        warnings=tuple(identifiability_warnings(problem, minimum, quantities, covariance, own)),
         problem=problem,
         minimum=minimum,
     )  # fmt: skip
-
-
-def _unlearned(problem: Problem, minimum: Minimum, residuals: Sequence[Array]) -> list[str]:
-    """Say so where tables are fitted to what no function of tilt, rate and one memory is."""
-    left = rms(residuals) / problem.records[0].std
-    if not problem.smoothing:
-        return []
-    if changes_with_time(problem, minimum):
-        return [
-            "what is missing changes with time rather than with tilt and rate (warming, loosening): a spring and a damper that change during each "
-            "release explain the releases better. Compare early releases with late ones"
-        ]
-    if left < 1.15 or correlation_length(residuals) < 1.5:
-        return []
-    return [
-        f"a torque of tilt, rate and one memory leaves {left:.2f} times the noise: what is left changes with time (warming, "
-        "loosening, another push), or the sensor's noise is not what it seems. Compare early releases with late ones"
-    ]
-
-
-def strength(problem: Problem, minimum: Minimum, effects: Sequence[str]) -> dict[str, float]:
-    """Return the peak torque of effects over the peak torque of the joint, along the fitted motion."""
-    law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(minimum.point)))
-    times = [record.time for record in problem.records]
-    return torque_shares(law, times, problem.starts(minimum.point), effects)

@@ -174,8 +174,6 @@ def search(
     priors: Mapping[str, tuple[float, float]] | None = None,
     steps_per_period: int = 60,
     starts: Sequence[Mapping[str, float]] | None = None,
-    average: int = 1,
-    exact: bool = True,
 ) -> tuple[Problem, Minimum, int]:
     """Find the best parameters of a structure: many short searches on a coarse grid, the best one finely.
 
@@ -186,8 +184,6 @@ def search(
     Args:
         bounded: Bounds of others instead of their own.
         starts: Instead of the catalogue's.
-        average: Neighbouring samples whose means are fitted.
-        exact: Go on as far as rounding allows, instead of as far as a judgement would notice.
 
     Returns:
         The fine problem, its minimum, and how many evaluations it all took.
@@ -201,7 +197,7 @@ def search(
     kept = scouts(records) if structure.effects else range(len(records))
     coarse = Problem(
         structure, [records[i] for i in kept], scales, bias=bias, fixed=fixed, bounded=dict(bounded or {}), priors=dict(priors or {}),
-        free_states=free_states, steps_per_period=coarse_steps, average=average,
+        free_states=free_states, steps_per_period=coarse_steps,
     )  # fmt: skip
     horizons = [] if not structure.effects else _SHORT if nonsmooth else _LONG
     early = [
@@ -246,7 +242,7 @@ def search(
             if best is not None and cost > near * found[0][0]:
                 break
             start = followed(fine, fine.start(coarse.parameters(point)), kept, point)
-            minimum = fine.fitted(start, tolerance=1e-7 if exact else None)
+            minimum = fine.fitted(start, tolerance=1e-7)
             evaluations += minimum.evaluations
             if best is None or minimum.normal.cost < best.normal.cost:
                 best = minimum

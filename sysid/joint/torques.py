@@ -1,14 +1,11 @@
 """The torques of a joint along a motion: how strong each effect is, in plain numbers."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from sysid.effects import effect
 from sysid.effects._algebra import NUMPY
 from sysid.effects._base import JointState, TorqueEffect
 from sysid.joint.law import JointLaw
-from sysid.joint.trajectory import simulate
 from sysid.roll import Array
 
 
@@ -45,31 +42,3 @@ def memoryless_torque(law: JointLaw, roll: Array, rate: Array) -> Array:
         if not effect(name).states:
             torque = torque + effect_torque(law, name, roll, roll, rate)
     return torque
-
-
-def torque_shares(
-    law: JointLaw, times: Sequence[Array], starts: Sequence[tuple[float, float]], effects: Sequence[str]
-) -> dict[str, float]:
-    """Return the peak torque of each effect over the peak of spring and damper, over some releases [1].
-
-    Args:
-        times: Of each release, since its start [s], shape (n,); only how long it lasts counts.
-        starts: First roll [rad] and rate [rad/s] of each.
-    """
-    plain = law.of_joint()
-    peaks = dict.fromkeys(effects, 0.0)
-    whole = 1e-300
-    for time, (angle, rate) in zip(times, starts, strict=True):
-        grid = np.linspace(0.0, float(time[-1]), 2000)
-        path = simulate(plain, grid, angle, rate)
-        spring = law.stiffness * (path.roll - law.rest_angle) + law.damping * path.rate
-        for part in plain.structure.torques:
-            if part.adds_stiffness or part.is_known:
-                spring = spring - effect_torque(plain, part.name, grid, path.roll, path.rate)
-        whole = max(whole, float(np.abs(spring).max()))
-        for name in effects:
-            part = effect(name)
-            if part.part_of_joint and not (isinstance(part, TorqueEffect) and part.modifies is not None):
-                torque = effect_torque(plain, name, grid, path.roll, path.rate)
-                peaks[name] = max(peaks[name], float(np.quantile(np.abs(torque), 0.999)))
-    return {name: peak / whole for name, peak in peaks.items() if peak > 0}

@@ -26,7 +26,7 @@ def test_a_magnet_is_found_learned_checked_and_written(tmp_path):
     assert "--effect learned" in command
     fitted = husky(*shlex.split(command))
     assert fitted.returncode == 0, fitted.stderr
-    assert "pulls to the middle within 1." in fitted.stdout
+    assert "a pull to the middle within 1." in fitted.stdout
     assert "a magnet" in fitted.stdout
     assert (tmp_path / "reports/pink/learned.png").is_file()
     board = load_board(tmp_path / "data/boards/pink.toml")

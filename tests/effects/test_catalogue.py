@@ -18,7 +18,7 @@ DESIGN = {
     "gravity", "end-stop", "freeplay", "preload", "offset", "viscoelastic", "hysteresis", "second-mode",
     "inertia", "discretisation", "sensor-bias", "sensor-drift", "clock", "lowpass", "bilinear-stiffness", "bouc-wen", "armature",
     "linkage", "linked-spring", "payload", "weight",
-    "learned", "learned-memory", "dahl", "load-friction", "one-sided-stop", "hanging-body",
+    "learned", "dahl", "load-friction", "one-sided-stop", "hanging-body",
 }  # fmt: skip
 
 

@@ -104,7 +104,7 @@ IN_THE_JOINT = sorted(
 )
 
 
-SUBSTITUTES = {"bouc-wen": 0.03, "learned-memory": 0.2, "load-friction": 0.03}
+SUBSTITUTES = {"bouc-wen": 0.03, "load-friction": 0.03}
 """Effects that MuJoCo has only a neighbour of, or none, and how near that comes: bristles unload as they load, a damper
 has no jump at the turning points."""
 
