@@ -96,7 +96,10 @@ def _onset(release: Release) -> int:
 
 
 def first_from(time: Array, instant: float) -> int:
-    """Return the index of the first sample at or after an instant [s], to the microsecond: the last bits of a clock decide nothing."""
+    """Return the index of the first sample at or after an instant [s] of times [s], shape (n,), to the microsecond.
+
+    The last bits of a clock decide nothing.
+    """
     return int(np.searchsorted(np.round(time, 6), instant))
 
 

@@ -116,7 +116,7 @@ def _undriven(signal: SmoothedSignal, segment: Segment) -> Segment:
 
 
 def _segment_score(group: list[Segment], signal: SmoothedSignal) -> tuple[float, float, float]:
-    """Rank a group of segments: by the path of all but its first swings, then by the visits of its rest angle, then by its pace.
+    """Rank a group of segments: by its swings beyond the first ones, then by the visits of its rest angle, then by its pace.
 
     A hand makes one swing and stays; a joint comes back to one rest.
     """
@@ -124,7 +124,7 @@ def _segment_score(group: list[Segment], signal: SmoothedSignal) -> tuple[float,
     there = [any(abs(level - one.rest) < room for one in group) for level in signal.levels]
     visits = sum(now and not before for before, now in pairwise([False, *there]))
     return (
-        sum(swing.size for one in group for swing in one.swings[1:]),
+        sum(swing.size > signal.min_movement for one in group for swing in one.wide[1:]),
         visits,
         -float(np.median([one.pace for one in group])),
     )
