@@ -48,7 +48,15 @@ def fit_joints(
         free = free_of(structure, structure.effects, fixed, more=tuple(bounds))
         given = {**known.values, **fixed}
         fits[joint] = [
-            fit(log, structure, given, free, bounds=bounds, quick=coupled, simulator=known.simulator)
+            fit(
+                log,
+                structure,
+                given,
+                free,
+                bounds=bounds,
+                quick=coupled,
+                simulator=None if coupled else known.simulator,
+            )
             for log in own
         ]
     for last in (*(False,) * PASSES, True) if coupled else ():
@@ -78,7 +86,7 @@ def _beside(
         structure = replace(structure, simulator=simulator)
     return fit(
         replace(before.log, load=load), structure, before.values, tuple(before.quantities), bounds=bounds,
-        begins=[before.values], quick=not last, simulator=simulator if last else None,
+        begins=[before.values], quick=not last, simulator=simulator,
     )  # fmt: skip
 
 

@@ -73,12 +73,6 @@ class DrivenFit:
         own = np.isfinite(np.diag(self.covariance))
         return np.r_[own, np.ones(len(self.point) - len(own))]
 
-    def problem(self) -> Problem:
-        """Return the least squares of the whole log, at whose unknowns `point` is."""
-        return Problem(
-            log=self.log, structure=self.structure, values=self.values, free=tuple(self.quantities)
-        )
-
     def widened(self, factors: Array) -> "DrivenFit":
         """Return it with larger deviations of the fitted parameters, by factors [1] of shape (p,)."""
         quantities = {
