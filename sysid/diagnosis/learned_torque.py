@@ -7,6 +7,7 @@ Computation 4, 1992); a part without evidence is zero. The regression on the smo
 A fit by output error follows from there, and its normal equations choose the weights again.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -40,6 +41,8 @@ WEIGHTS = tuple(10.0**e for e in range(6, -3, -1))
 """Weights of roughness, for values in units of a tenth of the spring's torque: from straight to free."""
 NOISY, COLOURED = 1.15, 1.5
 """Residual over the noise, and its correlation length [samples], from which it is more than noise."""
+DRIFTS = (1.0, 0.1, 0.01, 1e-6)
+"""Prior deviations of a drift that are tried, over those of a law: from as strong as a law to none."""
 PASSES = 3
 """Passes of smoothing and regression, and of output error and weights: each starts nearer to the torque."""
 
@@ -207,16 +210,19 @@ def regress(motion: Motion, plain: JointFit) -> Regressed:
 
 
 def changes_with_time(found: Regressed) -> bool:
-    """Return whether a spring and a damper that drift within and between releases are likelier than the tables."""
-    end = found.end
-    inside = end.motion.inside
-    shares = [np.linspace(-1, 1, n)[:, None] if n > 1 else np.zeros((1, 1)) for n in inside.shape]
-    drifts = [np.broadcast_to(s, inside.shape)[inside] for s in (shares[0], shares[1].T)]
+    """Return whether a spring and a damper that drift are likelier than the tables: as cubics within a release, and between releases."""
+    end, inside = found.end, found.end.motion.inside
+    row, node = np.nonzero(inside)
+    within, between = node / inside.shape[1], row / len(inside)
+    drifts = [within, within**2, within**3, *([between] if len(inside) > 1 else [])]
     end.prepare(np.column_stack([end.scaled(drift * swing) for drift in drifts for swing in (end.x, end.v)]))
+    columns = np.arange(1, 1 + 2 * len(drifts))
+    sizes = list(itertools.product(DRIFTS, repeat=2))
     best = -np.inf
     for share in SHARES:
         gram, constant = end.gram(share)
-        best = max(best, constant + closed(gram, np.arange(1, 5), np.full(4, STRENGTH))[0])
+        each = (closed(gram, columns, np.tile(STRENGTH * np.array(size), len(drifts)))[0] for size in sizes)
+        best = max(best, constant + max(each) - np.log(len(sizes)))
     return best > found.log_evidence
 
 
