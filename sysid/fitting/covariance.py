@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.board import Board
 from sysid.effects import effect
@@ -51,10 +52,10 @@ def scale_shift(problem: Problem, minimum: Minimum) -> Array:
         return np.zeros(shared)
     sensitivity = sensitivity_of(problem, minimum)
     counted = problem.weights or [np.ones(len(row)) for row in sensitivity.rows]
-    pull = np.zeros(len(sensitivity.root))
+    pull = np.zeros(shared)
     for row, std, signal, weight in zip(sensitivity.rows, stds, problem.observed, counted, strict=True):
         pull += row.T @ (std * signal * (weight >= 1))
-    return (sensitivity.root @ (sensitivity.root.T @ pull))[:shared] * problem.sizes()[:shared]
+    return sensitivity.root @ (sensitivity.root.T @ pull) * problem.sizes()[:shared]
 
 
 def inertia_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
@@ -148,9 +149,8 @@ def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence
     variance = problem.records[0].std ** 2
 
     root = sensitivity.root
-    rows = [
-        row @ root for row in sensitivity.rows
-    ]  # in coordinates in which H is 1, so that rounding makes no variance negative
+    # In coordinates in which H is 1, so that rounding makes no variance negative.
+    rows = [row @ root for row in sensitivity.rows]
 
     def sandwich(noises: Sequence[ResidualNoise]) -> Array:
         meat = sum(
@@ -163,7 +163,7 @@ def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence
             )
         else:
             meat = meat + variance * np.diag(sensitivity.lent)
-        return (root @ meat @ root.T)[:shared, :shared]
+        return root @ meat @ root.T
 
     covariance = sandwich([noise] * len(sensitivity.rows))
     if any(record.release.errors_last for record in problem.records):
@@ -185,34 +185,52 @@ def _stated_noise(record: Record, problem: Problem) -> ResidualNoise | None:
 
 @dataclass(frozen=True, slots=True)
 class Sensitivity:
-    """Sensitivity of the residuals to all unknowns, in units of their sizes."""
+    """Sensitivity of the residuals to the free parameters, in units of their sizes, where each release's own unknowns follow them."""
 
     rows: tuple[Array, ...]
-    """Of each record, shape (n, unknowns); zero in columns of other records and of unknowns at a bound."""
+    """Of each record, shape (n, free); zero in columns of parameters at a bound."""
+    own: tuple[Array, ...]
+    """What a record's own unknowns can make, as orthonormal columns, shape (n, own)."""
+    counted: tuple[Array, ...]
+    """JᵀJ of each record's rows that a robust loss does not limit, shape (free, free)."""
     root: Array
-    """A root of H⁻¹ = (JᵀJ + prior)⁻¹, which is root rootᵀ, shape (unknowns, unknowns); zero for unknowns at a bound."""
+    """A root of H⁻¹ = (JᵀJ + prior)⁻¹, which is root rootᵀ, shape (free, free); zero for parameters at a bound."""
     lent: Array
-    """How much of H in each of root's columns no data fix, from 0 to 1, shape (unknowns,)."""
+    """How much of H in each of root's columns no data fix, from 0 to 1, shape (free,)."""
 
 
 def sensitivity_of(problem: Problem, minimum: Minimum) -> Sensitivity:
-    """Return the Jacobian at a minimum and what its square makes of noise."""
+    """Return the Jacobian at a minimum and what its square makes of noise.
+
+    Own unknowns of a release touch no other. So they are eliminated release by release, and memory grows with the samples alone.
+    """
     shared, sizes = len(problem.names), problem.sizes()
     free = ~minimum.at_bound
     rows: list[Array] = []
-    square = np.zeros((len(sizes), len(sizes)))
+    own: list[Array] = []
+    counted: list[Array] = []
+    squares = np.zeros(shared)
     for index, (_, jacobian) in enumerate(problem.linearise(minimum.point)):
         where, _ = problem.places[index]
-        row = np.zeros((len(jacobian), len(sizes)))
-        row[:, where] = jacobian * sizes[where]
-        row[:, ~free] = 0.0
-        counted = row if problem.weights is None else row[problem.weights[index] >= 1]
-        square += counted.T @ counted
-        rows.append(row)
-    square[:shared, :shared] += problem.records[0].std ** 2 * problem.prior
-    root, lent = np.zeros_like(square), np.zeros(len(square))
-    root[np.ix_(free, free)], lent[free] = _root(square[np.ix_(free, free)])
-    return Sensitivity(tuple(rows), root, lent)
+        scaled = jacobian * (sizes * free)[where]
+        slopes, mine = scaled[:, :shared], scaled[:, shared:]
+        inside = slice(None) if problem.weights is None else problem.weights[index] >= 1
+        mine = mine @ _root(mine[inside].T @ mine[inside])[0]
+        squares += np.sum(slopes[inside] ** 2, axis=0)
+        rows.append(slopes - mine @ (mine[inside].T @ slopes[inside]))
+        own.append(mine)
+        counted.append(rows[-1][inside].T @ rows[-1][inside])
+    square = sum(counted, np.zeros((shared, shared)))
+    prior = problem.records[0].std ** 2 * problem.prior
+    root, lent = _free_root(square + prior, squares + prior.diagonal(), free[:shared])
+    return Sensitivity(tuple(rows), tuple(own), tuple(counted), root, lent)
+
+
+def _free_root(matrix: Array, sizes: Array, free: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return `_root` of a matrix, shape (n, n), in which only some rows and columns are free; zero in all others."""
+    root, lent = np.zeros_like(matrix), np.zeros(len(matrix))
+    root[np.ix_(free, free)], lent[free] = _root(matrix[np.ix_(free, free)], sizes[free])
+    return root, lent
 
 
 def known_together(problem: Problem, minimum: Minimum) -> dict[str, tuple[float, float]]:
@@ -230,13 +248,11 @@ def known_together(problem: Problem, minimum: Minimum) -> dict[str, tuple[float,
     shared, sizes, noise = len(problem.names), problem.sizes(), problem.records[0].std
 
     def spread(chosen: Sequence[int]) -> Array:
-        square = sum(
-            (sensitivity.rows[i].T @ sensitivity.rows[i] for i in chosen), np.zeros_like(sensitivity.root)
-        )
+        square = sum((sensitivity.counted[i] for i in chosen), np.zeros_like(sensitivity.root))
         used = np.flatnonzero(np.diag(square) > 0)
         found = np.full(len(square), np.inf)
         found[used] = np.linalg.norm(_root(square[np.ix_(used, used)])[0], axis=1)
-        return noise * (found * sizes)[:shared]
+        return noise * found * sizes[:shared]
 
     each = [spread([i for i, pose in enumerate(poses) if pose == one]) for one in dict.fromkeys(poses)]
     whole, best = spread(range(len(poses))), np.min(each, axis=0)
@@ -250,16 +266,25 @@ def noise_behind(
     sensitivity = sensitivity or sensitivity_of(problem, minimum)
     if problem.weights is not None:
         residuals = [r * w for r, w in zip(residuals, problem.weights, strict=True)]
-    return residual_noise(residuals, [row @ sensitivity.root for row in sensitivity.rows])
+    directions = [
+        np.column_stack((row @ sensitivity.root, own))
+        for row, own in zip(sensitivity.rows, sensitivity.own, strict=True)
+    ]
+    return residual_noise(residuals, directions, len(problem.names))
 
 
-def _root(matrix: Array) -> tuple[Array, Array]:
-    """Return a root of the inverse of a matrix, and how much of each of its columns the matrix does not fix."""
-    diagonal = np.diag(matrix)
+def _root(matrix: Array, sizes: Array | None = None) -> tuple[Array, Array]:
+    """Return a root of the inverse of a matrix, and how much of each of its columns the matrix does not fix.
+
+    Args:
+        matrix: Shape (n, n).
+        sizes: Diagonal of a matrix that rounding is small against, shape (n,); its own if left out.
+    """
+    diagonal = np.diag(matrix) if sizes is None else sizes
     scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-24 * max(float(diagonal.max(initial=0.0)), 1e-200)))
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
     # A direction that the data leave open keeps a huge variance instead of none.
-    floored = np.maximum(values, 1e-13 * max(float(values[-1]), 1e-300))
+    floored = np.maximum(values, 1e-13 * max(float(values[-1]), 1e-300 if sizes is None else 1.0))
     return scale[:, None] * vectors / np.sqrt(floored), 1.0 - np.maximum(values, 0.0) / floored
 
 

@@ -1,4 +1,4 @@
-"""Error of a fit on motion that it did not see."""
+"""Error of a fitted joint on motion that it was not fitted to: cross-validation."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,6 +10,9 @@ from sysid.least_squares import Minimum
 from sysid.progress import steps
 from sysid.roll import Array
 
+FOLDS = 10
+"""Groups of releases that are left out in turn (Kohavi 1995); up to so many releases, each is a group of its own."""
+
 
 def heldout_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
     """Return prediction minus measurement of each release [rad or rad/s], shape (n,), by a fit to the others.
@@ -17,22 +20,25 @@ def heldout_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
     The start of a release cannot be predicted: it is fitted to the release itself. Of one release alone, its second half is
     predicted from its first.
     """
-    if len(problem.records) == 1:
+    count = len(problem.records)
+    if count == 1:
         return (_forecast(problem, minimum),)
-    return tuple(_left_out(problem, minimum, index) for index in steps(range(len(problem.records))))
+    found: dict[int, Array] = {}
+    for first in steps(range(min(FOLDS, count))):
+        found.update(_left_out(problem, minimum, range(first, count, FOLDS)))
+    return tuple(found[index] for index in range(count))
 
 
-def _training(problem: Problem, point: Array, index: int) -> tuple[Problem, Array]:
-    """Return the problem of all releases but one, and the same point in it."""
-    return problem.of([i for i in range(len(problem.records)) if i != index], point)
-
-
-def _left_out(problem: Problem, minimum: Minimum, index: int) -> Array:
-    """Fit the physics to the other releases, then only roll and rate at release to this one."""
-    training, start = _training(problem, minimum.point, index)
+def _left_out(problem: Problem, minimum: Minimum, group: Sequence[int]) -> dict[int, Array]:
+    """Fit the physics to the releases outside a group, then only roll and rate at release to each of the group."""
+    others = [index for index in range(len(problem.records)) if index not in group]
+    training, start = problem.of(others, minimum.point)
     known = {**problem.fixed, **training.parameters(training.fitted(start, 10, 1e-5).point)}
-    held = problem.with_(records=[problem.records[index]], fixed=known)
-    return held.residuals(held.fitted(problem.own(minimum.point)[index], 12, 1e-7).point)[0]
+    found: dict[int, Array] = {}
+    for index in group:
+        held = problem.with_(records=[problem.records[index]], fixed=known)
+        found[index] = held.residuals(held.fitted(problem.own(minimum.point)[index], 12, 1e-7).point)[0]
+    return found
 
 
 def _forecast(problem: Problem, minimum: Minimum) -> Array:

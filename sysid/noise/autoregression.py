@@ -70,7 +70,9 @@ class ResidualNoise:
         return np.asarray(lfilter([1.0], np.concatenate([[1.0], -self.coefficients]), white))[lead:]
 
 
-def residual_noise(residuals: Sequence[Array], directions: Sequence[Array] | None = None) -> ResidualNoise:
+def residual_noise(
+    residuals: Sequence[Array], directions: Sequence[Array] | None = None, shared: int | None = None
+) -> ResidualNoise:
     """Estimate the noise behind the residuals of a fit.
 
     The order of the autoregression is the one with the lowest BIC (VARHAC; den Haan and Levin 1998). The
@@ -81,6 +83,7 @@ def residual_noise(residuals: Sequence[Array], directions: Sequence[Array] | Non
         residuals: Of each record, shape (n,), evenly sampled, in one unit.
         directions: Rows of each record of a matrix U, shape (n, p) each. Its orthonormal columns span the
             directions in which the fit can move. None: the residuals are the noise.
+        shared: Number of first columns that all records have; the others of each record are zero in the rest. All if left out.
     """
     n = sum(len(r) for r in residuals)
     longest = min(_LONGEST, max(1, min(len(r) for r in residuals) // 8))
@@ -88,11 +91,13 @@ def residual_noise(residuals: Sequence[Array], directions: Sequence[Array] | Non
     noise = autoregression(seen, n)
     for _ in range(_ROUNDS if directions and noise.innovation > 0 else 0):
         moved = [noise.applied(u) for u in directions or ()]
-        inner = sum((u.T @ v for u, v in zip(directions or (), moved, strict=True)), np.zeros(()))
+        inner = [u.T @ v for u, v in zip(directions or (), moved, strict=True)]
+        together = sum((one[:shared, :shared] for one in inner), np.zeros(()))
         taken = np.zeros(longest + 1)
-        for u, v in zip(directions or (), moved, strict=True):
+        for u, v, own in zip(directions or (), moved, inner, strict=True):
             # 2 sym(U Uᵀ R) - U (Uᵀ R U) Uᵀ, summed along its diagonals.
-            rest = 2 * v - u @ inner
+            own[:shared, :shared] = together
+            rest = 2 * v - u @ own
             taken += 0.5 * (_covariances(u, rest, longest) + _covariances(rest, u, longest))
         before, noise = noise, autoregression(seen + taken / n, n)
         if abs(noise.std / max(before.std, 1e-300) - 1) < 1e-3:

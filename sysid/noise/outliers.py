@@ -31,14 +31,14 @@ def lone_outliers(time: Array, signal: Array, *, rate: bool) -> Array:
     found = np.zeros(signal.size)
     if signal.size < 3 * NEIGHBOURS + 1:
         return found
-    # 6 times the distance of one outlier; of a pair, one of the two may have no bend
+    # 6 times the distance of one outlier; of neighbours, 6 a - 4 b and 6 b - 4 a, one is at least twice the smaller distance
     bends = np.zeros(signal.size)
     bends[2:-2] = np.abs(np.diff(signal, 4))
     low, high = np.percentile(signal, (1, 99))
     scale = max(
         difference_noise(signal, 4), quantisation_step(np.diff(signal)), BEST_SENSOR * float(high - low)
     )
-    suspect, step = bends > MIN_DISTANCE * scale, float(np.median(np.diff(time)))
+    suspect, step = bends > 2 * MIN_DISTANCE * scale, float(np.median(np.diff(time)))
     # Two outliers hide each other if one is a neighbour of the other: test them together. Three may be a motion.
     for apart in (0, *range(2 if rate else 1, NEIGHBOURS + 1)):
         outliers = np.unique((0, apart)) + NEIGHBOURS

@@ -5,14 +5,18 @@ angle and the same pace. A hand that lifts the deck moves away from that angle, 
 """
 
 import math
+from bisect import bisect_left
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import compress, pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.quantity import SURE
 from sysid.releases.extrema import HalfCycle, SmoothedSignal
+from sysid.roll import Array
 
 SMALLEST_RELEASE = 0.08
 """Smallest first swing of a release, over that of the largest release."""
@@ -54,7 +58,7 @@ class Segment:
     @property
     def size(self) -> float:
         """First amplitude about rest [rad]."""
-        return self.sizes[0]
+        return abs(self.swings[0].origin - self.rest)
 
     @property
     def wide(self) -> list[HalfCycle]:
@@ -89,7 +93,8 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
     if largest < SMALLEST_OF_LOG * float(np.ptp(signal.roll)):
         return []
     segments = [segment for segment in segments if segment.swings[0].size > SMALLEST_RELEASE * largest]
-    groups = [[other for other in segments if _same_board(segment, other, signal)] for segment in segments]
+    rows = dict.fromkeys(map(tuple, _same_board(segments, segments, signal).tolist()))
+    groups = [list(compress(segments, row)) for row in rows]
     return [_undriven(signal, one) for one in max(groups, key=lambda group: _segment_score(group, signal))]
 
 
@@ -120,8 +125,9 @@ def _segment_score(group: list[Segment], signal: SmoothedSignal) -> tuple[float,
 
     A hand makes one swing and stays; a joint comes back to one rest.
     """
-    room = max(5.0 * signal.noise, 0.1 * group[0].sizes[0])
-    there = [any(abs(level - one.rest) < room for one in group) for level in signal.levels]
+    room = max(5.0 * signal.noise, 0.1 * group[0].size)
+    rests = np.array([one.rest for one in group])
+    there = [bool(np.any(np.abs(level - rests) < room)) for level in signal.levels]
     visits = sum(now and not before for before, now in pairwise([False, *there]))
     return (
         sum(swing.size > signal.min_movement for one in group for swing in one.wide[1:]),
@@ -130,19 +136,30 @@ def _segment_score(group: list[Segment], signal: SmoothedSignal) -> tuple[float,
     )
 
 
-def _same_board(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
-    """Whether two segments have the same rest angle and the same pace.
+def _same_board(
+    some: Sequence[Segment], others: Sequence[Segment], signal: SmoothedSignal
+) -> npt.NDArray[np.bool_]:
+    """Return which segments have the same rest angle and the same pace, shape (some, others).
 
     Many swings at one pace are a decay; their rest angle may have moved, with a sensor or with rubber, by any amount.
     """
-    share = math.inf if min(len(one.swings), len(other.swings)) >= MANY else 0.35
-    room = max(5.0 * signal.noise, share * min(one.sizes[0], other.sizes[0]))
-    # Dry friction holds a deck beside its rest; one or two swings show the rest only to half a swing.
-    room = max(
-        [room, *(0.5 * min(swing.size for swing in s.swings) for s in (one, other) if len(s.swings) < 3)]
-    )
-    paces = [float(np.median([swing.duration for swing in s.wide[:4]])) for s in (one, other)]
-    return abs(one.rest - other.rest) < room and 0.6 < paces[0] / paces[1] < 1.6
+
+    def facts(segments: Sequence[Segment]) -> Array:
+        # Dry friction holds a deck beside its rest; one or two swings show the rest only to half a swing.
+        return np.array([
+            (
+                len(one.swings) >= MANY, one.size, one.rest, float(np.median([swing.duration for swing in one.wide[:4]])),
+                0.5 * min(swing.size for swing in one.swings) if len(one.swings) < 3 else 0.0,
+            )
+            for one in segments
+        ]).T  # fmt: skip
+
+    many, size, rest, pace, room = facts(some)[:, :, None]
+    other_many, other_size, other_rest, other_pace, other_room = facts(others)[:, None, :]
+    share = np.where((many > 0) & (other_many > 0), np.inf, 0.35 * np.minimum(size, other_size))
+    share = np.maximum.reduce(np.broadcast_arrays(share, room, other_room, 5.0 * signal.noise))
+    ratio = pace / other_pace
+    return (np.abs(rest - other_rest) < share) & (ratio > 0.6) & (ratio < 1.6)
 
 
 def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segment]:
@@ -157,7 +174,10 @@ def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list
         segment = _segment(signal, swings, begin, finish)
         if segment is not None:
             segments.append(segment)
-            finish = len(swings) if segment.after is None else swings.index(segment.after)
+            after = segment.after
+            finish = (
+                len(swings) if after is None else bisect_left(swings, after.begin, key=lambda one: one.begin)
+            )
         begin = finish
     return segments
 
@@ -305,7 +325,7 @@ def given_segment(signal: SmoothedSignal, swings: list[HalfCycle], time: float, 
     segment = _segment(signal, later, 0, finish)
     if segment is None:
         segment = Segment((later[0],), later[0].target, False, later[1] if len(later) > 1 else None)
-    if found and not _same_board(segment, found[0], signal):
+    if found and not _same_board([segment], found[:1], signal).all():
         seen = ", ".join(f"{signal.time[one.swings[0].left]:.4g}" for one in found)
         raise SysidError(
             f"{log}: nobody let the deck go at {time:.6g} s: it rests then, or a hand moves it. It leaves a hand at about "

@@ -6,10 +6,11 @@ maximises the sum of log-likelihood ratios (Page, 1954). A change adds two param
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.noise.floor import difference_std
 from sysid.noise.sensor import quantisation_step
@@ -49,6 +50,23 @@ class Span:
     """Whether it was held still and then returned at once: the decay begins there, even if its law is nonlinear."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """Samples of a decay in a row, forwards or backwards in time."""
+
+    time: Array
+    """[s], shape (n,)"""
+    angle: Array
+    """[rad], shape (n,)"""
+    span: Span
+    law: Law
+    """Backwards in time, with a damping that drives."""
+
+
+_Walk = Generator[_Run, int, list[tuple[float, float]]]
+"""What finds the stretches of one decay: yields runs, is sent their free samples, returns the stretches [s]."""
+
+
 def free_stretches(
     time: Array, roll: Array, spans: Sequence[Span], period: float
 ) -> list[list[tuple[float, float]]]:
@@ -70,7 +88,7 @@ def free_stretches(
         law = _learned(when, where, noise, spans, found, period)
         if law is None:
             return found
-        found = [_stretches(when, where, noise, span, law) for span in spans]
+        found = _together([_stretches(when, where, span, law) for span in spans], noise)
         period = 2 * math.pi / math.sqrt(law.stiffness)
     return found
 
@@ -101,6 +119,7 @@ def _learned(
     )  # at a quarter of a period the motion separates stiffness and damping
     kernel = np.bartlett(2 * lag + 1)[1:-1]
     rows: list[Array] = []
+    owner: list[npt.NDArray[np.intp]] = []
     for i, stretches in enumerate(free):
         for begin, end in stretches:
             first, last = (int(index) for index in np.searchsorted(time, (begin, end)))
@@ -111,20 +130,23 @@ def _learned(
                 spans[i].size, 1e-12
             )
             mean = np.convolve(part, kernel / kernel.sum(), "valid")
-            table = np.zeros((len(mean) - 2 * lag, 3 + len(spans)))
-            table[:, 0], table[:, 1], table[:, 2] = mean[2 * lag :], mean[lag:-lag], mean[: -2 * lag]
-            table[:, 3 + i] = 1.0
+            table = np.column_stack((mean[2 * lag :], mean[lag:-lag], mean[: -2 * lag]))
             # Rows without motion hold no information on the law.
-            rows.append(table[np.ptp(table[:, :3], axis=1) > 3 * noise / spans[i].size])
+            rows.append(table[np.ptp(table, axis=1) > 3 * noise / spans[i].size])
+            owner.append(np.full(len(rows[-1]), i))
     if sum(map(len, rows)) < 2 * (2 + len(spans)):
         return None
-    whole = np.vstack(rows)
-    target, table = whole[:, 0], whole[:, 1:][:, whole[:, 1:].any(axis=0)]
-    weights = np.ones(len(target))
+    whole, own = np.vstack(rows), np.concatenate(owner)
+    weights = np.ones(len(own))
     solution = np.zeros(2)
     for _ in range(4):  # Cauchy weights: little for samples with a hand
-        solution = np.linalg.lstsq(table * weights[:, None], target * weights, rcond=None)[0]
-        left = target - table @ solution
+        squares = np.bincount(own, weights**2) + 1e-300
+        # Least squares with a rest of each decay's own: that of what is left of its mean.
+        means = [np.bincount(own, weights**2 * column) / squares for column in whole.T]
+        target, *table = (column - mean[own] for column, mean in zip(whole.T, means, strict=True))
+        known = np.column_stack(table)
+        solution = np.linalg.lstsq(known * weights[:, None], target * weights, rcond=None)[0]
+        left = target - known @ solution
         scale = 4.5 * float(np.median(np.abs(left))) or 1e-300  # three deviations
         weights = 1 / np.hypot(1, left / scale)
     alpha, beta = float(solution[0]), -float(solution[1])
@@ -137,18 +159,34 @@ def _learned(
     return Law(stiffness, 2 * decay) if stiffness > 0 else None
 
 
-def _stretches(time: Array, roll: Array, noise: float, span: Span, law: Law) -> list[tuple[float, float]]:
-    """Return the free stretches of one decay [s]."""
+def _together(decays: Sequence[_Walk], noise: float) -> list[list[tuple[float, float]]]:
+    """Return the free stretches of decays [s]: the filter runs over the next run of each of them at once."""
+    found: dict[int, list[tuple[float, float]]] = {}
+    said: dict[int, int | None] = dict.fromkeys(range(len(decays)))
+    while said:
+        asked: dict[int, _Run] = {}
+        for index, count in said.items():
+            try:
+                asked[index] = next(decays[index]) if count is None else decays[index].send(count)
+            except StopIteration as end:
+                found[index] = end.value
+        gains = _log_likelihood_ratios(list(asked.values()), noise)
+        said = {index: _free_for(gain) for index, gain in zip(asked, gains, strict=True)}
+    return [found[index] for index in range(len(decays))]
+
+
+def _stretches(time: Array, roll: Array, span: Span, law: Law) -> _Walk:
+    """Return the free stretches of one decay [s]; yields runs of samples and is sent for how many the joint moves freely."""
     quarter = 0.5 * math.pi / math.sqrt(law.stiffness)
     first, last = (int(i) for i in np.searchsorted(time, (span.begin, span.end)))
     step = max(1, int(quarter / float(np.median(np.diff(time)))))
     found: list[tuple[float, float]] = []
     since, begin = first, first
     while begin < last - 2:
-        end = begin + _free_for(time[begin:last], roll[begin:last], noise, span, law)
+        end = begin + (yield _Run(time[begin:last], roll[begin:last], span, law))
         if end - begin > 2 * step or end >= last:
             back = slice(end - 1, since - 1 if since else None, -1)
-            begin = end - _free_for(-time[back], roll[back], noise, span, Law(law.stiffness, -law.damping))
+            begin = end - (yield _Run(-time[back], roll[back], span, Law(law.stiffness, -law.damping)))
             start = span.begin if begin == first or (span.let_go and not found) else float(time[begin])
             stop = span.end if last - end <= step / 4 else float(time[end - 1])
             if found and begin - since < step / 2:  # too quick for a hand: the law is nonlinear there
@@ -159,12 +197,11 @@ def _stretches(time: Array, roll: Array, noise: float, span: Span, law: Law) -> 
     return found
 
 
-def _free_for(time: Array, roll: Array, noise: float, span: Span, law: Law) -> int:
-    """Return the number of samples, from the first on, in which the joint moves freely.
+def _free_for(likelihood: Array) -> int:
+    """Return the number of samples, from the first on, in which the joint moves freely, by their log-likelihood ratios, shape (n, m).
 
     A hand acts from one sample to another, or to the last. Each change has a BIC penalty.
     """
-    likelihood = _log_likelihood_ratio(time, roll - span.rest, noise, span.size, law)
     gain = np.cumsum(likelihood, axis=0)
     count = len(gain)
     while count > 2:
@@ -182,48 +219,80 @@ def _free_for(time: Array, roll: Array, noise: float, span: Span, law: Law) -> i
     return count
 
 
-def _log_likelihood_ratio(time: Array, angle: Array, noise: float, size: float, law: Law) -> Array:
-    """Return the log-likelihood ratio of a free joint to a hand for each sample and torque noise, given the samples before, shape (n, m).
+def _log_likelihood_ratios(runs: Sequence[_Run], noise: float) -> list[Array]:
+    """Return the log-likelihood ratio of a free joint to a hand for each sample and torque noise, given the samples before, shape (n, m) a run.
 
     The filter's state is angle about rest and rate; its transition is exact for any step (matrix exponential). A hand moves the joint,
-    with the last torque noise, or holds it; it changes once a period.
+    with the last torque noise, or holds it; it changes once a period. The filter takes one sample of every run at a time, the
+    longest run first: those that have ended are the last ones.
     """
-    steps = np.abs(np.diff(time, prepend=time[0]))
-    root = complex(0.25 * law.damping**2 - law.stiffness) ** 0.5 or 1e-9
-    fade = np.exp(-0.5 * law.damping * steps)
-    even, odd = fade * np.real(np.cosh(root * steps)), fade * np.real(np.sinh(root * steps) / root)
-    xx, vx, vv = even + 0.5 * law.damping * odd, -law.stiffness * odd, even - 0.5 * law.damping * odd
-    omega, count = math.sqrt(law.stiffness), len(ERRORS)
-    power = (ERRORS * law.stiffness * size) ** 2 / omega
-    x, v = np.full(count, angle[0]), np.zeros(count)
-    p, r, q = np.full(count, 1e4 * noise**2), np.zeros(count), np.full(count, (3 * omega * size) ** 2)
-    held, spread_held, moves = float(angle[0]), noise**2, 0.5
-    found = np.zeros((len(time), count - 1))
-    rows = zip(
-        steps.tolist(), xx.tolist(), odd.tolist(), vx.tolist(), vv.tolist(), angle.tolist(), strict=True
+    order = sorted(range(len(runs)), key=lambda index: -len(runs[index].time))
+    counts = np.array([len(runs[index].time) for index in order], dtype=int)
+    running = np.searchsorted(-counts, -np.arange(counts.max(initial=0)))
+    starts = np.cumsum(running) - running
+    places = [starts[:count] + row for row, count in enumerate(counts)]
+    table, found = np.zeros((counts.sum(), 7, 1)), np.zeros((counts.sum(), len(ERRORS) - 1))
+    for index, place in zip(order, places, strict=True):
+        table[place, :, 0] = _transition(runs[index])
+    size, stiffness = (
+        np.array([[value(runs[index])] for index in order]).reshape(-1, 1)
+        for value in (lambda run: run.span.size, lambda run: run.law.stiffness)
     )
-    for i, (h, a, b, c, d, seen) in enumerate(rows):
+    omega, white, tremor = np.sqrt(stiffness), noise**2, (TREMOR * size) ** 2 * np.sqrt(stiffness)
+    power, aside = (ERRORS * stiffness * size) ** 2 / omega, ASIDE * size
+    x, v = np.tile(table[: len(order), 5], len(ERRORS)), np.zeros_like(power)
+    p, r, q = (
+        np.full_like(power, 1e4 * white),
+        np.zeros_like(power),
+        np.zeros_like(power) + (3 * omega * size) ** 2,
+    )
+    held, spread_held, moves = x[:, :1], np.full_like(size, white), np.full_like(size, 0.5)
+    for start, count in zip(starts.tolist(), running.tolist(), strict=True):
+        if count < len(x):
+            x, v, p, r, q, held, spread_held, moves, power, tremor, aside = (
+                one[:count] for one in (x, v, p, r, q, held, spread_held, moves, power, tremor, aside)
+            )
+        a, b, c, d, h, seen, turn = table[start : start + count].swapaxes(0, 1)
         x, v = a * x + b * v, c * x + d * v
+        ar, bq, push = a * r, b * q, power * h
         p, r, q = (
-            a * a * p + 2 * a * b * r + b * b * q + power * (h**3 / 3),
-            a * c * p + (a * d + b * c) * r + b * d * q + power * (h**2 / 2),
-            c * c * p + 2 * c * d * r + d * d * q + power * h,
+            a * (a * p + 2 * b * r) + b * bq + push * (h * h / 3),
+            c * (a * p + b * r) + d * (ar + bq) + push * (h / 2),
+            c * (c * p + 2 * d * r) + d * d * q + push,
         )
-        spread = p + noise**2
+        spread = p + white
         off = seen - x
         density = np.exp(-0.5 * off * off / spread) / np.sqrt(spread)
-        spread_held += (TREMOR * size) ** 2 * omega * h + noise**2
+        by_hand = density[:, -1:]
+        spread_held = spread_held + (tremor * h + white)
         away = seen - held
-        still = math.exp(-0.5 * away * away / spread_held) / math.sqrt(spread_held)
-        held += (1 - noise**2 / spread_held) * away
-        spread_held = noise**2 * (1 - noise**2 / spread_held)
-        if abs(held) < ASIDE * size:  # at rest within dry friction
-            still = float(density[-1])
-        hand = moves * float(density[-1]) + (1 - moves) * still
-        found[i] = np.log(density[:-1] + 1e-300) - math.log(hand + 1e-300)
-        moves = moves * float(density[-1]) / (hand + 1e-300)
-        moves -= (0.5 - moves) * math.expm1(-h * omega / math.pi)
+        still = np.exp(-0.5 * away * away / spread_held) / np.sqrt(spread_held)
+        kept = white / spread_held
+        held = held + (1 - kept) * away
+        spread_held = white * (1 - kept)
+        still = np.where(np.abs(held) < aside, by_hand, still)  # at rest within dry friction
+        hand = still + moves * (by_hand - still) + 1e-300
+        found[start : start + count] = np.log((density[:, :-1] + 1e-300) / hand)
+        moves = moves * by_hand / hand
+        moves = moves + (moves - 0.5) * turn
         gain = p / spread
         v, x = v + r / spread * off, x + gain * off
         p, q, r = p - p * gain, q - r * r / spread, r - r * gain
-    return found
+    ordered = [found[place] for place in places]
+    return [ordered[row] for row in np.argsort(order)]
+
+
+def _transition(run: _Run) -> Array:
+    """Return what the filter needs of each sample of a run, shape (n, 7).
+
+    The transition of angle and rate from the sample before, row by row; the step [s]; the angle about rest [rad]; and how a hand's
+    choice between moving and holding is forgotten, less one.
+    """
+    law = run.law
+    steps = np.abs(np.diff(run.time, prepend=run.time[:1]))
+    root = complex(0.25 * law.damping**2 - law.stiffness) ** 0.5 or 1e-9
+    fade = np.exp(-0.5 * law.damping * steps)
+    even, odd = fade * np.real(np.cosh(root * steps)), fade * np.real(np.sinh(root * steps) / root)
+    forgotten = np.expm1(-steps * math.sqrt(law.stiffness) / math.pi)
+    columns = (even + 0.5 * law.damping * odd, odd, -law.stiffness * odd, even - 0.5 * law.damping * odd)
+    return np.column_stack((*columns, steps, run.angle - run.span.rest, forgotten))

@@ -16,7 +16,7 @@ from sysid.errors import SysidError
 from sysid.releases.chains import MANY, Segment, free_segments, given_segment, half_period_of
 from sysid.releases.contact import Span, free_stretches
 from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
-from sysid.roll import Release, Roll
+from sysid.roll import Array, Release, Roll
 from sysid.text import display
 
 STILL = 0.03
@@ -134,8 +134,10 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
     period = 2 * half_period_of(float(np.median(later)))
     spans: list[Span] = []
     holds: list[float] = []
+    moved = 0
     for segment, other in zip(segments, [*segments[1:], None], strict=True):
-        begin, hold = (segment.driven_until, 0.0) if segment.driven_until else _let_go(signal, segment)
+        begin, hold = (segment.driven_until, 0.0) if segment.driven_until else _let_go(signal, segment, moved)
+        moved = segment.swings[-1].left
         last = len(signal.time) - 1 if segment.after is None else segment.after.left
         stop = float(signal.time[last])
         if other is not None:
@@ -189,8 +191,9 @@ def _rested(signal: SmoothedSignal, segment: Segment, begin: float, stop: float)
     """Return the end of a decay [s]: soon after it settles."""
     if not segment.settles:
         return stop
+    first, last = segment.swings[0].left, segment.swings[-1].reached
     settled, leaves = settled_between(
-        signal, segment.swings[-1].reached, int(np.searchsorted(signal.time, stop)), segment.size
+        signal, last, int(np.searchsorted(signal.time, stop)), segment.size, first
     )
     tail = max(4.0 * segment.pace, 0.5 * (settled - begin))
     if segment.after is not None:  # a hand acts before its motion shows
@@ -241,21 +244,21 @@ def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
 def _release(roll: Roll, signal: SmoothedSignal, free: _Free, number: int) -> Release:
     """Cut one free decay out of the log."""
     segment, begin, hold, finish = free.segment, free.begin, free.hold, free.end
-    last = signal.roll[(signal.time >= finish - segment.half_period) & (signal.time <= finish)]
+    last = signal.roll[_within(signal.time, finish - segment.half_period, finish)]
     still = free.settles or (
         bool(len(last)) and float(np.std(last)) < max(STILL * segment.size / 2, 2.5 * signal.noise)
     )
     end: Literal["rest", "caught", "log"] = "rest" if still else "caught"
     if not still and finish >= signal.time[-1] - 1e-9:
         end = "log"
-    inside = (roll.time >= begin - 1e-9) & (roll.time <= finish + 1e-9)
-    if not inside.any():
-        inside[int(np.searchsorted(roll.time, begin)) :][:1] = True
+    inside = _within(roll.time, begin - 1e-9, finish + 1e-9)
+    if inside.start == inside.stop:
+        inside = slice(inside.start, inside.start + 1)
     kept = min(hold, finish - begin)  # no more of the hold than of the decay
-    before = (roll.time >= begin - kept) & (roll.time <= begin - SETS_OFF * kept)
+    before = _within(roll.time, begin - kept, begin - SETS_OFF * kept)
     rest = segment.rest
     if end == "rest":
-        late = signal.roll[(signal.time >= finish - segment.pace) & (signal.time <= finish)]
+        late = signal.roll[_within(signal.time, finish - segment.pace, finish)]
         rest = float(np.median(late)) if late.size else rest  # empty if a sample lasts longer than a swing
     held = roll[before] if kept > 0 else None
     release = Release.of(roll[inside], number=number, rest=rest, hold=hold, end=end, held=held)
@@ -268,21 +271,31 @@ def _release(roll: Roll, signal: SmoothedSignal, free: _Free, number: int) -> Re
     return replace(release, driven_until=segment.driven_until, whole=whole)
 
 
-def _let_go(signal: SmoothedSignal, segment: Segment) -> tuple[float, float]:
-    """Return the time of the release and the duration of the hold before [s]."""
+def _within(time: Array, begin: float, end: float) -> slice:
+    """Return the samples from one time to another [s]: a view of them, however many releases a log has."""
+    return slice(int(np.searchsorted(time, begin)), int(np.searchsorted(time, end, side="right")))
+
+
+def _let_go(signal: SmoothedSignal, segment: Segment, moved: int) -> tuple[float, float]:
+    """Return the time of the release and the duration of the hold before [s].
+
+    Args:
+        moved: Grid index at which the decay before it swung; 0 without one.
+    """
     swing = segment.swings[0]
+    moved = moved if moved < swing.left else 0
     width = max(5, round(0.25 * segment.pace / float(signal.time[1] - signal.time[0])))
-    wide = np.pad(signal.roll[: swing.left + 1], (width // 2, width - 1 - width // 2), "edge")
+    wide = np.pad(signal.roll[moved : swing.left + 1], (width // 2, width - 1 - width // 2), "edge")
     before = np.convolve(wide, np.ones(width) / width, "valid")
     still = np.abs(before - swing.origin) <= max(3.0 * signal.noise, STILL * segment.size)
-    last = int(np.flatnonzero(still)[-1]) if still.any() else swing.left
+    last = int(np.flatnonzero(still)[-1]) if still.any() else swing.left - moved
     moving = np.flatnonzero(~still[:last])
-    since = int(moving[-1]) + 1 if len(moving) else 0
+    since, last = moved + (int(moving[-1]) + 1 if len(moving) else 0), moved + last
     # With dry friction later swings are small and quick: the first one gives the duration of a turning point.
     if signal.time[last] - signal.time[since] < 0.5 * max(segment.pace, swing.duration):
         found = _onset(signal, swing, swing.origin) if swing.begin else float(signal.time[0])
         return found if segment.start is None else segment.start, 0.0
-    found = _onset(signal, swing, float(np.median(before[since : last + 1])))
+    found = _onset(signal, swing, float(np.median(before[since - moved : last + 1 - moved])))
     begin = found if segment.start is None else segment.start
     moving = begin > found + signal.time[1] - signal.time[0]
     return begin, 0.0 if moving else begin - float(signal.time[since])
@@ -307,15 +320,22 @@ def _onset(signal: SmoothedSignal, swing: HalfCycle, level: float) -> float:
     return min(max(start, float(signal.time[swing.left]) - swing.duration), float(times[0]))
 
 
-def settled_between(signal: SmoothedSignal, reached: int, stop: int, amplitude: float) -> tuple[float, float]:
-    """Return begin and end [s] of the rest around the first stay after index `reached`."""
+def settled_between(
+    signal: SmoothedSignal, reached: int, stop: int, amplitude: float, swung: int = 0
+) -> tuple[float, float]:
+    """Return begin and end [s] of the rest around the first stay after index `reached`.
+
+    Args:
+        swung: Index at which its swings begin.
+    """
     stays = [(first, last) for first, last in signal.plateaus if last > reached and first < stop]
     first, last = stays[0] if stays else (reached, stop)
     first, last = max(first, reached), min(last, stop)
     level = float(np.median(signal.roll[first : last + 1]))
-    loud = np.flatnonzero(np.abs(signal.roll - level) > max(4.0 * signal.noise, 0.01 * amplitude))
+    away = np.abs(signal.roll[swung : stop + 1] - level)
+    loud = swung + np.flatnonzero(away > max(4.0 * signal.noise, 0.01 * amplitude))
     middle = (first + last) // 2
     before, after = loud[loud < middle], loud[loud > middle]
-    settled = int(before[-1]) + 1 if len(before) else 0
+    settled = int(before[-1]) + 1 if len(before) else swung
     leaves = min(int(after[0]) - 1 if len(after) else stop, stop)
     return float(signal.time[settled]), float(signal.time[min(leaves, len(signal.time) - 1)])

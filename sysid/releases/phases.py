@@ -64,7 +64,7 @@ def _between(
     hold: float,
 ) -> list[Phase]:
     """Split the time between two decays into phases of hand and rest."""
-    inside = (roll.time >= begin) & (roll.time <= finish)
+    inside = slice(int(np.searchsorted(roll.time, begin)), int(np.searchsorted(roll.time, finish, "right")))
     rests = [other.rest for other in near]
     time, angle = roll.time[inside], roll.roll[inside]
     offset = np.abs(angle - np.clip(angle, min(rests), max(rests)))

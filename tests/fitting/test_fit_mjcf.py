@@ -1,5 +1,6 @@
 """The least-squares engine: truth recovered, intervals that cover, honest refusals."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.signal import lfilter
 from sysid.board import Board
 from sysid.effects._base import Scales
 from sysid.errors import SysidError
+from sysid.fitting.covariance import parameter_covariance
 from sysid.fitting.joint import FitOptions, fit_joint
 from sysid.fitting.problem import Problem
 from sysid.fitting.profile import profiles
@@ -87,6 +89,17 @@ def test_the_last_bits_of_the_clock_change_no_fit(pink):
     assert len({fit.problem.samples for fit in fits}) == 1
     for fit in fits[1:]:
         assert fit.law.vector == pytest.approx(fits[0].law.vector, rel=1e-6, abs=1e-9)
+
+
+def test_memory_of_a_covariance_grows_with_the_log_not_with_rows_times_releases(pink):
+    peaks = []
+    for count in (10, 40):
+        fit = fit_joint(releases_of(HEAVY, 1, angles=np.linspace(0.1, 0.19, count)), pink)
+        tracemalloc.start()
+        parameter_covariance(fit.problem, fit.minimum, fit.residuals)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 6 * peaks[0]
 
 
 def test_inertia_of_the_record_scales_every_torque(pink):
