@@ -30,7 +30,7 @@ DIALECTS = (
 COMMENTS = ("#", "%", "//")
 _BOMS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf", "+inf", "#n/a", "<na>"}
-_FLAGS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
+_TRUE, _FALSE = {"true", "on"}, {"false", "off"}
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?")
 _DAY = (
     r"\d{4}-\d\d?-\d\d?[T ]|\d{4}/\d\d?/\d\d? |\d\d?[./-]\d\d?[./-]\d{2,4},? |\d\d?[- ][A-Za-z]{3}[- ]\d{4} "
@@ -261,8 +261,8 @@ def read_number(cell: str, decimal: str) -> float:
         ValueError: It is neither.
     """
     plain = cell.strip().lower()
-    if plain in _MISSING or plain in _FLAGS:
-        return _FLAGS.get(plain, float("nan"))
+    if plain in _MISSING | _TRUE | _FALSE:
+        return float("nan") if plain in _MISSING else float(plain in _TRUE)
     plain = plain_number(cell, decimal)
     if not _NUMBER.fullmatch(plain):
         raise ValueError(cell)
@@ -277,6 +277,6 @@ def cell_unit(cell: str) -> str | None:
 
 def is_number(cell: str, decimal: str) -> bool:
     """Return whether a cell is a number or stands for a missing one."""
-    return cell.strip().lower() in _MISSING | _FLAGS.keys() or bool(
+    return cell.strip().lower() in _MISSING | _TRUE | _FALSE or bool(
         _NUMBER.fullmatch(plain_number(cell, decimal))
     )

@@ -12,16 +12,14 @@ from sysid.errors import SysidError
 from sysid.logs.formats import dialect
 from sysid.logs.formats.csv import seconds_of
 from sysid.logs.formats.long_table import SENSOR, by_sensor
-from sysid.logs.formats.registry import Format
+from sysid.logs.formats.registry import MAX_UNPACKED, Format
 from sysid.logs.formats.tables import MOTION, merge_logs, motion_first
 from sysid.logs.table.clock import MIN_SAMPLES
 from sysid.logs.table.file import LogFile
 from sysid.roll import Array
 
-INTERVAL = {"interval_ms": 1e-3, "interval_s": 1.0, "dt": 1.0}
-"""Names of the time from row to row, and their unit in s."""
-MAX_BYTES = 1 << 29
-"""Python's objects take ten times the memory of the text."""
+INTERVAL = {"interval_ms": "ms", "interval_s": "s", "dt": "s"}
+"""Names of the time from row to row, and their units."""
 
 Table = dict[str, list[Any]]
 
@@ -32,7 +30,7 @@ def open_json(path: Path) -> LogFile:
     Raises:
         SysidError: It is damaged, or holds no table.
     """
-    if path.stat().st_size > MAX_BYTES:
+    if 2 * path.stat().st_size > MAX_UNPACKED:  # Python's objects take ten times the memory of the text
         raise SysidError(f"{path}: more than 0.5 GiB of JSON. Cut it into parts, or write it as CSV.")
     text = path.read_text(encoding="utf-8-sig", errors="replace")
     try:
@@ -124,9 +122,9 @@ def _rows(value: Mapping[str, Any]) -> Table | None:
             ]
             said = [f"{name} ({unit})" if unit else name for name, unit in zip(names, units, strict=True)]
             table = dict(zip(said, map(list, zip(*rows, strict=False)), strict=False))
-            for key, size in INTERVAL.items():
+            for key, unit in INTERVAL.items():
                 if isinstance(value.get(key), int | float):
-                    table["time (s)"] = [size * value[key] * row for row in range(len(rows))]
+                    table[f"time ({unit})"] = [value[key] * row for row in range(len(rows))]
             return table
     return None
 

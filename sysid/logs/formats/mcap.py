@@ -1,7 +1,6 @@
 """MCAP recordings of ROS 2 (and of anything that writes JSON messages)."""
 
 import json
-import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -10,9 +9,6 @@ from sysid.errors import SysidError, needs_extra
 from sysid.logs.formats.messages import tables_of
 from sysid.logs.formats.registry import Format, refuse_larger, undamaged
 from sysid.logs.table.file import LogFile
-
-MAGIC, CHUNK = 8, 0x06
-"""Bytes before the first record, and the kind of record that is packed (mcap.dev/spec)."""
 
 
 def open_mcap(path: Path) -> LogFile:
@@ -55,26 +51,24 @@ def open_mcap(path: Path) -> LogFile:
 
 
 def _refuse_bomb(path: Path) -> None:
-    """Refuse chunks that say, or whose packed frames say, that they unpack to too much (mcap.dev/spec, 'Chunk')."""
+    """Refuse chunks that say, or whose packed frames say, that they unpack to too much."""
+    from mcap.records import Chunk
+    from mcap.stream_reader import StreamReader
+
     with undamaged(path, "MCAP file"), path.open("rb") as file:
-        file.seek(MAGIC)
-        while len(head := file.read(9)) == 9:
-            kind, size = head[0], int.from_bytes(head[1:], "little")
-            start = file.tell()
-            if kind == CHUNK:
-                _, _, unpacked, _, named = struct.unpack("<QQQII", file.read(32))
-                method = file.read(min(named, 16))
-                refuse_larger(path, max(unpacked, _frame_size(method, file.read(min(size, 8 + 32))[8:])))
-            file.seek(start + size)
+        for record in StreamReader(file, emit_chunks=True).records:
+            if isinstance(record, Chunk):
+                stated = _frame_size(record.compression, record.data)
+                refuse_larger(path, max(record.uncompressed_size, stated))
 
 
-def _frame_size(method: bytes, frame: bytes) -> int:
+def _frame_size(method: str, frame: bytes) -> int:
     """Return the unpacked size [bytes] that a packed frame states; 0 without one."""
-    if method == b"zstd":
+    if method == "zstd":
         import zstandard
 
         return max(0, zstandard.frame_content_size(frame))
-    if method == b"lz4":
+    if method == "lz4":
         import lz4.frame
 
         return int(lz4.frame.get_frame_info(frame)["content_size"])

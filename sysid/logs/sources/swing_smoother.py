@@ -32,15 +32,22 @@ MOST_FILLED = 1000
 """Nodes of the line across a gap: bounds the memory."""
 LONGEST_ARM = 5.0
 """Standard deviation of a lever arm before it is known [m]."""
-EDGES = np.array([-1.0, 13.0, 13.0, -1.0]) / 24
-"""Mean of a cubic between its middle nodes, by its four nodes, as shares."""
-_SLOPE = np.array([[-1.0, 1.0]])
-"""Mean of the first derivative, by the ends, in steps of the nodes."""
-_BEND = np.array([[-1.0, 9.0, -8.0, -8.0, 9.0, -1.0]]) / 12
-"""Mean of the second derivative in the same way, by six nodes: the difference of five-point slopes, in steps of the nodes."""
 
 
-_ROUGH = np.array([[1.0, -4.0, 6.0, -4.0, 1.0]])
+def _cell_mean(nodes: int, derivative: int) -> Array:
+    """Return the weights of some nodes, shape (nodes,), that give the mean of a derivative between the middle two, in steps of the nodes.
+
+    They are exact for polynomials through the nodes: the mean of a derivative is the difference of the one below at the ends.
+    """
+    at = np.arange(nodes) - (nodes - 1) / 2
+    powers = [np.polynomial.Polynomial.basis(power) for power in range(nodes)]
+    lower = [one.deriv(derivative - 1) if derivative else one.integ() for one in powers]
+    return np.linalg.solve(np.vander(at, increasing=True).T, [one(0.5) - one(-0.5) for one in lower])
+
+
+EDGES, _SLOPE, _BEND = _cell_mean(4, 0), _cell_mean(2, 1), _cell_mean(6, 2)
+"""Mean of a cubic, of its slope by the ends, and of its second derivative by six nodes."""
+_ROUGH = np.diff(np.eye(5), 4, axis=0)
 """Fourth difference, in steps of the nodes."""
 
 
@@ -109,7 +116,7 @@ def smooth_swing(
     n, step = len(blocks.accel), float(np.median(np.diff(blocks.edges)))
     mean, slope, bend = (
         _stencil(weights, n, n + 1) / step**order
-        for order, weights in enumerate((EDGES[None], _SLOPE, _BEND))
+        for order, weights in enumerate((EDGES, _SLOPE, _BEND))
     )
     weight = 1 / blocks.accel_std
     weight[:2] = weight[-2:] = 0.0  # stencils reach beyond the ends there

@@ -1,6 +1,7 @@
 """The clock of a log: from the stamps as they were written to one strictly increasing time in seconds."""
 
 from dataclasses import dataclass, field
+from datetime import timedelta
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +17,12 @@ MIN_SAMPLES = 8
 GAP = 4.5
 """A step this many times the usual one is a gap: four samples in a row are lost. At random, one sample in twenty being lost, that
 happens once in 160 000."""
-COUNTERS = (2.0**32, 2.0**16)
+COUNTERS = tuple(float(np.iinfo(kind).max) + 1.0 for kind in (np.uint32, np.uint16))
 """Counts after which a counter of time begins again at zero [1]."""
-WALL = {86400.0: "the time of day passed midnight", 3600.0: "the clock was set back by an hour"}
+WALL = {
+    "the time of day passed midnight": timedelta(days=1).total_seconds(),
+    "the clock was set back by an hour": timedelta(hours=1).total_seconds(),
+}
 """Steps back of a clock on the wall [s]."""
 OWN_TIMES = 1e5
 """Later times count from the first sample: they have too many digits to be typed [s]."""
@@ -202,11 +206,11 @@ def _undo_going_back(clock: Clock, scale: float, spread: float, name: str) -> No
     time = clock.time = clock.time.copy()
     usual = typical_step(time)
     resets = {
-        size * scale: f"the {np.log2(size):.0f}-bit counter of time overflowed"
+        f"the {np.log2(size):.0f}-bit counter of time overflowed": size * scale
         for size in COUNTERS
         if spread < size
     }
-    for length, what in (resets | WALL).items():
+    for what, length in (resets | WALL).items():
         steps = np.diff(time)
         lost = (steps < -length / 2) & (np.abs(steps + length) < 1000 * usual)
         if lost.any() and length > 20 * usual:

@@ -5,6 +5,7 @@ Names come from phones, robots and spreadsheets: `roll_deg`, `gyroX (rad/s)`, `a
 left decide. Open questions stay None, and the content decides (`sysid.logs.table.choose`).
 """
 
+import math
 import re
 import unicodedata
 from collections.abc import Sequence
@@ -15,63 +16,74 @@ Kind = Literal[
     "time", "angle", "rate", "accel", "quaternion", "length", "speed", "std", "count", "other", "unknown"
 ]
 
-_UNITS_OF: dict[Kind, dict[str, tuple[float, str]]] = {
+_SPELLINGS: dict[Kind, dict[str, str]] = {
     "angle": {
-        "rad": (1.0, "radian|radians|rads|радиан|рад"),
-        "mrad": (1e-3, "milliradian|milliradians"),
-        "deg": (
-            0.017453292519943295,
-            "degree|degrees|degs|°|grad|º|graus|gradi|grados|degré|degrés|stopnie|град|градусы|度",
-        ),
-        "mdeg": (1.7453292519943295e-5, "millidegree|millidegrees"),
-        "turn": (6.283185307179586, "turns|rev|revs|revolution|revolutions"),
+        "rad": "radian|radians|rads|радиан|рад",
+        "mrad": "milliradian|milliradians",
+        "deg": "degree|degrees|degs|°|grad|º|graus|gradi|grados|degré|degrés|stopnie|град|градусы|度",
+        "mdeg": "millidegree|millidegrees",
+        "turn": "turns|rev|revs|revolution|revolutions",
     },
     "rate": {
-        "rad/s": (1.0, "rad s|radps|rad/sec|rad sec|rad s-1|rad s 1|rad per s|rad·s⁻¹|rads/s|рад/с"),
-        "mrad/s": (1e-3, "mrad s|mradps"),
-        "deg/s": (
-            0.017453292519943295,
-            "deg s|degps|dps|°/s|º/s|deg/sec|deg sec|degrees/s|degrees s|deg s 1",
-        ),
-        "mdeg/s": (1.7453292519943295e-5, "mdps|mdeg s"),
-        "turn/s": (6.283185307179586, "turns/s|rev/s|rps"),
-        "rpm": (0.10471975511965977, "rev/min|rev min"),
+        "rad/s": "rad s|radps|rad/sec|rad sec|rad s-1|rad s 1|rad per s|rad·s⁻¹|rads/s|рад/с",
+        "mrad/s": "mrad s|mradps",
+        "deg/s": "deg s|degps|dps|°/s|º/s|deg/sec|deg sec|degrees/s|degrees s|deg s 1",
+        "mdeg/s": "mdps|mdeg s",
+        "turn/s": "turns/s|rev/s|rps",
+        "rpm": "rev/min|rev min",
     },
     "accel": {
-        "m/s^2": (1.0, "m/s2|m/s²|m s2|m s 2|m s^2|mps2|ms2|ms-2|m s-2|m/s/s|m s s"),
-        "g": (9.80665, "gs|g0|gee"),
-        "mg": (9.80665e-3, "millig"),
+        "m/s^2": "m/s2|m/s²|m s2|m s 2|m s^2|mps2|ms2|ms-2|m s-2|m/s/s|m s s",
+        "g": "gs|g0|gee",
+        "mg": "millig",
     },
     "length": {
-        "m": (1.0, "meter|meters|metre|metres"),
-        "cm": (1e-2, "centimeter|centimeters|centimetre|centimetres"),
-        "mm": (1e-3, "millimeter|millimeters|millimetre|millimetres"),
-        "in": (0.0254, "inch|inches"),
-        "px": (1.0, "pixel|pixels"),
+        "m": "meter|meters|metre|metres",
+        "cm": "centimeter|centimeters|centimetre|centimetres",
+        "mm": "millimeter|millimeters|millimetre|millimetres",
+        "in": "inch|inches",
+        "px": "pixel|pixels",
     },
-    "speed": {"m/s": (1.0, "m s|mps"), "cm/s": (1e-2, "cm s"), "mm/s": (1e-3, "mm s")},
+    "speed": {"m/s": "m s|mps", "cm/s": "cm s", "mm/s": "mm s"},
     "time": {
-        "s": (1.0, "sec|secs|second|seconds|sek|sekunden|сек|с|秒|초"),
-        "ms": (1e-3, "msec|msecs|millis|millisecond|milliseconds|мс|毫秒"),
-        "us": (1e-6, "usec|usecs|micros|microsecond|microseconds|µs|μs"),
-        "ns": (1e-9, "nsec|nsecs|nanos|nanosec|nanosecond|nanoseconds"),
-        "cs": (1e-2, "centisecond|centiseconds"),
-        "100 us": (1e-4, "100us"),
-        "100 ns": (1e-7, "100ns"),
-        "min": (60.0, "minute|minutes"),
-        "h": (3600.0, "hr|hrs|hour|hours"),
+        "s": "sec|secs|second|seconds|sek|sekunden|сек|с|秒|초",
+        "ms": "msec|msecs|millis|millisecond|milliseconds|мс|毫秒",
+        "us": "usec|usecs|micros|microsecond|microseconds|µs|μs",
+        "ns": "nsec|nsecs|nanos|nanosec|nanosecond|nanoseconds",
+        "cs": "centisecond|centiseconds",
+        "100 us": "100us",
+        "100 ns": "100ns",
+        "min": "minute|minutes",
+        "h": "hr|hrs|hour|hours",
     },
 }
-"""Units by quantity: size in SI, and other spellings."""
+"""Units by quantity, and other spellings."""
+_SIZES = {
+    **dict.fromkeys(("rad", "m", "px", "s", "s^2"), 1.0),
+    "deg": math.radians(1), "turn": math.tau, "in": 0.0254, "g": 9.80665, "min": 60.0, "h": 3600.0, "rpm": math.tau / 60.0,
+}  # fmt: skip
+"""Units without a prefix, in SI; a pixel is a length of its own."""
+_PARTS = {"c": 1e2, "m": 1e3, "u": 1e6, "n": 1e9}
+"""Of a unit in one, by prefix."""
+
+
+def _size(unit: str) -> float:
+    """Return one of a unit in SI: 'mdeg/s' is a prefix, an angle and a time."""
+    top, _, below = unit.partition("/")
+    number, _, top = top.rpartition(" ")
+    whole, parts = (_SIZES[top], 1.0) if top in _SIZES else (_SIZES[top[1:]], _PARTS[top[0]])
+    return float(number or 1) * whole / parts / _SIZES[below or "s"]
+
+
 ANGLE_UNITS, RATE_UNITS, ACCEL_UNITS, LENGTH_UNITS, SPEED_UNITS, TIME_UNITS = (
-    {unit: size for unit, (size, _) in units.items()} for units in _UNITS_OF.values()
+    {unit: _size(unit) for unit in units} for units in _SPELLINGS.values()
 )
-"""rad, rad/s, m/s², m, m/s and s in one of each unit; a pixel is a length of its own."""
-_UNIT_KIND: dict[str, Kind] = {unit: kind for kind, units in _UNITS_OF.items() for unit in units}
+"""rad, rad/s, m/s², m, m/s and s in one of each unit."""
+_UNIT_KIND: dict[str, Kind] = {unit: kind for kind, units in _SPELLINGS.items() for unit in units}
 _UNITS = {
     alias: unit
-    for units in _UNITS_OF.values()
-    for unit, (_, more) in units.items()
+    for units in _SPELLINGS.values()
+    for unit, more in units.items()
     for alias in (unit, *more.split("|"))
 }
 
