@@ -78,6 +78,8 @@ class Quantity:
         """'value ± half-width of the 95 % interval', rounded to the uncertainty, without unit."""
         low, high = self.ci95
         half = (high - low) / 2
+        if math.isfinite(low) and high == math.inf:
+            return f"≥ {low:.2g}"
         if not math.isfinite(half) or half <= 0:
             return f"{self.value:.5g}"
         value, error = round_to_error(self.value, half)

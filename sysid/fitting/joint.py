@@ -17,6 +17,7 @@ from sysid.joint.structure import Structure, structure_of
 from sysid.least_squares import Minimum
 from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.noise.whiteness import correlation_length
+from sysid.quantity import Z95
 from sysid.roll import Release
 
 BESIDE = 3
@@ -265,7 +266,39 @@ def finished(
         problem, minimum = _robust(problem, minimum)
     if not np.isfinite(minimum.normal.cost):
         raise SysidError("the fit found no parameters with a bounded motion. Check the unit of the log.")
-    return summarise(problem, minimum, board, noise, evaluations)
+    found = summarise(problem, minimum, board, noise, evaluations)
+    for name in problem.structure.rough if problem.bias == "per-release" else ():
+        if name in problem.names and not minimum.at_bound[problem.names.index(name)]:
+            found = _bounded_below(found, name)
+    return found
+
+
+def _bounded_below(fit: JointFit, name: str) -> JointFit:
+    """Return a fit that states a least value of a friction where the logs set no upper limit.
+
+    A joint that sticks after one half swing shows only that the friction suffices. The zero and the start of each release, which
+    are free, make up for more of it.
+    """
+    problem, minimum, value = fit.problem, fit.minimum, fit.quantities[name].value
+    scale = max(2 * minimum.normal.cost / max(1, problem.samples - len(minimum.point)), 1.0)
+
+    def explains(held: float) -> bool:
+        other = problem.with_(fixed={**problem.fixed, name: held})
+        known = {**problem.parameters(minimum.point), name: held}
+        starts = (np.delete(minimum.point, problem.names.index(name)), other.start(known))
+        cost = min(other.fitted(start, tolerance=1e-7).normal.cost for start in starts)
+        return 2 * (cost - minimum.normal.cost) < Z95**2 * scale
+
+    if not value > 0 or not explains(2 * value):
+        return fit
+    low, high = 0.0, value
+    while high - low > 0.01 * high:
+        middle = (low + high) / 2
+        low, high = (low, middle) if explains(middle) else (middle, high)
+    open_ended = replace(fit.quantities[name], std=float("inf"), interval=(low, float("inf")))
+    said = f"{name} is {open_ended}: after one half swing the joint sticks, so these logs set no upper limit"
+    kept = (text for text in fit.warnings if not text.startswith(f"{name} "))
+    return replace(fit, quantities={**fit.quantities, name: open_ended}, warnings=(*kept, said))
 
 
 def options_for(options: FitOptions, effects: Sequence[str], board: Board) -> FitOptions:

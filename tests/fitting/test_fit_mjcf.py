@@ -91,6 +91,17 @@ def test_the_last_bits_of_the_clock_change_no_fit(pink):
         assert fit.law.vector == pytest.approx(fits[0].law.vector, rel=1e-6, abs=1e-9)
 
 
+def test_friction_that_stops_each_release_after_half_a_swing_has_a_least_value_only(pink):
+    releases = releases_of(HEAVY.with_effect("coulomb", 0.15), 1, noise=NOISE / 10)
+    found = fit_joint(releases, pink, ["coulomb"], FitOptions(bias="per-release")).quantities["coulomb.torque"]
+    low, high = found.interval or (0.0, 0.0)
+    assert 0.1 < low <= 0.15
+    assert high == float("inf")
+    swinging = releases_of(LIGHT.with_effect("coulomb", 0.08), 1)
+    told = fit_joint(swinging, pink, ["coulomb"], FitOptions(bias="per-release")).quantities["coulomb.torque"]
+    assert abs(told.value - 0.08) < 4 * told.std < 0.02
+
+
 def test_memory_of_a_covariance_grows_with_the_log_not_with_rows_times_releases(pink):
     peaks = []
     for count in (10, 40):
