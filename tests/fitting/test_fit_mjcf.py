@@ -93,7 +93,9 @@ def test_the_last_bits_of_the_clock_change_no_fit(pink):
 
 def test_friction_that_stops_each_release_after_half_a_swing_has_a_least_value_only(pink):
     releases = releases_of(HEAVY.with_effect("coulomb", 0.15), 1, noise=NOISE / 10)
-    found = fit_joint(releases, pink, ["coulomb"], FitOptions(bias="per-release")).quantities["coulomb.torque"]
+    found = fit_joint(releases, pink, ["coulomb"], FitOptions(bias="per-release")).quantities[
+        "coulomb.torque"
+    ]
     low, high = found.interval or (0.0, 0.0)
     assert 0.1 < low <= 0.15
     assert high == float("inf")

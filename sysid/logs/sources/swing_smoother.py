@@ -115,8 +115,7 @@ def smooth_swing(
 
     n, step = len(blocks.accel), float(np.median(np.diff(blocks.edges)))
     mean, slope, bend = (
-        _stencil(weights, n, n + 1) / step**order
-        for order, weights in enumerate((EDGES, _SLOPE, _BEND))
+        _stencil(weights, n, n + 1) / step**order for order, weights in enumerate((EDGES, _SLOPE, _BEND))
     )
     weight = 1 / blocks.accel_std
     weight[:2] = weight[-2:] = 0.0  # stencils reach beyond the ends there
