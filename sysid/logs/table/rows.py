@@ -1,5 +1,6 @@
 """Which rows of a log are measurements: those with numbers that are neither glitches nor placeholders."""
 
+import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -20,8 +21,8 @@ GLITCH_ROWS = 3
 """A glitch lasts no longer; what stays away for longer was measured."""
 SAMPLE = 5000
 """As many values tell whether any may lie far from the others."""
-STAND_INS = (-999.0, -9999.0, -99999.0, 9999.0, 99999.0)
-"""Numbers that loggers write where there is no measurement [the log's unit]."""
+STAND_IN = re.compile("-?9{3,}")
+"""Numbers that loggers write where there is no measurement: -999, 99999."""
 EACH_APART = 0.5
 """Sensors that write rows of their own share fewer than this share of the rows."""
 
@@ -88,13 +89,12 @@ def _far(signal: Array) -> npt.NDArray[np.intp]:
         return none
     low, high = float(signal.min()), float(signal.max())
     inner = np.percentile(signal[:: max(1, count // SAMPLE)], (1, 99))
-    stand_ins = low in STAND_INS or high in STAND_INS
+    stand_ins = [value for value in (low, high) if STAND_IN.fullmatch(f"{value:.17g}")]
     if not stand_ins and max(inner[0] - low, high - inner[1]) <= MAX_RANGE_RATIO * (inner[1] - inner[0]):
         return none  # the usual case: a few thousand values show it
     missing = np.zeros(count, dtype=np.bool_)
-    for value in STAND_INS:
-        if value in (low, high):
-            missing |= signal == value
+    for value in stand_ins:
+        missing |= signal == value
     rest = signal[~missing] if missing.any() else signal
     if rest.size < max(10 * most, count // 2):
         return none
