@@ -68,7 +68,7 @@ def inertia_covariance(problem: Problem, minimum: Minimum, board: Board) -> Arra
 
 
 def weight_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
-    """Return the covariance of the free parameters from what the record leaves open of a torque that is held, shape (free, free), in their units.
+    """Return the covariance of the free parameters by the uncertainty of a held torque, shape (free, free), in their units.
 
     Where the inertia is fitted it is the scale of all: another weight makes inertia and torques larger alike.
     """

@@ -148,7 +148,7 @@ def held_parameters(structure: Structure, board: Board, options: FitOptions) -> 
 
 
 def _uncertain(structure: Structure) -> Iterator[str]:
-    """Yield parameters that no record states exactly: none where a joint's inertia is fitted, which makes up for them."""
+    """Yield parameters that a record knows with an error; none if the inertia is fitted, which absorbs the error."""
     if not any(part.adds_inertia for part in structure.torques):
         yield from (f"{part.name}.{p.name}" for part in structure.parts for p in part.parameters if p.assumed)
 
@@ -302,7 +302,7 @@ def _bounded_below(fit: JointFit, name: str) -> JointFit:
 
 
 def options_for(options: FitOptions, effects: Sequence[str], board: Board) -> FitOptions:
-    """Return options without the parameters that a joint with some effects lacks, and without a spring of 0 that nothing replaces."""
+    """Return options for a joint with some effects: without other parameters, and without a spring held at 0 if nothing else pulls back."""
     structure = structure_of(effects)
     kept = set(structure.parameters)
     if not pulls_back(structure, board):

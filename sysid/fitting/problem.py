@@ -32,7 +32,7 @@ _RUNAWAY = 1e30
 _ROUGH = 1e-3
 """Relative fall of the cost that is not noticed far above the noise: of a dozen independent values, 0.006 nats."""
 _WIDE = 6.0
-"""Standard deviations beyond what is known of a parameter at which it is bounded, where that is farther: a choice."""
+"""Standard deviations of a prior within which a parameter stays, if its own bounds are nearer: a choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +225,7 @@ class Problem:
 
     @cached_property
     def _products(self) -> list[Array]:
-        """What makes products of a record's rows, residual and columns, products in units of noise and sizes, shape (1 + free + own,) * 2 each."""
+        """Scales of the products of a record's rows, to units of noise and sizes, shape (1 + free + own,) * 2 each."""
         rows = [
             np.r_[1.0, self.sizes()[where]] / path.std
             for path, (where, _) in zip(self._paths, self.places, strict=True)
@@ -311,7 +311,7 @@ class Problem:
 
     @cached_property
     def _zeros(self) -> list[float]:
-        """Where each record has the zero of a sensor that may be anywhere [rad]: its rest is then that of the law. 0 of another."""
+        """Zero of the sensor in each record [rad], if each has its own: its rest is then that of the law. Else 0."""
         held = self.fixed.get("rest_angle")
         if self.bias != "per-release" or held is None or self.records[0].is_rate:
             return [0.0] * len(self.records)
@@ -441,7 +441,7 @@ class Problem:
 
     @cached_property
     def centre(self) -> Array:
-        """What the free parameters are known to be before, in units of their sizes, shape (free,); zero where nothing is."""
+        """Prior means of the free parameters, in units of their sizes, shape (free,); zero without a prior."""
         known = [self.priors[name][0] if name in self.priors else 0.0 for name in self.names]
         return np.array(known) / self.sizes()[: len(self.names)]
 

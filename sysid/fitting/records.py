@@ -64,7 +64,7 @@ def read_at_rest(record: Record, rest_angle: float, bias: Bias) -> float:
 
 
 def make_records(releases: Sequence[Release], std: float, *, rate: bool) -> tuple[Record, ...]:
-    """Cut the tails at rest that say nothing new and return what is to be fitted: the measured rate or the roll.
+    """Return the signals to fit, the measured rate or the roll, without the long rest at their ends.
 
     `std` is the noise floor of that signal [rad or rad/s].
     """
