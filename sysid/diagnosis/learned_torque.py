@@ -84,7 +84,7 @@ def choose(inner: Array, right: Array) -> Chosen:
         likelihood = 0.5 * float(half @ half)
         occam = 0.5 * float(np.log(precision).sum()) - float(np.log(np.diag(lower)).sum())
         values = np.zeros(len(right))
-        values[kept] = solve_triangular(lower, half, lower=True, trans="T", check_finite=False)
+        values[kept] = solve_triangular(lower, half, lower=True, trans=1, check_finite=False)
         # A part acts or not with even odds; each weight of an acting one is as likely.
         acting = sum(w < ZERO_TABLE_WEIGHT for w in weights)
         return Chosen(tuple(weights), likelihood + occam - acting * np.log(len(WEIGHTS)), likelihood, values)
@@ -120,7 +120,7 @@ class Pass:
         a, w = motion.amplitude, motion.frequency
         self.angle, self.rate = a * self.x, a * w * self.v
         ends = (self.angle.min(), self.angle.max(), self.rate.min(), self.rate.max())
-        self.support = dict(zip(SUPPORT, map(float, ends), strict=True))
+        self.support: dict[str, float] = dict(zip(SUPPORT, map(float, ends), strict=True))
 
     def scaled(self, torque: Array) -> Array:
         """Return a torque [1], shape (n,), with the size of the spring's: at a strength of 1."""
@@ -147,9 +147,8 @@ class Pass:
         """Return the strengths of the base beside those of the columns, and the whole torque, shape (r, n)."""
         gram, n = self.smoother.gram(share)[0], 1 + len(strengths)
         inner, right = gram[n:, n:], gram[n:, 0] - gram[n:, 1:n] @ strengths
-        found = np.linalg.solve(inner + np.diag(np.r_[self.wide, self.loose] ** -2.0), right)[
-            : len(self.wide)
-        ]
+        solved = np.linalg.solve(inner + np.diag(np.r_[self.wide, self.loose] ** -2.0), right)
+        found = np.asarray(solved[: len(self.wide)], dtype=np.float64)
         return found, self.smoother.grid(self.columns @ strengths + self.base @ found)
 
 
@@ -186,6 +185,8 @@ def regress(motion: Motion, plain: JointFit) -> Regressed:
         for part in law.structure.torques if part.changing is None and part.modifies is None
     ]  # fmt: skip
     share, torque, envelope = SHARES[-2], None, motion.envelope
+    unit = law.inertia * motion.frequency
+    last: Regressed | None = None
     for _ in range(PASSES):
         smoother = Smoother(motion, k, d, envelope)
         smoothed = smoother.smooth(share, torque)
@@ -202,11 +203,12 @@ def regress(motion: Motion, plain: JointFit) -> Regressed:
         found, torque = here.beside(share, chosen.values)
         local = maximum_filter1d(np.abs(torque), motion.nodes_a_period // 16 + 1, axis=1) / k
         envelope = np.maximum(motion.envelope, local)
-    unit = law.inertia * motion.frequency
-    return Regressed(
-        chosen=chosen, end=here, share=share, stiffness=(k + found[0]) * unit * motion.frequency,
-        damping=(d + found[1]) * unit, log_evidence=best[0],
-    )  # fmt: skip
+        last = Regressed(
+            chosen=chosen, end=here, share=share, stiffness=(k + found[0]) * unit * motion.frequency,
+            damping=(d + found[1]) * unit, log_evidence=best[0],
+        )  # fmt: skip
+    assert last is not None
+    return last
 
 
 def changes_with_time(found: Regressed) -> bool:
@@ -289,10 +291,11 @@ def formula_of(found: Regressed, *, slides: bool = False) -> Formula | None:
     end, reach = found.end, float(np.abs(found.end.angle).max())
     each = [(shape, w * reach) for shape in SHAPES for w in shape.widths or (0.0,)]
     ratio = 1.2
-    for _ in range(PASSES):
-        evidence, likelihood, picked = _nearest(end, found.share, _terms(end, each))
+    evidence, likelihood, picked = _nearest(end, found.share, _terms(end, each))
+    for _ in range(PASSES - 1):
         steps = np.geomspace(1 / ratio, ratio, 9)
         each = [(t.shape, t.width * f) for t, _ in picked for f in (steps if t.shape.widths else (1.0,))]
+        evidence, likelihood, picked = _nearest(end, found.share, _terms(end, each))
         ratio **= 0.3
     plain = np.column_stack([end.x, end.v])
     peaks: list[float] = []
