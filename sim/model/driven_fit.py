@@ -141,8 +141,9 @@ def _coupled(setup: Setup, fits: Fits, number: int) -> list[DrivenFit]:
                 changed = replace(problem, log=replace(problem.log, load=more))
                 found = changed.residuals(own[i].point, slopes=False)[0][0]
                 taken[ends[i] : ends[i + 1], ends[j] + k] = back[i] @ (found - rest[i]) / max(size, 1e-300)
-    whole = np.linalg.inv(np.eye(ends[-1]) - taken)
-    spread = np.diag(whole @ block_diag(*alone) @ whole.T)
+    whole = np.asarray(np.linalg.inv(np.eye(ends[-1]) - taken), dtype=np.float64)
+    blocks = np.asarray(block_diag(*alone), dtype=np.float64)
+    spread = np.diag(whole @ blocks @ whole.T)
     before = np.concatenate([np.diag(one) for one in alone])
     factors = np.sqrt(np.maximum(np.divide(spread, before, out=np.ones_like(spread), where=before > 0), 1.0))
     return [one.widened(factors[a : a + len(one.quantities)]) for one, a in zip(own, ends, strict=False)]

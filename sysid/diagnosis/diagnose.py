@@ -235,7 +235,7 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
     def explained(candidates: Iterable[Candidate]) -> float:
         return 1 - (min(c.beyond for c in candidates) / base.beyond) ** 2 if base.beyond else 1.0
 
-    exact = found.exact or any(reaches_noise(c.fit) for _, c in fits)
+    exact = any(reaches_noise(c.fit) for _, c in fits)
     verdict = decide(found, left=left, explained=explained(c for _, c in fits), exact=exact)
     best = fitted.of(verdict.effects, verdict.families)
     verdict = decide(found, left=left, explained=explained([best]), exact=exact)

@@ -129,7 +129,7 @@ def _learned(
             part = (np.interp(even, time[first:last], roll[first:last]) - spans[i].rest) / max(
                 spans[i].size, 1e-12
             )
-            mean = np.convolve(part, kernel / kernel.sum(), "valid")
+            mean: Array = np.asarray(np.convolve(part, kernel / kernel.sum(), "valid"), dtype=np.float64)
             table = np.column_stack((mean[2 * lag :], mean[lag:-lag], mean[: -2 * lag]))
             # Rows without motion hold no information on the law.
             rows.append(table[np.ptp(table, axis=1) > 3 * noise / spans[i].size])

@@ -42,7 +42,8 @@ def _cell_mean(nodes: int, derivative: int) -> Array:
     at = np.arange(nodes) - (nodes - 1) / 2
     powers = [np.polynomial.Polynomial.basis(power) for power in range(nodes)]
     lower = [one.deriv(derivative - 1) if derivative else one.integ() for one in powers]
-    return np.linalg.solve(np.vander(at, increasing=True).T, [one(0.5) - one(-0.5) for one in lower])
+    means = np.array([one(0.5) - one(-0.5) for one in lower], dtype=np.float64)
+    return np.asarray(np.linalg.solve(np.vander(at, increasing=True).T, means), dtype=np.float64)
 
 
 EDGES, _SLOPE, _BEND = _cell_mean(4, 0), _cell_mean(2, 1), _cell_mean(6, 2)
