@@ -169,7 +169,7 @@ def solve(problem: Problem, items: Sequence[int]) -> Scored:
 
 
 def closed(gram: Array, columns: npt.NDArray[np.intp], wide: Array) -> tuple[float, Array, Array]:
-    """Return the log marginal likelihood, posterior means and covariance of one set of columns."""
+    """Return the log marginal likelihood [1], posterior means [1], shape (c,), and covariance, shape (c, c), of one set of columns."""
     inner = gram[np.ix_(columns, columns)] + np.diag(wide**-2.0)
     covariance = np.asarray(np.linalg.inv(inner), dtype=np.float64)
     right = gram[columns, 0]

@@ -70,8 +70,8 @@ def choose(inner: Array, right: Array) -> Chosen:
     """Choose the weights of all parts, one after another, until none changes.
 
     Args:
-        inner: Information on the coordinates of the prior, shape (q, q).
-        right: Its product with their estimate, shape (q,).
+        inner: Information on the coordinates of the prior [1], shape (q, q).
+        right: Its product with their estimate [1], shape (q,).
     """
     known = smoothness()
 
@@ -128,23 +128,23 @@ class Pass:
 
     @cached_property
     def table(self) -> Array:
-        """Opposing torque of each coordinate of the tables at one tenth of the spring's torque, shape (n, q)."""
+        """Opposing torque of each coordinate of the tables at one tenth of the spring's torque [1], shape (n, q)."""
         size = 0.1 * self.laws.scales.torque / self.laws.unit
         return -size * basis(self.angle, self.rate, self.support) @ smoothness().space
 
     def prepare(self, columns: Array) -> None:
-        """Take the columns of the next Gram matrices: opposing torques, shape (n, c)."""
+        """Take the columns of the next Gram matrices: opposing torques [1], shape (n, c)."""
         self.columns = columns
         self.smoother.prepare(np.column_stack([columns, self.base]), self.sensed)
 
     def gram(self, share: float) -> tuple[Array, float]:
-        """Return the Gram matrix of log and columns without all else, shape (1 + c, 1 + c), and the log evidence of no column."""
+        """Return the Gram matrix of log and columns without all else [1], shape (1 + c, 1 + c), and the log evidence of no column."""
         whole, spread = self.smoother.gram(share)
         gram, factor = marginalised(whole, 1 + self.columns.shape[1], np.r_[self.wide, self.loose])
         return gram, factor - 0.5 * spread - 0.5 * float(gram[0, 0])
 
     def beside(self, share: float, strengths: Array) -> tuple[Array, Array]:
-        """Return the strengths of the base beside those of the columns, and the whole torque, shape (r, n)."""
+        """Return the strengths of the base beside those of the columns [1], shape (b,), and the whole torque [1], shape (r, n)."""
         gram, n = self.smoother.gram(share)[0], 1 + len(strengths)
         inner, right = gram[n:, n:], gram[n:, 0] - gram[n:, 1:n] @ strengths
         solved = np.linalg.solve(inner + np.diag(np.r_[self.wide, self.loose] ** -2.0), right)

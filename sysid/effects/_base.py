@@ -338,7 +338,7 @@ class Smoothness:
     """Part of the tables to which each coordinate belongs, shape (q,). Each part has its own weight."""
 
     def weighted(self, weights: Sequence[float]) -> Array:
-        """Return the roughness of each coordinate times the weight of its part, shape (q,)."""
+        """Return the roughness of each coordinate times the weight of its part [1], shape (q,)."""
         return self.roughness * np.array(weights)[self.part]
 
 
