@@ -330,7 +330,7 @@ def test_motions_lists_plots_and_plays(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("play", "zero"), "zero: no exported folder.* --board"),
+        (("play", "zero"), "zero: not an exported folder.* --board"),
         (("play", "zero", "-b", "pinck"), "Did you mean 'pink'"),
         (("run", "zero", "-b", "pink", "--dry-run", "--robot", "rehearsal"), "was not trained on anything"),
         (("run", "zero", "-b", "pink", "--joint-margin", "-1"), "--joint-margin -1: must not be negative"),
