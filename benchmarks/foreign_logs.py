@@ -72,13 +72,14 @@ def foreign(folder: Path, board_name: str, only: str, part: slice) -> None:
         )
 
 
-def options_of(description: str | None, option: str, **more: Any) -> argparse.Namespace:
-    """Read the command line of a benchmark on a folder of logs, with one option more; end where there is no such folder."""
+def options_of(description: str | None, option: str = "", **more: Any) -> argparse.Namespace:
+    """Read the command line of a benchmark on a folder of logs, with one option more if named; end where there is no such folder."""
     parser = command_line(description)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--board", default="pink")
     parser.add_argument("--only", default="", help="part of the name")
-    parser.add_argument(option, **more)
+    if option:
+        parser.add_argument(option, **more)
     options = parser.parse_args()
     if not options.folder.exists():
         print(f"{options.folder}: absent, nothing to run")

@@ -1,7 +1,6 @@
 """What `fit --effect learned` makes of torques that no effect of the catalogue is: error on releases nobody saw, and words.
 
     python benchmarks/learned_torque.py --seeds 10 --out rows.jsonl --processes 16 --minutes 20
-    python benchmarks/learned_torque.py --out rows.jsonl --write docs/learned_torque.md
 
 The truths and logs are those of `hidden_truths.py`: three releases each. The learned law then predicts
 three releases of its own, from angles within what it has seen, with only their roll and rate at release fitted. Rows are
@@ -18,7 +17,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # each process is one of many
 
 import numpy as np
 from hidden_truths import TRUTHS, board_of, make
-from pages import table, write_between
+from pages import table
 from suite import Row, command_line, run_suite
 
 from sysid.diagnosis.learned_torque import learn
@@ -151,24 +150,22 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--minutes", type=float, default=1e9, help="start no case after so long")
     parser.add_argument("--out", type=Path, default=Path("learned_torque.jsonl"))
-    parser.add_argument("--write", type=Path, help="page with <!-- suite --> marks to write the table into")
     options = parser.parse_args()
     last, clean = options.first + options.seeds, options.first + (options.clean or options.seeds)
     cases = [(name, seed) for seed in range(options.first, last) for name in KINDS]
     cases += [(name, seed) for seed in range(options.first, clean) for name in CLEAN]
-    text = summary(
-        run_suite(
-            run,
-            cases,
-            ("truth", "seed"),
-            options.out,
-            workers=options.processes,
-            seconds=60 * options.minutes,
+    print(
+        summary(
+            run_suite(
+                run,
+                cases,
+                ("truth", "seed"),
+                options.out,
+                workers=options.processes,
+                seconds=60 * options.minutes,
+            )
         )
     )
-    print(text)
-    if options.write:
-        write_between(options.write, "suite", text)
 
 
 if __name__ == "__main__":

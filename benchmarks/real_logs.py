@@ -1,6 +1,6 @@
 """Real logs of other people's joints: what `diagnose` says of each, with nothing told but the log, and what a learned torque wins.
 
-    python benchmarks/real_logs.py ../shared/real_logs [--only servo] [--write docs/learned_torque.md]
+    python benchmarks/real_logs.py ../shared/real_logs [--only servo]
 
 The folder is no part of the project; where it is absent nothing is run. What each log holds is known from its source or from an
 independent fit. Every command that `diagnose` prints as the next step is run, and must end well. A torque is learned beside what is
@@ -18,7 +18,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from foreign_logs import options_of, verdicts
-from pages import table, write_between
 
 from sysid.board import Board, load_board
 from sysid.diagnosis.diagnose import Diagnosis, diagnose, fittable
@@ -78,21 +77,9 @@ def learned(
 
 
 def main() -> None:
-    options = options_of(
-        __doc__, "--write", type=Path, help="page with <!-- real logs --> marks to write the table into"
-    )
+    options = options_of(__doc__)
     np.seterr(all="ignore")
     board = load_board(ROOT / f"data/boards/{options.board}.toml")
-    head = (
-        "log",
-        "named",
-        "error / noise: linear",
-        "named",
-        "learned",
-        "held out",
-        "learned from tilt and rate, it",
-    )
-    rows: list[tuple[str, ...]] = []
     for name, (needed, known) in LOGS.items():
         if options.only not in name:
             continue
@@ -112,11 +99,18 @@ def main() -> None:
         if result.best.rmse > NEAR * noise:
             told = learned(releases, board, fittable(v.effects), noise)
         before = (f"{error / noise:.2f}" for error in (result.baseline.rmse, result.best.rmse))
-        rows.append((name, ", ".join(v.effects) or v.status, *before, *told))
-        said = ("ok " if right else "BAD", *rows[-1], alike, f"{v.confidence:.2f}", f"{seconds:.0f} s")
+        named = ", ".join(v.effects) or v.status
+        said = (
+            "ok " if right else "BAD",
+            name,
+            named,
+            *before,
+            *told,
+            alike,
+            f"{v.confidence:.2f}",
+            f"{seconds:.0f} s",
+        )
         print(*said, sep=" | ", flush=True)
-    if options.write:
-        write_between(options.write, "real logs", table(head, rows))
 
 
 if __name__ == "__main__":
