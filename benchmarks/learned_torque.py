@@ -35,11 +35,11 @@ KINDS = {
     "stiffness of the fifth power": ({"fifth power"},),
     "friction like the root of the rate": ({"root of the rate"},),
     "damping by the tilt squared": ({"damping by the tilt squared"},),
-    "Bouc-Wen, round corners": ({"memory"},),
+    "Bouc-Wen, round corners": (set[str](),),
     "two stops": ({"right bumper", "left bumper"},),
     "spring that loosens": (),
 }
-"""Kinds and the shapes that are right words for them; none where a warning is: that one is no function of tilt and rate."""
+"""Kinds and the shapes that are right words for them. Hysteresis has none. A spring that loosens gets a warning."""
 CLEAN = ("none", "none, heavy", "none, noise of 5 ms", "none, hum", "none, coarse steps")
 NEAR = 1.15
 """Noise floors up to which unseen motion is predicted well."""
@@ -109,7 +109,7 @@ def summary(rows: list[Row]) -> str:
         "",
     ]
     head = (
-        "truth", "logs", "unseen / noise before", "learned: median, 90 %", "right words", "memory", "CPU s", "e.g.",
+        "truth", "logs", "unseen / noise before", "learned: median, 90 %", "right words", "CPU s", "e.g.",
     )  # fmt: skip
     cells: list[tuple[str, ...]] = []
     for name in (*KINDS, *CLEAN):
@@ -120,10 +120,10 @@ def summary(rows: list[Row]) -> str:
         errors = ("", "")
         if len(after):
             errors = f"{np.median(before):.2f}", f"{np.median(after):.3f}, {np.quantile(after, 0.9):.3f}"
-        memory, says = sum(len(r["effects"]) > 1 for r in mine), sum(_right(name, r) for r in mine)
+        says = sum(_right(name, r) for r in mine)
         seconds = np.median([r["seconds"] for r in mine])
         words = mine[0]["words"] or "nothing learned"
-        cells.append((name, f"{len(mine)}", *errors, f"{says}", f"{memory}", f"{seconds:.0f}", words))
+        cells.append((name, f"{len(mine)}", *errors, f"{says}", f"{seconds:.0f}", words))
     return "\n".join((*lines, table(head, cells)))
 
 
@@ -132,8 +132,7 @@ def _right(name: str, row: Row) -> bool:
         return "nothing was learned" in row["refused"]
     if not KINDS[name]:
         return any("changes with time" in text for text in row["warnings"])
-    memory = {"memory"} if len(row["effects"]) > 1 else set[str]()
-    return memory in KINDS[name] or set(row["shapes"]) in KINDS[name]
+    return set(row["shapes"]) in KINDS[name]
 
 
 def _named(name: str, rows: list[Row]) -> bool:
