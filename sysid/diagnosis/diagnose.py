@@ -21,7 +21,7 @@ from sysid.diagnosis.motion import NODES, judged_part, motion_of
 from sysid.diagnosis.posterior import Found, Posterior, Subject, posterior
 from sysid.diagnosis.record import record_deviation
 from sysid.diagnosis.slow_flow import slow_posterior
-from sysid.diagnosis.verdict import LITTLE, NAMELESS, Hint, Status, Verdict, decide
+from sysid.diagnosis.verdict import NAMELESS, Hint, Status, Verdict, decide
 from sysid.effects import effect
 from sysid.effects._base import TorqueEffect
 from sysid.errors import SysidError
@@ -45,6 +45,8 @@ BENDS = 0.2
 """Share by which a parameter has to lower the error beyond the noise. No law is exact: each may be off by a tenth of its torque."""
 EVEN = 0.5
 """Probability from which a family is taken to act."""
+LITTLE = 0.1
+"""ε [1] from which the equations say little: the law is not understood."""
 SURE = 0.9
 """Probability of a set from which the equations decide."""
 STOP_LIKELY = 0.2
@@ -418,11 +420,14 @@ class Fits:
 
     def of(self, effects: Sequence[str], families: Sequence[str]) -> Candidate:
         """Return the best fit of some families, or that of the record's law if they cannot be fitted."""
-        want = frozenset(families) - {"rest"}
-        if not any(frozenset(one.families) - {"rest"} == want for one in (one for one, _ in self.all())):
+        want = set(families) - {"rest"}
+
+        def same() -> list[Candidate]:
+            return [c for one, c in self.all() if set(one.families) - {"rest"} == want]
+
+        if not same():
             self.add(_set(families, effects))
-        same = (c for one, c in self.all() if frozenset(one.families) - {"rest"} == want)
-        return min(same, key=lambda c: c.rmse, default=self.base)
+        return min(same(), key=lambda c: c.rmse, default=self.base)
 
     def explore(self, found: Posterior) -> None:
         """Fit the likeliest sets.

@@ -27,11 +27,11 @@ def is_possible(fit: JointFit, names: Sequence[str]) -> bool:
 
     Large torques that cancel each other are no explanation. The share is that of the evidence.
     """
-    squares, whole = dict.fromkeys(names, 0.0), 1e-300
+    squares, whole, law = dict.fromkeys(names, 0.0), 1e-300, fit.law.of_joint()
     for time, path in _paths(fit):
         total = -fit.law.stiffness * (path.roll - fit.law.rest_angle)
         for name in names:
-            torque = effect_torque(fit.law.of_joint(), name, time, path.roll, path.rate)
+            torque = effect_torque(law, name, time, path.roll, path.rate)
             squares[name] += float(np.mean(torque**2))
             total = total + torque
         whole += float(np.mean(total**2))

@@ -124,12 +124,11 @@ def motion_of(
             values, stds = one.rate, one.rate_std
         stds = stds * (noise / np.median(stds[part]))
         rows.append(_row(one.time[part], values[part], stds[part], step, count))
-    nodes_of = [row.place for row in rows]
     angle = np.array([
-        np.interp(np.arange(count), place, (releases[i].roll[slice(*cuts[i][:2])] - levels[i]) / amplitude)
-        for i, place in zip(used, nodes_of, strict=True)
+        np.interp(np.arange(count), row.place, (releases[i].roll[slice(*cuts[i][:2])] - levels[i]) / amplitude)
+        for i, row in zip(used, rows, strict=True)
     ])  # fmt: skip
-    length = np.array([place[-1] + 1 for place in nodes_of], dtype=np.intp)
+    length = np.array([row.place[-1] + 1 for row in rows], dtype=np.intp)
     held = [r.roll[:1] if r.held is None else r.held.roll for r in (releases[i] for i in used)]
     free = [(0, n if cuts[i][2] else -1) for i, n in zip(used, length, strict=True)]
     return Motion(

@@ -219,13 +219,14 @@ def slow_posterior(fast: Posterior, subject: Subject) -> Posterior | None:
     kept, columns = _visible(flow, terms, base, rate)
     middle = np.concatenate([np.sqrt(c.amplitude[1:] * c.amplitude[:-1]) for c in cycles])
     flow = replace(flow, columns=flow.columns[:, :, columns])
-    items = items_of(kept, sorted({t.family for t in kept}), 1 + base)
+    families = sorted({t.family for t in kept})
+    items = items_of(kept, families, 1 + base)
     cells = _hypotheses(flow, _nameless(flow, middle, rate), items, base)
     scaled = [np.ones(t.columns.shape[2]) for t in kept]
     unit = inertia * motion.frequency**2
     linear = {"stiffness": (unit, unit), "damping": (0.0, inertia * motion.frequency)}
     sets, singles, inclusion, which, best = found_sets(
-        [(p, s) for p, s, _ in cells], kept, sorted({t.family for t in kept}), scaled, linear
+        [(p, s) for p, s, _ in cells], kept, families, scaled, linear
     )
     problem, _, tau = cells[which]
     sizes = _sizes(flow, middle, [(kept[i].family, items[i]) for i in best], solve(problem, best))

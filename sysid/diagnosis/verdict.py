@@ -17,8 +17,6 @@ BESIDE = 0.25
 """g matters from this share of the named torque."""
 MOSTLY = 0.5
 """Share of the squared error beyond the noise from which a fit explains most of it."""
-LITTLE = 0.1
-"""ε [1] from which the equations say little: the law is not understood."""
 
 Status = Literal["none-missing", "missing", "unexplained"]
 

@@ -141,7 +141,7 @@ def _learned(
     solution = np.zeros(2)
     for _ in range(4):  # Cauchy weights: little for samples with a hand
         squares = np.bincount(own, weights**2) + 1e-300
-        # Least squares with a rest of each decay's own: that of what is left of its mean.
+        # Each decay has a rest of its own: its weighted mean is subtracted before the least squares.
         means = [np.bincount(own, weights**2 * column) / squares for column in whole.T]
         target, *table = (column - mean[own] for column, mean in zip(whole.T, means, strict=True))
         known = np.column_stack(table)

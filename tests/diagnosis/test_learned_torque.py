@@ -140,7 +140,7 @@ def test_a_one_way_damper_is_named():
 
 @pytest.mark.slow
 def test_a_change_with_time_is_told_from_a_torque(of_a_magnet):
-    """A spring that loosens during each release is mimicked by a table, but not as well as by what it is."""
+    """A spring that loosens during each release is imitated by a table, but its own law fits better."""
     loosens, _ = learned_from(lambda t, x, v: 1.5 * x * (1 - np.exp(-t / 0.5)))
     assert any("changes with time" in warning for warning in loosens.warnings)
     assert not any("changes with time" in warning for warning in of_a_magnet[0].warnings)
