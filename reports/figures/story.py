@@ -71,8 +71,7 @@ def panels(story: Story) -> list[Panel]:
         drawn.append(
             Panel(
                 "candidates", f"Chosen: {story.why}" if story.why else "Candidates",
-                "How much worse each candidate predicts held-out motion than the best (twice the log-likelihood, 95 % "
-                "interval). In the grey zone these data do not tell models apart.",
+                "Twice the log evidence of each candidate below the best. Candidates in the grey zone tie with it.",
                 lambda axes: draw_candidates(axes, story.ranked),
             )
         )  # fmt: skip

@@ -63,7 +63,7 @@ def _missing(board: Board, evidence: Evidence | None, diagnosis: LastDiagnosis |
     if evidence is not None and _is_added(board, evidence, diagnosis):
         noise = evidence.comparison.noise
         rest = "above the noise" if evidence.comparison.rmse <= noise.highest else "beyond the tolerance"
-        return f"✓ {names} added; nothing is left {rest}.", "good"
+        return f"{names} added; nothing is left {rest}.", "good"
     if not diagnosis.is_current:
         before = f"; it named {names}" if found["effects"] else ""
         return f"Not asked since the record was last changed: the diagnosis was made before that{before}.", ""
