@@ -106,6 +106,8 @@ class SkateCommand(CommandTerm):
         """Time since the left foot came down [s], 0 while it is in the air, (n,)."""
         self.mean_speed = torch.zeros(n, device=device)
         """Speed of the board [m/s], averaged over a stride while pushing, (n,)."""
+        self._sole_speed = torch.zeros(n, device=device)
+        """Speed of the left sole over the ground in the last step [m/s], (n,)."""
         self._foot_range = torch.zeros(2, n, device=device)
         """Least and greatest place of the left sole along the board since it last came down [m]."""
         self.first_action = torch.zeros(n, 23, device=device)
@@ -224,6 +226,7 @@ class SkateCommand(CommandTerm):
         extras = super().reset(env_ids)
         self.air_time[env_ids] = 0.0
         self.ground_time[env_ids] = 0.0
+        self._sole_speed[env_ids] = 0.0
         self.mean_speed[env_ids] = self.reading.board_velocity()[env_ids, 0]  # all begin along x
         # Who begins within a transition comes from the pose before it.
         pose = self.clock.dismounting(self.step).long()[env_ids]
@@ -287,17 +290,18 @@ class SkateCommand(CommandTerm):
         self._update_path()
 
     def count_strides(
-        self, left_on_ground: torch.Tensor, place: torch.Tensor
-    ) -> tuple[torch.Tensor, torch.Tensor]:
+        self, left_on_ground: torch.Tensor, place: torch.Tensor, speed: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Take a step with or without the left foot on the ground into account.
 
         Args:
             left_on_ground: Whether it is, bool (n,).
             place: Of the left foot along the board [m], (n,).
+            speed: Of the left sole over the ground [m/s], (n,).
 
         Returns:
-            Whether the foot has just come down, bool (n,), and its travel along the board since the last
-            touchdown [m], (n,).
+            Whether the foot has just come down, bool (n,), its travel along the board since the last
+            touchdown [m], (n,), and its speed over the ground in the step before [m/s], (n,).
         """
         comes_down = left_on_ground & (self.air_time > 0)
         self.air_time.copy_(torch.where(left_on_ground, 0.0, self.air_time + CONTROL_PERIOD))
@@ -307,7 +311,9 @@ class SkateCommand(CommandTerm):
         begins = comes_down | ~self.pushing | (self._env.episode_length_buf <= 1)
         low.copy_(torch.where(begins, place, torch.minimum(low, place)))
         high.copy_(torch.where(begins, place, torch.maximum(high, place)))
-        return comes_down, travel
+        before = self._sole_speed.clone()
+        self._sole_speed.copy_(torch.nan_to_num(speed))
+        return comes_down, travel, before
 
     def speed_error(self) -> torch.Tensor:
         """Return `mean_speed` less the commanded speed [m/s], (n,)."""

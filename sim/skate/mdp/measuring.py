@@ -142,7 +142,10 @@ def _read(env: "ManagerBasedRlEnv") -> SkateState:
     on_deck = reading.marker_offset()
     on_ground = reading.loaded(contacts.FEET_GROUND)
     actions = env.action_manager
-    touchdown, travel = command.count_strides(on_ground[:, 0], on_deck[:, 0, 0])
+    sole_velocity = reading.left_sole_velocity()
+    touchdown, travel, landing_speed = command.count_strides(
+        on_ground[:, 0], on_deck[:, 0, 0], sole_velocity.norm(dim=-1)
+    )
     return SkateState(
         pushing=command.pushing,
         transition=command.transition,
@@ -170,9 +173,10 @@ def _read(env: "ManagerBasedRlEnv") -> SkateState:
         left_air_time=command.air_time,
         left_ground_time=command.ground_time,
         left_touchdown=touchdown,
+        left_landing_speed=landing_speed,
         left_travel=travel,
         left_place=on_deck[:, 0, 0],
-        left_slip=reading.left_slip(),
+        left_slip=sole_velocity[:, :2].norm(dim=-1),
         left_sole_heights=reading.left_sole_heights(),
         wheel_on_ground=reading.wheels_loaded(),
         other_contacts=reading.other_contacts(),

@@ -167,14 +167,14 @@ class Reading:
         place = rotation.rotate_back(board, ball - self.board_position()[:, None])
         return place[:, 0, 0] - self._markers[1, 0]
 
-    def left_slip(self) -> torch.Tensor:
-        """Speed of the middle of the left sole over the ground [m/s], (n,)."""
+    def left_sole_velocity(self) -> torch.Tensor:
+        """Velocity of the middle of the left sole in the world [m/s], (n, 3)."""
         data, foot = self._sim.data, self._feet[:1]
         sole = data.xpos[:, foot] + rotation.rotate(data.xquat[:, foot], self._sole_centre)
         # MuJoCo's cvel is angular, then linear, at the centre of mass of the whole tree.
         turning, moving = data.cvel[:, foot].split(3, dim=-1)
         arm = sole - data.subtree_com[:, self._root, None]
-        return (moving + torch.cross(turning, arm, dim=-1))[:, 0, :2].norm(dim=-1)
+        return (moving + torch.cross(turning, arm, dim=-1))[:, 0]
 
     def left_sole_heights(self) -> torch.Tensor:
         """Heights of `SOLE_POINTS` of the left foot about its middle [m], (n, 4)."""

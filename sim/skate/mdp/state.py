@@ -67,6 +67,8 @@ class SkateState:
     """Time since the left foot came down [s], 0 while it is in the air, (n,)."""
     left_touchdown: Any
     """The left foot has just come down, bool (n,)."""
+    left_landing_speed: Any
+    """Speed of the left sole over the ground one step earlier [m/s], (n,); read at touchdowns."""
     left_travel: Any
     """Way of the left foot along the board since it last came down [m], (n,); read at touchdowns."""
     left_place: Any

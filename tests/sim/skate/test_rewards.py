@@ -38,7 +38,7 @@ def state():
         foot_on_ground=np.array([[False, False]]), foot_on_deck=np.array([[False, True]]),
         foot_in_zone=np.array([[False, True]]), foot_marker_distance=np.zeros((1, 2)),
         mean_speed=zero, ground_load=np.zeros((1, 2)), deck_load=np.zeros((1, 2)),
-        left_ground_time=zero, left_touchdown=no, left_travel=zero, left_slip=zero, left_place=zero,
+        left_ground_time=zero, left_touchdown=no, left_landing_speed=zero, left_travel=zero, left_slip=zero, left_place=zero,
         left_air_time=zero, left_sole_heights=np.zeros((1, 4)),
         wheel_on_ground=np.array([[True] * 4]), other_contacts=zero, self_contacts=zero,
         joint_position=np.zeros((1, 23)), joint_velocity=np.zeros((1, 23)),
@@ -57,7 +57,7 @@ def first(columns, value):
 
 E, TURN = math.exp, 2 * math.pi
 DOWN, ON_DECK, BOTH = np.array([[True, False]]), np.array([[True, False]]), np.array([[True, True]])
-STANDS = {"left_ground_time": 0.3, "ground_load": np.array([[0.3, 0.0]])}
+STANDS = {"left_ground_time": 0.3, "left_travel": 0.5, "ground_load": np.array([[0.3, 0.0]])}
 PITCHED = np.array([[0.03, -0.03, 0.0, 0.0]])
 """Heights of the sole of variance 6e-4."""
 PULLED = {
@@ -76,6 +76,9 @@ BY_HAND = [
     (pushing.stance, {**STANDS, "ground_load": np.array([[0.03, 0.0]])}, {"load": 0.15}, 0.2),
     (pushing.stance, {**STANDS, "left_ground_time": 0.06}, {}, 0),
     (pushing.stance, {**STANDS, "left_ground_time": 0.8}, {}, 0),
+    (pushing.stance, {**STANDS, "left_travel": 0.1}, {"reach": 0.4}, 0.25),
+    (pushing.landing, {"left_touchdown": True, "left_landing_speed": 0.7}, {}, 0.7),
+    (pushing.landing, {"left_landing_speed": 0.7}, {}, 0),
     (pushing.slip, {"left_slip": 0.4, "ground_load": np.array([[0.5, 0.9]])}, {}, 0.2),
     (pushing.touchdown, {"left_touchdown": True}, {}, 1),
     (pushing.touchdown, {}, {}, 0),
@@ -145,7 +148,14 @@ def test_a_term_is_worth_what_it_is_by_hand(state, term, changes, arguments, val
 def test_beginners_pay_less_and_riders_all_from_a_quarter_of_the_variation_on():
     terms = {term.name: term for term in rewards.rewards(TASK)}
     less = {name for name, term in terms.items() if abs(term.weight_at(0.0)) < abs(term.weight)}
-    assert {"push/speed_error", "still/speed_error", "always/course", "push/slip", "push/touchdown"} <= less
+    assert {
+        "push/speed_error",
+        "still/speed_error",
+        "always/course",
+        "push/slip",
+        "push/touchdown",
+        "push/landing",
+    } <= less
     assert all(term.weight_at(0.25) == term.weight_at(1.0) == term.weight for term in terms.values())
 
 

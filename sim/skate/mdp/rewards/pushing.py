@@ -1,8 +1,8 @@
 """Pushing: strides that push, not taps that hold the speed.
 
 The speed is paid as its mean over a stride, because a push speeds the board up and it slows down until the next.
-Contacts are paid too: a foot that stands without slipping, swings, and comes down seldom. Contacts and
-style count as far as the speed is held, else marching on the spot earns them.
+Contacts are paid too: a foot that stands without slipping while the board passes it, swings, and comes down seldom and
+at the ground's speed. Contacts and style count as far as the speed is held, else marching on the spot earns them.
 """
 
 from collections.abc import Iterator
@@ -49,8 +49,12 @@ def stance(
     longest: float = 0.6,
     load: float = 0.15,
     sliding: float = 0.2,
+    reach: float = 0.4,
 ) -> Any:
     """The pushing foot stands as the clips' does, for 0.36 to 0.46 s, under load and without slipping.
+
+    It pays in proportion to the way that the foot has gone back along the board, so one long push earns more than two short
+    ones.
 
     Args:
         tolerance: Of the speed [m^2/s^2].
@@ -58,10 +62,13 @@ def stance(
         longest: Time on the ground up to which it pays [s].
         load: Share of the robot's weight that pays in full.
         sliding: Tolerance of the slip [m/s].
+        reach: Way that pays in full [m]; the clips' is 0.33 to 0.50.
     """
-    carried = namespace(state.tilt).clip(state.ground_load[..., 0] / load, None, 1.0)
+    xp = namespace(state.tilt)
+    carried = xp.clip(state.ground_load[..., 0] / load, None, 1.0)
+    way = xp.clip(state.left_travel / reach, None, 1.0)
     lasts = (state.left_ground_time > shortest) & (state.left_ground_time < longest)
-    return number(lasts) * carried * kernel(state.left_slip, sliding) * holds_speed(state, tolerance)
+    return number(lasts) * way * carried * kernel(state.left_slip, sliding) * holds_speed(state, tolerance)
 
 
 def slip(state: SkateState) -> Any:
@@ -72,6 +79,15 @@ def slip(state: SkateState) -> Any:
 def touchdown(state: SkateState) -> Any:
     """1 in the step in which the pushing foot comes down."""
     return number(state.left_touchdown)
+
+
+def landing(state: SkateState) -> Any:
+    """Speed at which the pushing foot meets the ground [m/s], in the step in which it comes down.
+
+    The slip of a stride is made here: in the first sixth of a stance the sole slips 0.1 to 0.4 m/s under its largest load,
+    later 0.02 to 0.05.
+    """
+    return number(state.left_touchdown) * state.left_landing_speed
 
 
 def flat_push(state: SkateState, tolerance: float = 5e-4) -> Any:
@@ -100,14 +116,8 @@ def _terms(task: Task) -> Iterator[Reward]:
     yield Reward("push/swing", swing, "push", 4.0, wide)
     yield Reward("push/stance", stance, "push", options.stance, wide)
     # Beginners pay less for a bad contact: a foot that never comes down slips least.
-    yield Reward("push/slip", slip, "push", -options.slip, beginner=-options.beginner * options.slip)
-    yield Reward(
-        "push/touchdown",
-        touchdown,
-        "push",
-        -options.touchdown,
-        beginner=-options.beginner * options.touchdown,
-    )
+    for what, cost in ((slip, options.slip), (touchdown, options.touchdown), (landing, options.landing)):
+        yield Reward(f"push/{what.__name__}", what, "push", -cost, beginner=-options.beginner * cost)
     yield Reward("push/flat_push", flat_push, "push", 0.5)
 
 
