@@ -93,13 +93,13 @@ class SkateOptions:
     """Weight of the squared first and second differences of the actions; the paper has 0.1."""
     speed_tolerance: float = 0.25
     """Tolerance of the reward for the board's speed while pushing [m^2/s^2]."""
-    stance: float = 25.0
+    stance: float = 40.0
     """Weight of a pushing foot that stands on the ground without slipping while the board passes it."""
     slip: float = 60.0
     """Cost of a slip of 1 m/s under the robot's whole weight, a second."""
     touchdown: float = 50.0
     """Cost of a touchdown of the pushing foot, in policy steps: strides shall be few and long."""
-    landing: float = 100.0
+    landing: float = 60.0
     """Cost of a touchdown of the pushing foot at 1 m/s over the ground, in policy steps."""
     beginner: float = 0.25
     """Share of the costs of slip, touchdown and landing that a beginner pays."""
