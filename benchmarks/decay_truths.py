@@ -4,6 +4,7 @@ Any joint: natural frequency 0.4 to 60 rad/s, damping ratio 0.004 to 2, laws as 
 slowly, push or touch, sensors that are coarse, drift, filter, clip, or measure the rate only.
 """
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -87,7 +88,8 @@ def known(rng: np.random.Generator, name: str) -> tuple[str, Law, int]:
 
         def support(x: float, v: float, z: list[float], t: float) -> tuple[float, list[float]]:
             s, r = z
-            return -share * w * s, [r, w * w * (x - s) - 2 * damp * w * r]
+            pull = w * w * (x - s) + 2 * damp * w * (v - r)
+            return share / w * pull, [r, pull]
 
         return "second", support, 2
     raise KeyError(name)
@@ -117,9 +119,22 @@ def outside(rng: np.random.Generator) -> tuple[str, Law, int]:
 FAMILIES = ("friction", "drag", "hardening", "asymmetry", "stop", "freeplay", "hysteresis", "relaxation")
 
 
+MATTERS = 0.01
+"""Least RMS torque of a law beside a spring and a damper over the free motion, over the spring's: a stop that is never met is no truth."""
+
+
 def draw(seed: int) -> tuple[Truth, Recording]:
-    """Return one random truth and its recording."""
-    rng = np.random.default_rng((20261129, seed))
+    """Return one random truth, whose laws all matter in the free motion, and its recording."""
+    for attempt in itertools.count():
+        truth, recording, shares = _draw(seed, attempt)
+        if not len(shares) or shares.min() > MATTERS:
+            return truth, recording
+    raise AssertionError
+
+
+def _draw(seed: int, attempt: int) -> tuple[Truth, Recording, np.ndarray]:
+    """Return a truth, its recording, and the share of the spring's torque that each law has, shape (laws,)."""
+    rng = np.random.default_rng((20261130, seed, attempt))
     u = rng.uniform
     omega, amplitude = 10 ** u(-0.4, 1.78), u(0.08, 0.7)
     zeta = 10 ** u(-2.4, -0.3) if rng.random() < 0.9 else 10 ** u(-0.3, 0.3)
@@ -146,7 +161,7 @@ def draw(seed: int) -> tuple[Truth, Recording]:
     truth = Truth(
         kind=kind, families=tuple(map(str, names)), omega=omega, zeta=zeta, amplitude=amplitude, bent=bent, hand=hand, sensor=sensor, laws=laws
     )  # fmt: skip
-    return truth, _record(truth, rng, seed)
+    return truth, *_record(truth, rng, seed)
 
 
 def _bend(law: Law, rng: np.random.Generator) -> Law:
@@ -188,7 +203,7 @@ def _slope(truth: Truth, hand: _Hand, y: np.ndarray, t: float) -> np.ndarray:
     return np.array([v, force, *rates])
 
 
-def _record(truth: Truth, rng: np.random.Generator, seed: int) -> Recording:
+def _record(truth: Truth, rng: np.random.Generator, seed: int) -> tuple[Recording, np.ndarray]:
     u = rng.uniform
     per_period = 10 ** u(1.4, 2.5)
     count = int(rng.integers(1, 5))
@@ -198,12 +213,15 @@ def _record(truth: Truth, rng: np.random.Generator, seed: int) -> Recording:
     longest = 2 * np.pi * min(40.0, max(3.0, 3.9 / (2 * np.pi * max(truth.zeta, 0.015))))
     angle: list[float] = []
     rate: list[float] = []
+    free: list[np.ndarray] = []
+    y = np.zeros(2 + sum(count for _, _, count in truth.laws))
     for number, swing in enumerate(swings):
         held = int(u(1.0, 3.0) * per_period)
         x, v = swing, 0.0
-        states = [_start(name, swing, held * step) for name, _, count in truth.laws for _ in range(count)]
+        back = 1.5 * 2 * np.pi
         if truth.hand == "push":
-            x, v, states = 0.0, 0.0, [0.0 for _ in states]
+            x = 0.0
+        states = _led(truth, y, x, back, held * step)
         angle += [x] * held
         rate += [v] * held
         hand = _Hand(
@@ -227,10 +245,12 @@ def _record(truth: Truth, rng: np.random.Generator, seed: int) -> Recording:
                 t += h
             angle.append(float(y[0]))
             rate.append(float(y[1]))
+            if max(hand.opening, hand.pulse[0]) < t < min(hand.touch[0], hand.catch):
+                free.append(np.array([*y[:2], 1.0, *_torques(truth, y, t)]))
         # A hand brings it to where it is released next.
-        back = int(1.5 * per_period)
+        count = int(1.5 * per_period)
         to = 0.0 if truth.hand == "push" or number + 1 == len(swings) else swings[number + 1]
-        way = np.linspace(0, np.pi, back)
+        way = np.linspace(0, np.pi, count)
         angle += list(float(y[0]) + (to - float(y[0])) * (1 - np.cos(way)) / 2)
         rate += list((to - float(y[0])) * np.sin(way) / 2 / (1.5 * 2))
     x, v = np.array(angle) * truth.amplitude, np.array(rate) * truth.amplitude * truth.omega
@@ -283,13 +303,55 @@ def _record(truth: Truth, rng: np.random.Generator, seed: int) -> Recording:
         )
     else:
         roll = Roll(**shared, roll=x[keep], std=std[keep], origin="angle")
-    return Recording.of(roll, keep_zero=True)
+    return Recording.of(roll, keep_zero=True), _shares(np.array(free))
 
 
-def _start(name: str, swing: float, held: float) -> float:
-    """Return a state after a slow drag to the swing and a hold."""
-    if name == "maxwell":
-        return swing * np.exp(-held)
-    if name == "bouc-wen":
-        return float(np.sign(swing) * (1 - np.exp(-abs(swing) / 0.15)))
-    return swing
+def _torques(truth: Truth, y: np.ndarray, t: float) -> list[float]:
+    """Return the torque of each law in a state of the joint."""
+    torques, at = list[float](), 2
+    for _, law, count in truth.laws:
+        torques.append(law(float(y[0]), float(y[1]), [float(s) for s in y[at : at + count]], t)[0])
+        at += count
+    return torques
+
+
+def _shares(free: np.ndarray) -> np.ndarray:
+    """Return the RMS torque of each law beside a spring, a damper and a constant, over the spring's.
+
+    Args:
+        free: Angle, rate, 1 and the torques of the laws over the free motion, shape (n, 3 + laws).
+    """
+    linear, torques = free[:, :3], free[:, 3:]
+    beside = torques - linear @ np.linalg.lstsq(linear, torques, rcond=None)[0]
+    return np.sqrt(np.mean(beside**2, axis=0) / np.mean(free[:, 0] ** 2))
+
+
+def _led(truth: Truth, y: np.ndarray, to: float, back: float, held: float) -> list[float]:
+    """Return the states of the laws after a hand has led the joint from a state to a place and held it there.
+
+    Args:
+        truth: The joint.
+        y: Angle, rate and states before.
+        to: The place.
+        back: For how long the hand leads it.
+        held: For how long it holds it.
+    """
+    x0, states, h = float(y[0]), np.array(y[2:]), 2 * np.pi / 400
+
+    def rates(t: float, states: np.ndarray) -> np.ndarray:
+        moved, at = list[float](), 0
+        x = x0 + (to - x0) * (1 - np.cos(np.pi * min(t / back, 1.0))) / 2
+        v = (to - x0) * np.pi / (2 * back) * np.sin(np.pi * t / back) if t < back else 0.0
+        for _, law, count in truth.laws:
+            moved += law(x, v, [float(s) for s in states[at : at + count]], t)[1]
+            at += count
+        return np.array(moved)
+
+    for step in range(round((back + held) / h) if len(states) else 0):
+        t = step * h
+        a = rates(t, states)
+        b = rates(t + h / 2, states + h / 2 * a)
+        c = rates(t + h / 2, states + h / 2 * b)
+        d = rates(t + h, states + h * c)
+        states = states + h / 6 * (a + 2 * b + 2 * c + d)
+    return [float(s) for s in states]

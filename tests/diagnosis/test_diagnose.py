@@ -42,7 +42,7 @@ def made(name, zeta, seed, sensor="plain"):
     )  # fmt: skip
     unknown = {key: replace(q, std=0.0) for key, q in PINK.tilt.items()}
     board = replace(PINK, tilt=unknown, inertia=Quantity(1.0, 0.01, "kg*m^2"))
-    return decay_truths._record(truth, np.random.default_rng(seed), seed), board
+    return decay_truths._record(truth, np.random.default_rng(seed), seed)[0], board
 
 
 @pytest.mark.parametrize(("zeta", "seed"), [(0.08, 1), (0.15, 2)])
