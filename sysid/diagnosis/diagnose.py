@@ -25,7 +25,7 @@ from sysid.diagnosis.verdict import NAMELESS, Hint, Status, Verdict, decide
 from sysid.effects import effect
 from sysid.effects._base import TorqueEffect
 from sysid.errors import SysidError
-from sysid.fitting.joint import FitOptions, check_parameters, fit_joint
+from sysid.fitting.joint import FitOptions, Trial, check_parameters, fit_joint, trial_fit
 from sysid.fitting.records import Signal, signal_of
 from sysid.fitting.result import JointFit
 from sysid.noise.floor import NoiseFloor, noise_floor
@@ -39,8 +39,8 @@ from sysid.workspace import Workspace
 if TYPE_CHECKING:
     import pandas as pd
 
-FITTED = 5
-"""Sets of families that are fitted by output error."""
+FITTED, MOST_FITS = 5, 8
+"""Sets of the posterior that compete, and sets that are fitted by output error."""
 BENDS = 0.2
 """Share by which a parameter has to lower the error beyond the noise. No law is exact: each may be off by a tenth of its torque."""
 EVEN = 0.5
@@ -75,6 +75,11 @@ class Candidate:
     def beyond(self) -> float:
         """Error beyond the noise [rad or rad/s]."""
         return float(np.sqrt(max(self.rmse**2 - self.fit.noise.std**2, 0.0)))
+
+    @property
+    def cost(self) -> float:
+        """Log error beyond the noise, and what the parameters have to be worth."""
+        return _cost(self.effects, self.rmse / self.fit.noise.std, self.fit.noise)
 
     @property
     def heldout_rmse(self) -> float:
@@ -308,25 +313,41 @@ def _sure(found: Posterior) -> bool:
     return sees and found.sets[0].probability > SURE
 
 
-def _set(families: Sequence[str], effects: Sequence[str], probability: float = 0.0) -> Found:
-    """Return a set of laws, its parameters to be found."""
-    return Found(families=tuple(families), effects=tuple(effects), probability=probability, parameters={})
+def _set(
+    families: Sequence[str],
+    effects: Sequence[str],
+    probability: float = 0.0,
+    known: Mapping[str, float] | None = None,
+) -> Found:
+    """Return a set of laws; those of some known parameters that belong to it are where a fit starts."""
+    parameters = {
+        name: value
+        for name, value in (known or {}).items()
+        if "." not in name or name.split(".")[0] in effects
+    }
+    return Found(
+        families=tuple(families), effects=tuple(effects), probability=probability, parameters=parameters
+    )
 
 
 def _parts(best: Found) -> list[Found]:
     """Return a set without each of its laws."""
     pairs = list(zip(best.families, best.effects, strict=True))
     less = [pairs[:i] + pairs[i + 1 :] for i in range(len(pairs))]
-    return [_set([f for f, _ in part], [e for _, e in part]) for part in less if part]
+    return [_set([f for f, _ in part], [e for _, e in part], known=best.parameters) for part in less if part]
 
 
 def _variants(best: Found, own: Sequence[str]) -> list[Found]:
     """Return a set with each of its laws replaced by each other one of its family."""
-    others = candidates(own)
     return [
-        _set(best.families, (*best.effects[:i], name, *best.effects[i + 1 :]), best.probability)
+        _set(
+            best.families,
+            (*best.effects[:i], name, *best.effects[i + 1 :]),
+            best.probability,
+            best.parameters,
+        )
         for i, family in enumerate(best.families)
-        for name, part in others.items()
+        for name, part in candidates(own).items()
         if part.family == family and name != best.effects[i]
     ]
 
@@ -387,6 +408,8 @@ class Fits:
     base: Candidate
     """With these alone."""
     made: dict[tuple[str, ...], tuple[Found, Candidate]] = field(default_factory=dict[Any, Any])
+    tried: dict[tuple[str, ...], Trial] = field(default_factory=dict[Any, Any])
+    """Trials by effects."""
 
     def all(self) -> list[tuple[Found, Candidate]]:
         """Return all fits with their sets."""
@@ -406,10 +429,7 @@ class Fits:
         if not names:
             self.made[names] = one, replace(self.base, score=score)
             return
-        recorded = {
-            f"{part.name}.{n}": q.value for part in self.board.effects for n, q in part.parameters.items()
-        }
-        near = {"rest_angle": 0.0, **recorded, **one.parameters} if one.parameters else None
+        near = {"rest_angle": 0.0, **self._recorded(), **one.parameters} if one.parameters else None
         scales = self.base.fit.problem.scales
         try:
             fit = fit_joint(self.releases, self.board, (*self.own, *names), self.options, scales, near)
@@ -430,43 +450,73 @@ class Fits:
         return min(same(), key=lambda c: c.rmse, default=self.base)
 
     def explore(self, found: Posterior) -> None:
-        """Fit the likeliest sets.
+        """Fit the likeliest set, the record's law, and of all that compete with these the best in a trial.
 
-        If no fit reaches the noise, more laws are fitted. A sure posterior asks for the parts of its best set. An unsure one asks for all
-        single laws, and for pairs with the best of them: a short motion says more as a whole than its equations do.
+        Parts of the likeliest sets compete. If the best one misses the noise, so do other laws of its families. If the posterior is not
+        sure either, so do all single laws, and pairs with the best of them: a short motion says more as a whole than its equations do.
         """
         best, top = found.sets[0], found.sets[0].probability
-        for one in found.sets[:FITTED]:
-            if one is best or len(set(one.families) - {"rest"}) <= 2:
-                self.add(one, top)
+        self.add(best, top)
         self.add(next((s for s in found.sets if not s.families), _set((), ())), top)
-        exact = [one for one, c in self.all() if reaches_noise(c.fit)]
-        for one in exact:  # a part that reaches the noise too explains as much with less
-            for part in _parts(one):
-                self.add(part, top)
-        if found.nameless > NAMELESS or exact:
-            return
-        for one in _variants(best, self.own):
-            self.add(one, top)
-        if _sure(found):
-            for one in [] if found.exact else _parts(best):
-                self.add(one, top)
-            return
+        near = [s for s in found.sets[1:FITTED] if len(set(s.families) - {"rest"}) <= 2]
+        rivals = [*near, *(part for s in (best, *near) for part in _parts(s))]
+        first = self.made.get(fittable(best.effects))
+        if found.nameless <= NAMELESS and not (first and reaches_noise(first[1].fit)):
+            rivals += _variants(best, self.own)
+            if not _sure(found):
+                rivals += self._pairs(found)
+        costs = [(cost, i) for i, one in enumerate(rivals) if (cost := self._trial_cost(one)) is not None]
+        for _, i in sorted(costs):
+            if len(self.made) < MOST_FITS:
+                self.add(rivals[i], top)
+
+    def _pairs(self, found: Posterior) -> list[Found]:
+        """Return all single laws, and pairs of the best one with each other family."""
         plain = [name for name, part in candidates(self.own).items() if len(part.parameters) == 1]
-        for one in (*found.singles, *(_set((effect(n).family,), (n,)) for n in plain)):
-            self.add(one, top)
-        alone = sorted((_cost(c), c.effects[0]) for _, c in self.all() if len(c.effects) == 1)
-        likeliest = {effect(name).family: name for _, name in reversed(alone)}
-        for name in [n for _, n in alone if n in plain or n in likeliest.values()]:
-            first = alone[0][1]
-            if effect(name).family != effect(first).family:
-                self.add(_set((effect(first).family, effect(name).family), (first, name)), top)
+        alone = [*found.singles, *(_set((effect(n).family,), (n,)) for n in plain)]
+        costs = sorted((c, i) for i, one in enumerate(alone) if (c := self._trial_cost(one)) is not None)
+        ranked = [alone[i] for _, i in costs]
+        pairs: dict[str, Found] = {}
+        for one in ranked[1:]:
+            families, effects = ranked[0].families + one.families, ranked[0].effects + one.effects
+            if one.families != ranked[0].families and one.families[0] not in pairs:
+                known = {
+                    **self.tried[fittable(one.effects)].parameters, **self.tried[fittable(ranked[0].effects)].parameters
+                }  # fmt: skip
+                pairs[one.families[0]] = _set(families, effects, known=known)
+        return [*alone, *pairs.values()]
+
+    def _trial_cost(self, one: Found) -> float | None:
+        """Return the cost of a set in a trial from its parameters, or None if nothing of it can be fitted."""
+        names = fittable(one.effects)
+        if names and names not in self.tried:
+            start = {"rest_angle": 0.0, **self._recorded(), **one.parameters}
+            try:
+                self.tried[names] = trial_fit(
+                    self.base.fit, self.board, (*self.own, *names), self.options, start
+                )
+            except SysidError:
+                return None
+        return _cost(names, self.tried[names].rmse, self.base.fit.noise) if names else None
+
+    def _recorded(self) -> dict[str, float]:
+        """Return the parameters of the record's effects by 'effect.parameter'."""
+        return {
+            f"{part.name}.{n}": q.value for part in self.board.effects for n, q in part.parameters.items()
+        }
 
 
-def _cost(candidate: Candidate) -> float:
-    """Return the log error beyond the noise, and what its parameters have to be worth."""
-    count = sum(len(effect(name).parameters) for name in candidate.effects)
-    return float(np.log(max(candidate.beyond, 1e-300))) - count * float(np.log(1 - BENDS))
+def _cost(names: Sequence[str], error: float, noise: NoiseFloor) -> float:
+    """Return the log error beyond the noise, and what the parameters of some effects have to be worth.
+
+    Args:
+        names: The effects.
+        error: RMSE of their fit over the noise [1].
+        noise: The noise: what its interval leaves open is no error.
+    """
+    count = sum(len(effect(name).parameters) for name in names)
+    open_still = (noise.highest / noise.std) ** 2 - 1
+    return 0.5 * float(np.log(max(error**2 - 1, open_still))) - count * float(np.log(1 - BENDS))
 
 
 def _by_fits(found: Posterior, fits: list[tuple[Found, Candidate]]) -> Posterior:
@@ -478,7 +528,7 @@ def _by_fits(found: Posterior, fits: list[tuple[Found, Candidate]]) -> Posterior
     best = found.sets[0]
     sure = _sure(found)
     near = [(one, c) for one, c in fits if not sure or set(one.families) <= set(best.families)]
-    one, candidate = min(near, key=lambda item: _cost(item[1]))
+    one, candidate = min(near, key=lambda item: item[1].cost)
     if set(one.families) - {"rest"} == set(best.families) - {"rest"}:
         return found
     rest = tuple(s for s in found.sets if s.families != one.families)

@@ -251,6 +251,46 @@ def fit_joint(
     return replace(found, warnings=(*warnings, *found.warnings))
 
 
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A fit from one start on a coarse grid."""
+
+    rmse: float
+    """Root mean square residual over the noise [1]."""
+    parameters: Mapping[str, float]
+    """In their units."""
+
+
+def trial_fit(
+    fit: JointFit, board: Board, effects: Sequence[str], options: FitOptions, start: Mapping[str, float]
+) -> Trial:
+    """Fit the records of another fit with some effects from one start: no search, no uncertainty.
+
+    Args:
+        fit: A fit of the same records.
+        board: The record.
+        effects: All effects of the joint.
+        options: Options of the fit.
+        start: Parameters, the others as the catalogue starts them.
+
+    Raises:
+        SysidError: Effects that free decays cannot identify.
+    """
+    check_effects(effects, [part.name for part in board.effects])
+    structure, records, scales = structure_of(effects), fit.records, fit.problem.scales
+    fixed, bias = held_parameters(structure, board, options)
+    free_states = bool(structure.internal_states) and any(r.release.hold <= 0 for r in records)
+    problem = Problem(
+        structure, records, scales, bias=bias, fixed=fixed, bounded=dict(options.bounds), free_states=free_states,
+        priors={**record_priors(structure, board, options, fixed), **priors_of(board, options)},
+        steps_per_period=options.steps_per_period,
+    )  # fmt: skip
+    first = starting_points(structure, scales, fixed)[0]
+    found = problem.fitted(problem.start({**first, **start}), tolerance=1e-4)
+    rmse = float(np.sqrt(2 * found.normal.cost / max(problem.samples, 1)))
+    return Trial(rmse, problem.parameters(found.point))
+
+
 def finished(
     problem: Problem, minimum: Minimum, board: Board, options: FitOptions, noise: NoiseFloor, evaluations: int
 ) -> JointFit:
