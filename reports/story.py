@@ -17,6 +17,7 @@ from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
 from sysid.comparison.force_surface import TorqueProfile, missing_torque
 from sysid.comparison.release import ComparedRelease
+from sysid.diagnosis.demand import demanded
 from sysid.diagnosis.report import TIE as TIED
 from sysid.effects import effect
 from sysid.errors import SysidError
@@ -164,6 +165,7 @@ def tell(
     heldout: float | None = None,
     ranked: Sequence[Ranked] = (),
     label: str = "",
+    seen: tuple[TorqueProfile, TorqueProfile] | None = None,
 ) -> Story:
     """Compare two laws of a board with recordings, and describe their difference.
 
@@ -173,6 +175,7 @@ def tell(
         heldout: Error of the law after on releases that were left out, in multiples of the noise.
         ranked: The candidates of a diagnosis, best first.
         label: Of the law after, where its effects do not say it.
+        seen: The missing torque over rate and over angle; that of the differentiated logs, if left out.
 
     Raises:
         SysidError: The law after cannot be compared with these releases.
@@ -184,7 +187,7 @@ def tell(
         former = None
     floor = latter.noise.std
     worst = latter if former is None else former
-    over_rate, over_angle = _missing(latter, effects)
+    over_rate, over_angle = _missing(latter, effects, seen)
     label = label or _added(tuple(effects))
     laws = [(STOOD, former)] if former is not None else []
     lags, correlations = _correlations([*laws, (label, latter)])
@@ -220,19 +223,23 @@ def _correlations(
     return lags * step, tuple((name, autocorrelation(each, longest)[lags]) for name, each in residuals)
 
 
-def _missing(after: Comparison, effects: Sequence[str]) -> tuple[Missing | None, Missing | None]:
+def _missing(
+    after: Comparison, effects: Sequence[str], seen: tuple[TorqueProfile, TorqueProfile] | None
+) -> tuple[Missing | None, Missing | None]:
     """Return the torque of some effects plus the residual torque, over rate and over angle."""
     law = after.law
     torques = tuple(name for name in effects if effect(name).role == "torque")
     each = [_torque(law, torques, release) for release in after.releases]
-    missing = missing_torque(after.releases, law, each) if torques else after.missing
-    if missing is None:
-        return None, None
+    if seen is None:
+        missing = missing_torque(after.releases, law, each) if torques else after.missing
+        if missing is None:
+            return None, None
+        seen = missing.over_rate, missing.over_angle
     angle = np.concatenate([r.roll for r in after.releases]) - law.rest_angle
     rate = np.concatenate([r.rate for r in after.releases])
     torque = np.concatenate(each)
-    over_rate = Missing(missing.over_rate, *_averaged(rate, torque))
-    return over_rate, Missing(missing.over_angle, *_averaged(angle, torque))
+    over_rate = Missing(seen[0], *_averaged(rate, torque))
+    return over_rate, Missing(seen[1], *_averaged(angle, torque))
 
 
 def _torque(law: JointLaw, names: Sequence[str], release: ComparedRelease) -> Array:
@@ -257,6 +264,8 @@ def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
     halves = [(name,) for name in chosen if len(chosen) > 1 and (name,) in tried]
     between = [(), *([min(halves, key=lambda names: tried[names].score)] if halves else [])] if chosen else []
     held = {names: c.heldout_rmse / floor for names, c in tried.items()}
+    own = [part.name for part in board.effects if effect(part.name).role == "torque"]
+    demand = demanded(found.posterior, found.best.fit.law, own)
     return tell(
         found.recordings or found.releases,
         board,
@@ -266,6 +275,7 @@ def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
         steps=[Step(_added(names), tried[names].rmse / floor, held[names]) for names in between],
         heldout=held.get(chosen),
         ranked=ranked([(c.effects, c.score, 0.0) for c in found.candidates], chosen),
+        seen=(demand.over(demand.rate), demand.over(demand.angle)),
     )
 
 

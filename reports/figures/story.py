@@ -46,7 +46,6 @@ def panels(story: Story) -> list[Panel]:
             lambda axes: draw_decay(axes, story),
         )
     ]  # fmt: skip
-    what = f"the torque of {named} and the residual" if named else "the residual torque"
     slides = story.after.slides
     push = effort(slides=slides).split(" [")[0]
     for missing, show in (
@@ -57,7 +56,7 @@ def panels(story: Story) -> list[Panel]:
             drawn.append(
                 Panel(
                     f"torque-{show.name}", f"Missing {push} over {show.name}",
-                    f"{push.capitalize()} beyond spring and damper. Orange: {what}, averaged by {show.name}, with its 95 % band." + (f" Blue: the law of {named}." if named else ""),
+                    f"{push.capitalize()} beyond spring and damper. Orange: the torque that the motion demands, averaged by {show.name}, with its 95 % band." + (f" Blue: the law of {named}." if named else ""),
                     lambda axes, m=missing, s=show: draw_missing(axes, m, s, named, slides=slides),
                 )
             )  # fmt: skip

@@ -43,7 +43,7 @@ def nameless(motion: Motion, smoothed: Smoothed, linear: float, damping: float) 
     between = np.broadcast_to(np.linspace(-0.5, 0.5, len(inside))[:, None], inside.shape)[inside]
     drift = [within * x, between * x, within * v, between * v]
     table = np.column_stack([*of_angle, *of_rate, *of_both, *drift])
-    named = np.column_stack([x, v, np.ones_like(x), x * x, x**3, v * np.abs(v), v**3, np.tanh(v / 0.02)])
+    named = named_functions(x, v)
     table = table - named @ np.linalg.lstsq(named, table, rcond=None)[0]
     size = linear / np.maximum(np.sqrt(np.mean(table**2, axis=0)), 1e-2)
     loss = min(1.0, 4 * damping)
@@ -52,6 +52,11 @@ def nameless(motion: Motion, smoothed: Smoothed, linear: float, damping: float) 
     size[FINE:bumps] *= loss
     size[-2:] *= loss
     return table * size
+
+
+def named_functions(x: Array, v: Array) -> Array:
+    """Return the torques of spring, damper, constant, x², x³, v|v|, v³ and sgn v [1], shape (n, 8), of angle and rate, (n,) each."""
+    return np.column_stack([x, v, np.ones_like(x), x * x, x**3, v * np.abs(v), v**3, np.tanh(v / 0.02)])
 
 
 def sensor(motion: Motion, smoothed: Smoothed) -> tuple[Array, Array]:

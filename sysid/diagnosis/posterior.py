@@ -192,7 +192,7 @@ def linear_joint(motion: Motion) -> tuple[float, float]:
         smoother = Smoother(motion, k, d, motion.envelope)
         smoothed = smoother.smooth(0.3, spread=False)
         columns = np.column_stack(
-            [smoother.flat(c) for c in (smoothed.angle, smoothed.rate, *_levels(motion))]
+            [smoother.flat(c) for c in (smoothed.angle, smoothed.rate, *levels(motion))]
         )
         smoother.prepare(columns, np.zeros((smoother.size, 0)))
         gram, _ = smoother.gram(SHARES[-1])
@@ -201,7 +201,7 @@ def linear_joint(motion: Motion) -> tuple[float, float]:
     return k, d
 
 
-def _levels(motion: Motion) -> list[Array]:
+def levels(motion: Motion) -> list[Array]:
     """Return constant torques: another rest angle, or zero of the sensor."""
     if motion.is_rate:
         return []
@@ -392,7 +392,7 @@ class Pass:
         self.rest = motion.zero == "known" and not motion.is_rate and subject.has_zero
         self.laws = Laws(motion, subject.inertia, state.stiffness, state.damping)
         known = self.laws.recorded(smoothed, subject.known)
-        base = [smoothed.angle, smoothed.rate, *([] if self.rest else _levels(motion)), *known]
+        base = [smoothed.angle, smoothed.rate, *([] if self.rest else levels(motion)), *known]
         self.base = np.column_stack([c[inside] for c in base])
         self.wide = np.array([state.stiffness, 2 * state.damping, *[1.0] * (len(base) - 2)])
         self.linear = float(np.sqrt(np.mean((state.stiffness * smoothed.angle[inside]) ** 2)))
