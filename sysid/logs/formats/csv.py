@@ -1,7 +1,6 @@
-"""Text tables in any dialect: the head tells the dialect, pandas reads the rest."""
+"""Text tables in any dialect: the head tells the dialect, numpy reads the rest."""
 
 import re
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,9 @@ from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import of_sensor
 from sysid.roll import Array
 
+COMMA_FOR_POINT = str.maketrans(",.", ".'")
+"""A decimal comma as numbers are read, and the sign between thousands as no number is."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TextTable:
@@ -34,8 +36,6 @@ class TextTable:
     skip: int
     """Lines before the first row of numbers."""
     comment: str | None
-    blanks: bool
-    """Whether blanks follow delimiters."""
     dates: frozenset[str]
     """Columns that hold dates or times of day instead of numbers."""
     stamped: bool
@@ -51,48 +51,47 @@ class TextTable:
         self._require_memory(len(wanted))
         dates = [index for index in wanted if self.names[index] in self.dates]
         try:
-            frame = self._by_rows(wanted) if self.stamped else self._frame(wanted, texts=dates)
+            if self.stamped:
+                columns = self._by_rows(wanted)
+            else:
+                columns = self._loaded([index for index in wanted if index not in dates], np.float64)
+                columns |= self._loaded(dates, np.str_)
         except MemoryError as error:
             raise SysidError(
                 f"{self.path}: too large for this computer's memory. Cut it into parts."
             ) from error
-        except (ValueError, OverflowError):
-            # units in the cells, thousands, a typographic minus, words between the rows: slower, cell by cell
-            frame = self._by_rows(wanted)
-        columns: dict[str, Array] = {}
-        for index in wanted:
-            name = self.names[index]
-            columns[name] = (
-                seconds_of(frame[index]) if name in self.dates else frame[index].to_numpy(dtype=np.float64)
-            )
-        return columns
+        except ValueError:
+            # missing cells, units in the cells, thousands, words between the rows: slower, cell by cell
+            columns = self._by_rows(wanted)
+        return {
+            self.names[index]: seconds_of(columns[index])
+            if index in dates
+            else np.asarray(columns[index], dtype=np.float64)
+            for index in wanted
+        }
 
-    def _frame(self, wanted: list[int], *, texts: Sequence[int]) -> Any:
-        """Return columns by their index: those of `texts` as they are written, the others as numbers."""
-        import pandas as pd
+    def _loaded(self, wanted: Sequence[int], kind: type[np.generic]) -> dict[int, Sequence[Any]]:
+        """Return columns of plain numbers or of texts by their index.
 
-        kinds: Any = {index: "str" if index in texts else "float64" for index in wanted}
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # pandas on columns that are not used
-            return pd.read_csv(
-                self.path,
-                sep=r"\s+" if self.delimiter == " " else self.delimiter,
-                decimal=self.decimal,
-                header=None,
-                names=list(range(len(self.names))),
-                usecols=None if len(wanted) == self.width else wanted,
-                dtype=kinds,
-                index_col=False,
+        Raises:
+            ValueError: A cell is no plain number, or a row has another length.
+        """
+        if not wanted:
+            return {}
+        with self.path.open(encoding=self.encoding, errors="replace") as file:
+            lines = file if self.decimal == "." else (line.translate(COMMA_FOR_POINT) for line in file)
+            cells = np.loadtxt(
+                lines,
+                dtype=kind,
+                delimiter=None if self.delimiter == " " else self.delimiter,
+                comments=self.comment,
                 skiprows=self.skip,
-                comment=self.comment,
-                encoding=self.encoding,
-                encoding_errors="replace",
-                compression=None,  # what a file is tell its first bytes, not its name
-                skipinitialspace=self.blanks,  # costs half as much again, so only where needed
-                skip_blank_lines=True,
-                na_values=["-"],
-                engine="c",
+                usecols=None if len(wanted) == self.width else wanted,
+                quotechar='"',
+                ndmin=2,
             )
+        order = range(self.width) if len(wanted) == self.width else wanted
+        return dict(zip(order, cells.T, strict=True))
 
     def _require_memory(self, columns: int) -> None:
         """Refuse what would not fit, before the computer starts to swap."""
@@ -108,14 +107,12 @@ class TextTable:
                 f"{free / 1e9:.1f} GB are free. Cut it into parts."
             )
 
-    def _by_rows(self, wanted: Sequence[int]) -> Any:
+    def _by_rows(self, wanted: Sequence[int]) -> dict[int, Sequence[Any]]:
         """Return columns by their index, read cell by cell; lines of words between the rows, and rows that were cut, are missing.
 
         Raises:
             SysidError: A cell among numbers is a text, or a row is too long.
         """
-        import pandas as pd
-
         rows: list[list[Any]] = []
         words: list[str] = []
         cut = ""
@@ -140,7 +137,7 @@ class TextTable:
             rows.append([np.nan] * len(row) if wrong else row)
         if 2 * len(words) > len(rows):
             raise SysidError(f"{self.path}: {words[0]}")
-        return pd.DataFrame(rows, columns=list(wanted))
+        return dict(zip(wanted, zip(*rows, strict=True), strict=True))
 
     def _cells(self) -> Iterator[tuple[int, list[str]]]:
         """Yield the number of each line that is no comment, from the first row on, and its cells."""
@@ -231,7 +228,6 @@ def open_csv(path: Path) -> LogFile:
         width=cells,
         skip=skipped,
         comment=comment[0] if comment else None,
-        blanks=delimiter != " " and any(delimiter + " " in line for _, line in rows),
         dates=dates,
         stamped=stamped,
     )
@@ -246,11 +242,11 @@ def open_csv(path: Path) -> LogFile:
     return by_sensor(path, log, table.texts(sensor), sensor)
 
 
-def seconds_of(texts: Any) -> Array:
-    """Return dates or times of day, a pandas series of n texts, as time since the first [s], shape (n,)."""
+def seconds_of(texts: Sequence[Any]) -> Array:
+    """Return dates or times of day, n texts of which some may be missing, as time since the first [s], shape (n,)."""
     import pandas as pd
 
-    clean = texts.str.strip()
+    clean = pd.Series(list(texts), dtype="str").str.strip()
     first = next((match for text in clean if (match := dialect.DATE.fullmatch(str(text)))), None)
     day = (first and first[1]) or ""
     if re.match(r"\d{4}-", day):

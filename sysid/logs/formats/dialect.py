@@ -31,6 +31,7 @@ COMMENTS = ("#", "%", "//")
 _BOMS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf", "+inf", "#n/a", "<na>"}
 _TRUE, _FALSE = {"true", "on"}, {"false", "off"}
+_PLAIN = re.compile(r"-?\d+(\.\d+)?")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?")
 _DAY = (
     r"\d{4}-\d\d?-\d\d?[T ]|\d{4}/\d\d?/\d\d? |\d\d?[./-]\d\d?[./-]\d{2,4},? |\d\d?[- ][A-Za-z]{3}[- ]\d{4} "
@@ -63,6 +64,8 @@ def split_line(line: str, delimiter: str) -> list[str]:
         return [stamp, *split_line(line, delimiter)]
     if delimiter == " ":
         return line.split()
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(delimiter)]
     try:
         cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
     except (csv.Error, StopIteration):
@@ -260,6 +263,8 @@ def read_number(cell: str, decimal: str) -> float:
     Raises:
         ValueError: It is neither.
     """
+    if decimal == "." and _PLAIN.fullmatch(cell):
+        return float(cell)
     plain = cell.strip().lower()
     if plain in _MISSING | _TRUE | _FALSE:
         return float("nan") if plain in _MISSING else float(plain in _TRUE)

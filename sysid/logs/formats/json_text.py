@@ -159,12 +159,8 @@ def _log(path: Path, name: str, table: Table) -> LogFile:
     )
 
     def read(names: Sequence[str]) -> dict[str, Array]:
-        import pandas as pd
-
         return {
-            key: seconds_of(pd.Series(table[key], dtype="str"))
-            if key in dates
-            else np.array([_number(item) for item in table[key]])
+            key: seconds_of(table[key]) if key in dates else np.array([_number(item) for item in table[key]])
             for key in names
         }
 

@@ -69,13 +69,9 @@ def open_labelled(path: Path) -> LogFile:
         notes.append(f"table: {count_of(left_out, 'line')} unlike the others left out")
 
     def read(wanted: Sequence[str]) -> dict[str, Array]:
-        import pandas as pd
-
         texts = {name: [row.get(name, "nan") for row in rows] for name in wanted}
         return {
-            name: seconds_of(pd.Series(column, dtype="str"))
-            if name in stamps
-            else np.array(column, dtype=float)
+            name: seconds_of(column) if name in stamps else np.array(column, dtype=float)
             for name, column in texts.items()
         }
 
