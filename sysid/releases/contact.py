@@ -61,10 +61,13 @@ class _Run:
     span: Span
     law: Law
     """Backwards in time, with a damping that drives."""
+    levels: int
+    """Number of torque noises, from the smallest on, that a free joint may have."""
 
 
-_Walk = Generator[_Run, int, list[tuple[float, float]]]
-"""What finds the stretches of one decay: yields runs, is sent their free samples, returns the stretches [s]."""
+_Walk = Generator[_Run, tuple[int, int], list[tuple[float, float]]]
+"""What finds the stretches of one decay: yields runs, is sent their free samples and the number of their torque noise, returns
+the stretches [s]."""
 
 
 def free_stretches(
@@ -162,31 +165,40 @@ def _learned(
 def _together(decays: Sequence[_Walk], noise: float) -> list[list[tuple[float, float]]]:
     """Return the free stretches of decays [s]: the filter runs over the next run of each of them at once."""
     found: dict[int, list[tuple[float, float]]] = {}
-    said: dict[int, int | None] = dict.fromkeys(range(len(decays)))
+    said: dict[int, tuple[int, int] | None] = dict.fromkeys(range(len(decays)))
     while said:
         asked: dict[int, _Run] = {}
-        for index, count in said.items():
+        for index, answer in said.items():
             try:
-                asked[index] = next(decays[index]) if count is None else decays[index].send(count)
+                asked[index] = next(decays[index]) if answer is None else decays[index].send(answer)
             except StopIteration as end:
                 found[index] = end.value
         gains = _log_likelihood_ratios(list(asked.values()), noise)
-        said = {index: _free_for(gain) for index, gain in zip(asked, gains, strict=True)}
+        said = {
+            index: _free_for(gain[:, : run.levels])
+            for (index, run), gain in zip(asked.items(), gains, strict=True)
+        }
     return [found[index] for index in range(len(decays))]
 
 
 def _stretches(time: Array, roll: Array, span: Span, law: Law) -> _Walk:
-    """Return the free stretches of one decay [s]; yields runs of samples and is sent for how many the joint moves freely."""
+    """Return the free stretches of one decay [s]; yields runs of samples and is sent for how many the joint moves freely.
+
+    A joint departs from its linear law as far in a later stretch as in the first one, at most: what needs more torque is a hand.
+    """
     quarter = 0.5 * math.pi / math.sqrt(law.stiffness)
     first, last = (int(i) for i in np.searchsorted(time, (span.begin, span.end)))
     step = max(1, int(quarter / float(np.median(np.diff(time)))))
     found: list[tuple[float, float]] = []
-    since, begin = first, first
+    since, begin, levels = first, first, len(ERRORS) - 1
     while begin < last - 2:
-        end = begin + (yield _Run(time[begin:last], roll[begin:last], span, law))
+        count, most = yield _Run(time[begin:last], roll[begin:last], span, law, levels)
+        end = begin + count
         if end - begin > 2 * step or end >= last:
+            levels = most
             back = slice(end - 1, since - 1 if since else None, -1)
-            begin = end - (yield _Run(-time[back], roll[back], span, Law(law.stiffness, -law.damping)))
+            backwards = Law(law.stiffness, -law.damping)
+            begin = end - (yield _Run(-time[back], roll[back], span, backwards, levels))[0]
             start = span.begin if begin == first or (span.let_go and not found) else float(time[begin])
             stop = span.end if last - end <= step / 4 else float(time[end - 1])
             if found and begin - since < step / 2:  # too quick for a hand: the law is nonlinear there
@@ -197,8 +209,10 @@ def _stretches(time: Array, roll: Array, span: Span, law: Law) -> _Walk:
     return found
 
 
-def _free_for(likelihood: Array) -> int:
-    """Return the number of samples, from the first on, in which the joint moves freely, by their log-likelihood ratios, shape (n, m).
+def _free_for(likelihood: Array) -> tuple[int, int]:
+    """Return the number of samples, from the first on, in which the joint moves freely, and the number of its torque noise.
+
+    Their log-likelihood ratios are of shape (n, m), for m torque noises.
 
     A hand acts from one sample to another, or to the last. Each change has a BIC penalty.
     """
@@ -216,7 +230,7 @@ def _free_for(likelihood: Array) -> int:
             break
         until = int(np.argmax(fall[:, which])) if what == 1 else count - 1
         count = int(np.argmax(part[: until + 1, which])) + 1
-    return count
+    return count, 1 + int(np.argmax(gain[count - 1]))
 
 
 def _log_likelihood_ratios(runs: Sequence[_Run], noise: float) -> list[Array]:
