@@ -37,10 +37,6 @@ class CoastDown:
     """c = friction/I [rad/s²]."""
 
 
-def _nothing(poles: Array) -> tuple[Array, Array]:
-    return np.zeros_like(poles), np.ones_like(poles)
-
-
 def spins_down(releases: Sequence[Release]) -> bool:
     """Whether each release goes more than half a turn in one direction and does not come back."""
     for release in releases:
@@ -120,7 +116,7 @@ def _with_intervals(
         own = _own(best.point, i)
         level = float(own[3]) if signal == "rate" else float(trace.measured[-1])
         modelled = _coasting(trace.time, own, rate=signal == "rate")
-        parts.append(FittedTrace(trace, modelled, np.array([0.0, 0.0, level]), 0.0, _nothing))
+        parts.append(FittedTrace(trace, modelled, np.array([0.0, 0.0, level]), 0.0))
     spread = sum(float(np.var(trace.measured)) * len(trace.measured) for trace in traces)
     weak = 2 * math.log(100 * max(float(trace.time[-1] - trace.time[0]) for trace in traces))
     beta, friction = (float(value) for value in best.point[:2])

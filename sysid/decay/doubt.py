@@ -8,6 +8,7 @@ stays unknown: one swing cannot distinguish dry friction from damping.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 from typing import Literal
 
@@ -16,10 +17,9 @@ import numpy as np
 from sysid.decay.linear_fit import (
     FittedTrace,
     TraceFit,
-    decay_basis,
+    columns_of,
     motion,
     project,
-    rates,
     refitted,
     response,
 )
@@ -172,7 +172,7 @@ def second_laws(fit: TraceFit) -> list[SecondLaw]:
     moves = [motion(one, fit.poles, rate=rate) for one in fit.releases]
     widest = max(float(np.abs(x).max()) for _, x, _ in moves) or 1.0
     fastest = max(float(np.abs(v).max()) for _, _, v in moves) or 1.0
-    parts = [project(one.trace, fit.poles, one.beyond) for one in fit.releases]
+    parts = [project(one.trace, fit.poles, one.swing, fit.signal) for one in fit.releases]
     jacobian = np.concatenate([part[2] for part in parts])
     residuals = [part[1] for part in parts]
     residual = np.concatenate(residuals)
@@ -182,8 +182,8 @@ def second_laws(fit: TraceFit) -> list[SecondLaw]:
     found: list[SecondLaw] = []
     for name, torque in TORQUES.items():
         answers = [
-            (t, response(fit.poles, t, -widest * torque(x / widest, v / fastest), rate=rate))
-            for t, x, v in moves
+            (t, _answer(one, fit, t, -widest * torque(x / widest, v / fastest)))
+            for one, (t, x, v) in zip(fit.releases, moves, strict=True)
         ]
         column = np.concatenate(
             [_without_start(one, fit, *two) for one, two in zip(fit.releases, answers, strict=True)]
@@ -202,10 +202,14 @@ def second_laws(fit: TraceFit) -> list[SecondLaw]:
     return found
 
 
+def _answer(one: FittedTrace, fit: TraceFit, grid: Array, torque: Array) -> Array:
+    rate = fit.signal == "rate"
+    return (one.swing.response if one.swing else partial(response, fit.poles, grid))(torque, rate=rate)
+
+
 def _without_start(one: FittedTrace, fit: TraceFit, grid: Array, answer: Array) -> Array:
     """Return a whitened response at a trace's samples, orthogonal to amplitude, phase and rest angle, shape (n,)."""
-    u, v = decay_basis(one.trace.time - one.trace.time[0], *rates(fit.poles))
-    basis = one.trace.whiten(np.column_stack([u, v, one.beyond(fit.poles)[1]]))
+    basis = one.trace.whiten(columns_of(one.trace, fit.poles, one.swing, fit.signal)[1])
     orthogonal, _ = np.linalg.qr(basis / (np.linalg.norm(basis, axis=0) + 1e-300))
     column = one.trace.whiten(np.interp(one.trace.time, grid, answer))
     return column - orthogonal @ (orthogonal.T @ column)

@@ -7,7 +7,7 @@ C, S and r are linear, so they are eliminated (variable projection, Golub and Pe
 At critical damping q is zero. Beyond it q is negative, and cos and sin become cosh and sinh. For strong damping m goes to zero, and the
 decay fixes τ = d/k alone. The rate of a linear decay has the same form, with the gyro's bias as r.
 
-A pendulum's law differs from a spring's by the torque k (x - sin x) of a known motion. Its response is one more known column.
+A pendulum's motion is linearised about the motion of the round before (`sysid.decay.pendulum`): the first two angles and r are linear.
 """
 
 import math
@@ -17,6 +17,7 @@ from typing import Literal
 
 import numpy as np
 
+from sysid.decay.pendulum import Swing, swing_near
 from sysid.decay.trace import Trace, head, traces_of, with_ar1_errors
 from sysid.errors import SysidError
 from sysid.least_squares import Normal, minimise
@@ -36,7 +37,7 @@ GROWTH = 20.0
 OVERDAMPED = 0.95
 """Damping ratio from which the start of a release is fitted too."""
 ROUNDS = 6
-"""Rounds in which a pendulum's rest angle is found (Newton)."""
+"""Rounds in which a pendulum's motion is found (Newton)."""
 
 Law = Literal["spring", "pendulum", "none"]
 """Restoring torque of a joint."""
@@ -50,11 +51,11 @@ class FittedTrace:
     modelled: Array
     """Fitted roll [rad] or roll rate [rad/s], shape (n,)."""
     coefficients: Array
-    """C, S and r of the module's equation, shape (3,)."""
+    """C, S and r of the module's equation, shape (3,); of a pendulum the changes of the first two angles, and r."""
     level_std: float
     """Standard deviation of `level`."""
-    beyond: "Beyond"
-    """Response to the torque of its law beyond a spring's."""
+    swing: Swing | None = None
+    """Its motion, if it is a pendulum's."""
 
     @property
     def level(self) -> float:
@@ -145,18 +146,7 @@ def fit_traces(releases: Sequence[Release], law: Law = "spring", near: TraceFit 
             "Record faster, or mark longer decays (--release, --to)."
         )
     if near is not None:
-        fit, traces = near, [one.trace for one in near.releases]
-        angles = [_angle(release, trace) for release, trace in zip(releases, traces, strict=True)]
-        for _ in range(ROUNDS):
-            rests = [
-                f.level if signal == "roll" else r.rest for f, r in zip(fit.releases, releases, strict=True)
-            ]
-            beyond = [
-                _pendulum(trace, angle, rest, rate=signal == "rate")
-                for trace, angle, rest in zip(traces, angles, rests, strict=True)
-            ]
-            fit = _with_uncertainty(traces, _search(traces, fit.poles, beyond), signal, beyond)
-        return replace(fit, law=law)
+        return _pendulum(near, releases)
     poles = _start(traces, releases, signal)
     traces = [with_ar1_errors(trace, math.exp(-poles[0] / 2)) for trace in traces]
     longest = max(float(trace.time[-1] - trace.time[0]) for trace in traces)
@@ -176,7 +166,7 @@ def fit_traces(releases: Sequence[Release], law: Law = "spring", near: TraceFit 
             ),
         ]
         found = [_search(traces, start) for start in starts]
-        costs = [sum(project(one, p, _spring(one))[0] for one in traces) for p in found]
+        costs = [sum(project(one, p)[0] for one in traces) for p in found]
         least = min(costs) * (1 + 4 / sum(len(one.time) for one in traces))  # two deviations
         poles = min((p for p, cost in zip(found, costs, strict=True) if cost <= least), key=lambda p: p[0])
     return _with_uncertainty(traces, poles, signal)
@@ -184,13 +174,33 @@ def fit_traces(releases: Sequence[Release], law: Law = "spring", near: TraceFit 
 
 def refitted(fit: TraceFit, parts: Sequence[slice]) -> TraceFit | None:
     """Fit the same law to a part of each release; None if the parts are too short."""
-    pairs = [(one.trace[rows], rows, one.beyond) for one, rows in zip(fit.releases, parts, strict=True)]
+    pairs = [(one.trace[rows], one.swing) for one, rows in zip(fit.releases, parts, strict=True)]
     pairs = [pair for pair in pairs if len(pair[0].time) >= FEWEST_SAMPLES]
-    traces = [trace for trace, _, _ in pairs]
+    traces, swings = [trace for trace, _ in pairs], [swing for _, swing in pairs]
     if sum(len(trace.time) for trace in traces) < 3 * len(traces) + FEWEST_SAMPLES or not traces:
         return None
-    beyond = [_part(known, rows) for _, rows, known in pairs]
-    return _with_uncertainty(traces, _search(traces, fit.poles, beyond), fit.signal, beyond)
+    return _with_uncertainty(traces, _search(traces, fit.poles, swings, fit.signal), fit.signal, swings)
+
+
+def _pendulum(near: TraceFit, releases: Sequence[Release]) -> TraceFit:
+    """Fit a pendulum's law, from a spring's fit and the measured angles on."""
+    fit, traces, rate = near, [one.trace for one in near.releases], near.signal == "rate"
+    angles = [
+        np.interp(_grid(one.trace.time, fit.poles), (signal := smoothed(release)).time, signal.roll)
+        - (release.rest if rate else one.level)
+        for one, release in zip(near.releases, releases, strict=True)
+    ]
+    for _ in range(ROUNDS):
+        swings = [
+            swing_near(fit.poles, np.linspace(trace.time[0], trace.time[-1], len(angle)), angle)
+            for trace, angle in zip(traces, angles, strict=True)
+        ]
+        fit = _with_uncertainty(traces, _search(traces, fit.poles, swings, fit.signal), fit.signal, swings)
+        angles = [
+            swing.angle + swing.by_start @ one.coefficients[:2] + swing.by_law @ swing.moved(fit.poles)
+            for one, swing in zip(fit.releases, swings, strict=True)
+        ]
+    return replace(fit, law="pendulum")
 
 
 def response(poles: Array, grid: Array, torque: Array, *, rate: bool) -> Array:
@@ -208,6 +218,8 @@ def motion(fitted: FittedTrace, poles: Array, *, rate: bool) -> tuple[Array, Arr
 
     For a fit to a rate, the angle is that of a linear joint with that rate.
     """
+    if fitted.swing is not None:
+        return fitted.swing.grid, fitted.swing.angle, fitted.swing.rate
     grid = _grid(fitted.trace.time, poles)
     a, q = rates(poles)
     u, v = decay_basis(grid - grid[0], a, q)
@@ -223,12 +235,6 @@ def _grid(time: Array, poles: Array) -> Array:
     span, fastest = float(time[-1] - time[0]), math.exp(-poles[0] / 2)
     points = int(min(MOST, max(len(time), GRID * span * fastest / 1.5))) + 1
     return np.linspace(time[0], time[-1], points)
-
-
-def _angle(release: Release, trace: Trace) -> Array:
-    """Return a release's measured angle at the samples of its trace [rad], shape (n,)."""
-    signal = smoothed(release)
-    return np.interp(trace.time, signal.time, signal.roll)
 
 
 def _start(traces: Sequence[Trace], releases: Sequence[Release], signal: str) -> Array:
@@ -247,91 +253,75 @@ def _start(traces: Sequence[Trace], releases: Sequence[Release], signal: str) ->
         for zeta in (0.01, 0.05, 0.15, 0.3, 0.5, 0.7, 0.9, 1.3, 3.0, 10.0)
         for omega in np.array([1.4, 1.6, 1.8, 2.0, 2.3, 2.7]) * max(1.0, zeta) / pace
     ]
-    return min(grid, key=lambda poles: sum(project(part, poles, _spring(part))[0] for part in heads))
+    return min(grid, key=lambda poles: sum(project(part, poles)[0] for part in heads))
 
 
-Beyond = Callable[[Array], tuple[Array, Array]]
-"""Of (ln m, τ): the response to a known torque at a trace's samples, and the derivative of the signal by r, shape (n,) each."""
+Columns = tuple[Array, Array, Callable[[Array], Array]]
+"""Signal without its linear parameters, shape (n,). Columns of C, S and r, shape (n, 3). Their derivative by (ln m, τ), of coefficients,
+shape (n, 2)."""
 
 
-def _pendulum(trace: Trace, angle: Array, rest: float, *, rate: bool) -> Beyond:
-    """Return the response to a pendulum's torque beyond a spring's, for a known angle [rad], shape (n,), near a rest angle [rad]."""
+def columns_of(trace: Trace, poles: Array, swing: Swing | None = None, signal: str = "roll") -> Columns:
+    """Return the signal of a law as columns at the samples of a trace: a spring's, or a pendulum's near a swing."""
+    ones = np.ones(len(trace.time))
+    if swing is not None:
+        value, by_start, by_law = swing.seen(trace.time, rate=signal == "rate")
+        stiffness = math.exp(-poles[0])
+        by_poles = by_law @ (stiffness * np.array([[-1.0, 0.0], [-poles[1], 1.0]]))
+        return value + by_law @ swing.moved(poles), np.column_stack([by_start, ones]), lambda _: by_poles
+    a, q = rates(poles)
+    time = trace.time - trace.time[0]
+    u, v = decay_basis(time, a, q)
 
-    def beyond(poles: Array) -> tuple[Array, Array]:
-        grid = _grid(trace.time, poles)
-        swing = np.interp(grid, trace.time, angle - rest)
+    def slope(coefficients: Array) -> Array:
+        c, s = coefficients[0], coefficients[1]
+        near = abs(q) * time[-1] ** 2 <= 1e-3
+        v_by_q = -np.exp(-a * time) * time**3 / 6 if near else (time * u - v) / (2 * q)
+        by_a, by_q = -time * (c * u + s * v), -c * time * v / 2 + s * v_by_q
+        stiffness = math.exp(-poles[0])
+        return np.column_stack(
+            [-a * by_a + (2 * a * a - stiffness) * by_q, 0.5 * stiffness * (by_a - 2 * a * by_q)]
+        )
 
-        def answer(torque: Array) -> Array:
-            return np.interp(trace.time, grid, response(poles, grid, torque, rate=rate))
-
-        known, ones = answer(swing - np.sin(swing)), np.ones(len(trace.time))
-        if rate:  # the level of a rate is the gyro's bias
-            return known, ones
-        by_rest = answer(np.cos(swing) - 1)
-        return known - rest * by_rest, ones + by_rest
-
-    return beyond
-
-
-def _part(beyond: Beyond, rows: slice) -> Beyond:
-    def of_part(poles: Array) -> tuple[Array, Array]:
-        known, level = beyond(poles)
-        return known[rows], level[rows]
-
-    return of_part
+    return np.zeros(len(time)), np.column_stack([u, v, ones]), slope
 
 
-def _spring(trace: Trace) -> Beyond:
-    nothing = np.zeros(len(trace.time)), np.ones(len(trace.time))
-    return lambda _: nothing
-
-
-def project(trace: Trace, poles: Array, beyond: Beyond) -> tuple[float, Array, Array, Array, Array]:
+def project(
+    trace: Trace, poles: Array, swing: Swing | None = None, signal: str = "roll"
+) -> tuple[float, Array, Array, Array, Array]:
     """Eliminate the linear parameters of one release.
 
     Returns:
         The weighted sum of squares. The residual [rad or rad/s], shape (n,), and its Jacobian by (ln m, τ), shape (n, 2).
         The coefficients (C, S, r) and their inverse normal matrix.
     """
-    a, q = rates(poles)
-    time = trace.time - trace.time[0]
-    u, v = decay_basis(time, a, q)
-    known, level = beyond(poles)
-    raw = trace.whiten(np.column_stack([u, v, level]))
+    known, basis, slope_of = columns_of(trace, poles, swing, signal)
+    raw = trace.whiten(basis)
     size = np.linalg.norm(raw, axis=0) + 1e-300
     orthogonal, triangle = np.linalg.qr(raw / size)
     target = trace.whiten(trace.measured - known)
     if abs(np.diag(triangle)).min() < 1e-10:
-        return math.inf, target, np.zeros((len(time), 2)), np.zeros(3), np.zeros((3, 3))
+        return math.inf, target, np.zeros((len(target), 2)), np.zeros(3), np.zeros((3, 3))
     inverse = np.linalg.inv(triangle) / size[:, None]
     coefficients = inverse @ (orthogonal.T @ target)
     residual = target - orthogonal @ (orthogonal.T @ target)
-    by_q = (time * u - v) / (2 * q) if abs(q) * time[-1] ** 2 > 1e-3 else -np.exp(-a * time) * time**3 / 6
-    c, s = coefficients[0], coefficients[1]
-    by_a, by_q = -time * (c * u + s * v), -c * time * v / 2 + s * by_q
-    stiffness = math.exp(-poles[0])
-    slope = np.column_stack(
-        [-a * by_a + (2 * a * a - stiffness) * by_q, 0.5 * stiffness * (by_a - 2 * a * by_q)]
-    )
-    if known.any():
-        for i, nudge in enumerate((1e-4, 1e-4 / math.sqrt(stiffness))):
-            moved, tilted = beyond(poles + np.eye(2)[i] * nudge)
-            slope[:, i] += (moved - known + coefficients[2] * (tilted - level)) / nudge
-    slope = trace.whiten(slope)
+    slope = trace.whiten(slope_of(coefficients))
     jacobian = -(slope - orthogonal @ (orthogonal.T @ slope))
     return float(residual @ residual), residual, jacobian, coefficients, inverse @ inverse.T
 
 
-def _search(traces: Sequence[Trace], poles: Array, beyond: Sequence[Beyond] = ()) -> Array:
+def _search(
+    traces: Sequence[Trace], poles: Array, swings: Sequence[Swing | None] = (), signal: str = "roll"
+) -> Array:
     """Minimise the sum of squares over (ln m, τ)."""
-    known = beyond or [_spring(trace) for trace in traces]
+    near = swings or [None] * len(traces)
     interval = min(float(np.median(np.diff(trace.time))) for trace in traces)
     longest = max(float(trace.time[-1] - trace.time[0]) for trace in traces)
 
     def evaluate(poles: Array) -> Normal:
         if rates(poles)[0] * longest < -GROWTH:
             return Normal(math.inf, np.zeros(2), np.eye(2))
-        parts = [project(trace, poles, one) for trace, one in zip(traces, known, strict=True)]
+        parts = [project(trace, poles, one, signal) for trace, one in zip(traces, near, strict=True)]
         gradient = sum((part[2].T @ part[1] for part in parts), np.zeros(2))
         hessian = sum((part[2].T @ part[2] for part in parts), np.zeros((2, 2)))
         return Normal(0.5 * sum(part[0] for part in parts), gradient, hessian)
@@ -346,17 +336,22 @@ def _with_uncertainty(
     traces: Sequence[Trace],
     poles: Array,
     signal: Literal["roll", "rate"],
-    beyond: Sequence[Beyond] = (),
+    swings: Sequence[Swing | None] = (),
 ) -> TraceFit:
     """Derive the covariance of (ln m, τ) from the Jacobian and the residuals."""
-    known = beyond or [_spring(trace) for trace in traces]
-    parts = [project(trace, poles, one) for trace, one in zip(traces, known, strict=True)]
+    near = swings or [None] * len(traces)
+    parts = [project(trace, poles, one, signal) for trace, one in zip(traces, near, strict=True)]
     residuals, jacobians = [part[1] for part in parts], [part[2] for part in parts]
     count = sum(len(residual) for residual in residuals)
     free = count - 2 - 3 * len(traces)
     finest = BEST_SENSOR * max(float(np.ptp(trace.measured)) for trace in traces)
     fitted = [
-        _model(trace, poles, part[3], one) for trace, part, one in zip(traces, parts, known, strict=True)
+        known + basis @ part[3]
+        for part, (known, basis, _) in zip(
+            parts,
+            (columns_of(trace, poles, one, signal) for trace, one in zip(traces, near, strict=True)),
+            strict=True,
+        )
     ]
     left = [trace.weight * (trace.measured - model) for trace, model in zip(traces, fitted, strict=True)]
     noise = max(sum(float(residual @ residual) for residual in left) / free, finest**2)
@@ -385,15 +380,9 @@ def _with_uncertainty(
         signal=signal,
         releases=tuple(
             FittedTrace(trace, model, part[3], math.sqrt(part[4][2, 2] * inflation), one)
-            for trace, model, part, one in zip(traces, fitted, parts, known, strict=True)
+            for trace, model, part, one in zip(traces, fitted, parts, near, strict=True)
         ),
     )
-
-
-def _model(trace: Trace, poles: Array, coefficients: Array, beyond: Beyond) -> Array:
-    u, v = decay_basis(trace.time - trace.time[0], *rates(poles))
-    known, level = beyond(poles)
-    return coefficients[0] * u + coefficients[1] * v + coefficients[2] * level + known
 
 
 def _newey_west(
