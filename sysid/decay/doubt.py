@@ -121,6 +121,8 @@ def judged(
     fit, wider = _widened(fit, floor)
     ratio = fit.noise / floor.std if floor.std > 0 else math.inf
     others = second_laws(fit)
+    if fit.law == "pendulum":
+        fit = _with_scale(fit, releases, next(one for one in others if one.name == "hardening"))
     which = slice(None) if fit.damping_ratio < 1 else slice(1, None)  # an overdamped return fixes d/k alone
     seen = sorted((one for one in others if one.seen(which)), key=lambda one: -one.share / one.std)
     half_width = Z95 * np.sqrt(np.diag(to_logs(fit) @ fit.covariance @ to_logs(fit).T))
@@ -156,6 +158,13 @@ def judged(
         open_ones = sum((one.left_open**2 for one in others), np.zeros(2))
         fit = replace(fit, covariance=fit.covariance + np.diag(open_ones * [4.0, float(fit.poles[1]) ** 2]))
     return fit, Judgement(status, reason, ratio, wider, tuple(seen))
+
+
+def _with_scale(fit: TraceFit, releases: Sequence[Release], cubic: SecondLaw) -> TraceFit:
+    """Add the scale of the angle to a pendulum's covariance: of an angle a share s too large, the sine lacks a torque s x³/3."""
+    widest = max(releases, key=lambda release: release.amplitude)
+    moved = np.linalg.solve(to_logs(fit), cubic.shift * (widest.scale_std * widest.amplitude**2 / 3))
+    return replace(fit, covariance=fit.covariance + np.outer(moved, moved))
 
 
 def to_logs(fit: TraceFit) -> Array:

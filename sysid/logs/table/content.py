@@ -83,7 +83,7 @@ def _counts(column: Array) -> bool:
 def _sensors(names: Sequence[str], signals: dict[str, Array]) -> dict[str, tuple[Kind, str]]:
     if len(names) == 1:
         return {names[0]: ("angle", "")}
-    if len(names) == 2 and len(signals) == 2:
+    if len(signals) == 2:
         first, second = names
         slopes = abs(_slope_correlation(signals[first], signals[second]))
         backwards = abs(_slope_correlation(signals[second], signals[first]))
@@ -91,9 +91,9 @@ def _sensors(names: Sequence[str], signals: dict[str, Array]) -> dict[str, tuple
             angle, rate = (first, second) if slopes > backwards else (second, first)
             return {angle: ("angle", ""), rate: ("rate", "")}
     found: dict[str, tuple[Kind, str]] = {}
-    if len(names) == 4 and np.allclose(np.sqrt(sum(signals[name] ** 2 for name in names)), 1.0, atol=0.02):
+    if len(signals) == 4 and np.allclose(np.sqrt(sum(signals[name] ** 2 for name in names)), 1.0, atol=0.02):
         found = {name: ("quaternion", axis) for name, axis in zip(names, "wxyz", strict=True)}
-    if len(names) == 6 and len(signals) == 6:
+    if len(signals) == 6:
         for start in (0, 3):
             accel, gyro = names[start : start + 3], names[3 - start : 6 - start]
             norm = float(np.median(np.sqrt(sum(signals[name] ** 2 for name in accel))))
