@@ -14,7 +14,7 @@ import numpy as np
 from sysid.board import Board
 from sysid.decay.plausibility import amplitude_warnings
 from sysid.diagnosis import report as diagnosis_report
-from sysid.diagnosis.exact import is_possible, reaches_noise, sizes_of, weigh
+from sysid.diagnosis.exact import is_possible, sizes_of, weigh
 from sysid.diagnosis.experiment import deciding, in_words
 from sysid.diagnosis.laws import candidates
 from sysid.diagnosis.motion import NODES, judged_part, motion_of
@@ -22,6 +22,7 @@ from sysid.diagnosis.posterior import Found, Posterior, Subject, posterior
 from sysid.diagnosis.record import record_deviation
 from sysid.diagnosis.slow_flow import slow_posterior
 from sysid.diagnosis.verdict import NAMELESS, Hint, Status, Verdict, decide
+from sysid.diagnosis.walk import error_beside, likeliest_gain
 from sysid.effects import effect
 from sysid.effects._base import TorqueEffect
 from sysid.errors import SysidError
@@ -65,6 +66,8 @@ class Candidate:
     score: float
     """Twice the log evidence below the best."""
     fit: JointFit = field(repr=False)
+    judged: float
+    """RMS residual that no walk of the sensor's zero explains [rad or rad/s]."""
 
     @property
     def rmse(self) -> float:
@@ -73,13 +76,18 @@ class Candidate:
 
     @property
     def beyond(self) -> float:
-        """Error beyond the noise [rad or rad/s]."""
-        return float(np.sqrt(max(self.rmse**2 - self.fit.noise.std**2, 0.0)))
+        """Judged error beyond the noise [rad or rad/s]."""
+        return float(np.sqrt(max(self.judged**2 - self.fit.noise.std**2, 0.0)))
+
+    @property
+    def reaches_noise(self) -> bool:
+        """Whether the judged error is within the 95 % interval of the noise."""
+        return self.judged <= self.fit.noise.highest
 
     @property
     def cost(self) -> float:
         """Log error beyond the noise, and what the parameters have to be worth."""
-        return _cost(self.effects, self.rmse / self.fit.noise.std, self.fit.noise)
+        return _cost(self.effects, self.judged / self.fit.noise.std, self.fit.noise)
 
     @property
     def heldout_rmse(self) -> float:
@@ -232,17 +240,19 @@ def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, flo
     with stage(0.0, 0.6, "laws"):
         found = judge(releases, board, noise.std, rate=chosen["use_rate"])
     releases = judged_part(releases, found.motion)
-    base = Candidate(effects=(), score=0.0, fit=fit_joint(releases, board, own, options))
-    left = max(base.rmse**2 - noise.std**2, 0.0) / base.fit.measured_rms**2
+    linear = fit_joint(releases, board, own, options)
+    base = Candidate(effects=(), score=0.0, fit=linear, judged=linear.rmse)
     fitted = Fits(releases, board, options, own, base)
     with stage(0.6, 1.0, "fits"):
         fitted.explore(found)
+    base = fitted.base
+    left = (base.beyond / linear.measured_rms) ** 2
     found, fits = _weighed(found, fitted.all())
 
     def explained(candidates: Iterable[Candidate]) -> float:
         return 1 - (min(c.beyond for c in candidates) / base.beyond) ** 2 if base.beyond else 1.0
 
-    exact = any(reaches_noise(c.fit) for _, c in fits)
+    exact = any(c.reaches_noise for _, c in fits)
     verdict = decide(found, left=left, explained=explained(c for _, c in fits), exact=exact)
     best = fitted.of(verdict.effects, verdict.families)
     verdict = decide(found, left=left, explained=explained([best]), exact=exact)
@@ -364,11 +374,11 @@ def _weighed(
     """
     once = {c.effects: (one, c) for one, c in reversed(fits)}
     first = next((c for one, c in fits if one is found.sets[0]), None)
-    if found.exact and _sure(found) and first is not None and not reaches_noise(first.fit):
+    if found.exact and _sure(found) and first is not None and not first.reaches_noise:
         return found, fits
-    chances = weigh([(one, c.fit) for one, c in once.values()])
-    if chances is None:
+    if not any(c.reaches_noise for _, c in once.values()):
         return _by_fits(found, fits), fits
+    chances = weigh([(one, c.fit) for one, c in once.values()], [c.judged for _, c in once.values()])
     both = sorted(zip(chances, once.values(), strict=True), key=lambda item: -item[0])
     top, moved = both[0][0], found.inclusion.get("rest", 0.0)
     again: list[tuple[Found, Candidate]] = []
@@ -389,7 +399,7 @@ def _weighed(
         **{f: size for f, size in found.sizes.items() if f == "rest"},
         **sizes_of(best.fit, best.effects),
     }
-    exact = reaches_noise(best.fit)
+    exact = best.reaches_noise
     return replace(
         found, sets=tuple(one for one, _ in again), inclusion={**inclusion, **({"rest": moved} if "rest" in inclusion else {})},
         sizes=sizes, nameless=0.0 if exact else found.nameless, share=0.0 if exact else found.share,
@@ -410,6 +420,8 @@ class Fits:
     made: dict[tuple[str, ...], tuple[Found, Candidate]] = field(default_factory=dict[Any, Any])
     tried: dict[tuple[str, ...], Trial] = field(default_factory=dict[Any, Any])
     """Trials by effects."""
+    gain: float = 0.0
+    """Of the filter for a walk of the sensor's zero [1]."""
 
     def all(self) -> list[tuple[Found, Candidate]]:
         """Return all fits with their sets."""
@@ -436,7 +448,16 @@ class Fits:
         except SysidError:
             return
         if is_possible(fit, names):
-            self.made[names] = one, Candidate(effects=names, score=score, fit=fit)
+            judged = error_beside(fit.residuals, self.gain)
+            self.made[names] = one, Candidate(effects=names, score=score, fit=fit, judged=judged)
+
+    def _judge(self) -> None:
+        """Judge all fits beside the walk of the sensor's zero that makes the best of them the likeliest."""
+        fits = [self.base.fit, *(c.fit for _, c in self.all())]
+        self.gain = likeliest_gain(fits)
+        self.base = replace(self.base, judged=error_beside(self.base.fit.residuals, self.gain))
+        for names, (one, c) in self.made.items():
+            self.made[names] = one, replace(c, judged=error_beside(c.fit.residuals, self.gain))
 
     def of(self, effects: Sequence[str], families: Sequence[str]) -> Candidate:
         """Return the best fit of some families, or that of the record's law if they cannot be fitted."""
@@ -447,28 +468,28 @@ class Fits:
 
         if not same():
             self.add(_set(families, effects))
-        return min(same(), key=lambda c: c.rmse, default=self.base)
+        return min(same(), key=lambda c: c.judged, default=self.base)
 
     def explore(self, found: Posterior) -> None:
         """Fit the likeliest set, the record's law, and of all that compete with these the best in a trial.
 
-        Parts of the likeliest sets compete. If the best one misses the noise, so do other laws of its families. If the posterior is not
-        sure either, so do all single laws, and pairs with the best of them: a short motion says more as a whole than its equations do.
+        Parts of the likeliest sets compete. If the best one misses the noise, so do other laws of its families, all single laws, and pairs
+        with the best of them: a short motion says more as a whole than its equations do.
         """
         best, top = found.sets[0], found.sets[0].probability
         self.add(best, top)
         self.add(next((s for s in found.sets if not s.families), _set((), ())), top)
+        self._judge()
         near = [s for s in found.sets[1:FITTED] if len(set(s.families) - {"rest"}) <= 2]
         rivals = [*near, *(part for s in (best, *near) for part in _parts(s))]
         first = self.made.get(fittable(best.effects))
-        if found.nameless <= NAMELESS and not (first and reaches_noise(first[1].fit)):
-            rivals += _variants(best, self.own)
-            if not _sure(found):
-                rivals += self._pairs(found)
+        if found.nameless <= NAMELESS and not (first and first[1].reaches_noise):
+            rivals += [*_variants(best, self.own), *self._pairs(found)]
         costs = [(cost, i) for i, one in enumerate(rivals) if (cost := self._trial_cost(one)) is not None]
         for _, i in sorted(costs):
             if len(self.made) < MOST_FITS:
                 self.add(rivals[i], top)
+        self._judge()
 
     def _pairs(self, found: Posterior) -> list[Found]:
         """Return all single laws, and pairs of the best one with each other family."""
@@ -497,7 +518,10 @@ class Fits:
                 )
             except SysidError:
                 return None
-        return _cost(names, self.tried[names].rmse, self.base.fit.noise) if names else None
+        if not names:
+            return None
+        noise = self.base.fit.noise
+        return _cost(names, error_beside(self.tried[names].residuals, self.gain) / noise.std, noise)
 
     def _recorded(self) -> dict[str, float]:
         """Return the parameters of the record's effects by 'effect.parameter'."""
@@ -523,12 +547,10 @@ def _by_fits(found: Posterior, fits: list[tuple[Found, Candidate]]) -> Posterior
     """Return the posterior with that set first whose fit explains most for its number of parameters.
 
     No law of the catalogue is exact here, and a second one may only bend the first. So each parameter has to lower the error beyond the
-    noise by a share `BENDS`. If the posterior is sure of a set, only its parts compete with it.
+    noise by a share `BENDS`.
     """
     best = found.sets[0]
-    sure = _sure(found)
-    near = [(one, c) for one, c in fits if not sure or set(one.families) <= set(best.families)]
-    one, candidate = min(near, key=lambda item: item[1].cost)
+    one, candidate = min(fits, key=lambda item: item[1].cost)
     if set(one.families) - {"rest"} == set(best.families) - {"rest"}:
         return found
     rest = tuple(s for s in found.sets if s.families != one.families)

@@ -17,11 +17,6 @@ from sysid.joint.trajectory import Trajectory, simulate
 from sysid.roll import Array
 
 
-def reaches_noise(fit: JointFit) -> bool:
-    """Return whether a fit leaves no more than the noise, within the 95 % interval of the noise."""
-    return fit.rmse <= fit.noise.highest
-
-
 def is_possible(fit: JointFit, names: Sequence[str]) -> bool:
     """Return whether no effect's torque is beyond a possible share of the torque of spring and effects together, both RMS over the motion.
 
@@ -50,26 +45,23 @@ def _spring(fit: JointFit, path: Trajectory) -> Array:
     return fit.law.frequency**2 * fit.law.inertia * (path.roll - fit.law.rest_angle)
 
 
-def weigh(fits: Sequence[tuple[Found, JointFit]]) -> list[float] | None:
-    """Return the probability of each set among some fitted ones, or None if no fit reaches the noise.
+def weigh(fits: Sequence[tuple[Found, JointFit]], errors: Sequence[float]) -> list[float]:
+    """Return the probability of each set among some fitted ones, of which the best reaches the noise.
 
     For ε = 0 Laplace's method with a unit-information prior gives the log evidence -χ²/2 - p/2 ln n, for p parameters and n samples.
     χ² is in units of the error of the best fit. Source: Schwarz 1978; Kass and Raftery, JASA 90, 1995.
 
     Args:
         fits: Sets and their fits.
+        errors: RMS error of each fit beside a walk of the sensor's zero.
     """
-    if not any(reaches_noise(fit) for _, fit in fits):
-        return None
-    noise = min(fit.rmse for _, fit in fits)
-    logs = []
-    for found, fit in fits:
-        samples, free = fit.problem.samples, len(fit.problem.names)
-        logs.append(
-            -0.5 * samples * (fit.rmse / noise) ** 2
-            - 0.5 * free * np.log(samples)
-            + sum(log_odds(f) for f in found.families if f != "rest")
-        )
+    noise = min(errors)
+    logs = [
+        -0.5 * fit.problem.samples * (error / noise) ** 2
+        - 0.5 * len(fit.problem.names) * np.log(fit.problem.samples)
+        + sum(log_odds(f) for f in found.families if f != "rest")
+        for (found, fit), error in zip(fits, errors, strict=True)
+    ]
     weights = np.exp(np.array(logs) - max(logs))
     return [float(w) for w in weights / weights.sum()]
 

@@ -18,7 +18,7 @@ from sysid.least_squares import Minimum
 from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Z95
-from sysid.roll import Release
+from sysid.roll import Array, Release
 
 BESIDE = 3
 """Starts of the catalogue tried beside one that is near the minimum."""
@@ -255,8 +255,8 @@ def fit_joint(
 class Trial:
     """A fit from one start on a coarse grid."""
 
-    rmse: float
-    """Root mean square residual over the noise [1]."""
+    residuals: tuple[Array, ...]
+    """Model minus measurement of each record [rad or rad/s]."""
     parameters: Mapping[str, float]
     """In their units."""
 
@@ -287,8 +287,7 @@ def trial_fit(
     )  # fmt: skip
     first = starting_points(structure, scales, fixed)[0]
     found = problem.fitted(problem.start({**first, **start}), tolerance=1e-4)
-    rmse = float(np.sqrt(2 * found.normal.cost / max(problem.samples, 1)))
-    return Trial(rmse, problem.parameters(found.point))
+    return Trial(tuple(problem.residuals(found.point)), problem.parameters(found.point))
 
 
 def finished(
