@@ -233,7 +233,7 @@ def diagnose(
 def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, float]) -> Diagnosis:
     recordings, releases, weak = unpack(data, whole=True)
     chosen = signal_of(releases, signal)
-    options = FitOptions(fixed=fixed, **chosen)
+    options = FitOptions(fixed=fixed, bounds_friction=False, **chosen)
     own = tuple(part.name for part in board.effects)
     check_parameters(own, options, board)
     noise = noise_floor(releases, rate=chosen["use_rate"])

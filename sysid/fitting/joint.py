@@ -40,6 +40,8 @@ class FitOptions:
     """Lowest and highest value of parameters, by the same names, in their units."""
     priors: tuple[str, ...] = ()
     """Parameters of which the record's value and standard deviation count as a measurement, by the same names."""
+    bounds_friction: bool = True
+    """Whether a friction without an upper limit in the data gets a least value, which takes a search of its own."""
     steps_per_period: int = 60
     """Of the integrator, in the final fit: RK4 then loses 82/n⁴ = 6e-6 rad of phase a period of a linear joint."""
 
@@ -306,7 +308,7 @@ def finished(
     if not np.isfinite(minimum.normal.cost):
         raise SysidError("the fit found no parameters with a bounded motion. Check the unit of the log.")
     found = summarise(problem, minimum, board, noise, evaluations)
-    for name in problem.structure.rough if problem.bias == "per-release" else ():
+    for name in problem.structure.rough if options.bounds_friction and problem.bias == "per-release" else ():
         if name in problem.names and not minimum.at_bound[problem.names.index(name)]:
             found = _bounded_below(found, name)
     return found
