@@ -33,8 +33,6 @@ from sysid.roll import Array
 from sysid.shown import MOST_SHOWN
 from sysid.text import display
 
-STEPS_PER_PERIOD = 60
-"""Integration steps a period, times the law's sharpness: RK4 is then off by 1e-6 of the motion."""
 MOST_SAMPLES = 12_000
 """Samples in a page; longer logs are averaged over neighbours."""
 MOST_TRIED = 4
@@ -148,7 +146,7 @@ def playground(
             "isRate": evidence.comparison.is_rate,
             "axis": evidence.comparison.show.axis,
             "scale": evidence.comparison.show.scale,
-            "step": 2 * np.pi / frequency / STEPS_PER_PERIOD / structure.sharpness,
+            "step": 2 * np.pi / frequency / FitOptions().steps_per_period / structure.sharpness,
             "sizes": sizes,
             "internal": [2 + i for i, is_own in enumerate(rest) if is_own] if free_states else [],
             "turns": structure.has_dry_friction,

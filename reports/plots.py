@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH, HEIGHT = 6.4, 3.2
-"""Size of a single picture [inch]."""
 PERIODS = 4.0
 """Time for which a record's own decay is drawn, in natural periods."""
 
@@ -46,7 +44,7 @@ def plot(result: object, axes: "Axes | None" = None) -> "Axes":
         if axes is None:
             import matplotlib.pyplot as plt
 
-            axes = plt.subplots(figsize=(WIDTH, HEIGHT), layout="constrained")[1]
+            axes = plt.subplots(layout="constrained")[1]
         _draw(result, axes)
     return axes
 
@@ -57,7 +55,7 @@ def html(result: Any) -> str:
     if figure is None:
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(WIDTH, HEIGHT), layout="constrained")
+        figure = Figure(layout="constrained")
         plot(result, figure.subplots())
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=100)
@@ -187,8 +185,7 @@ def _story(fit: Fit) -> "Figure | None":
     story = tell(
         data,
         fit.before,
-        before=before,
-        after=fit.law,
+        laws=(before, fit.law),
         effects=added,
         heldout=fit.heldout_rmse / fit.noise.std,
     )

@@ -158,28 +158,27 @@ def tell(
     data: Data,
     board: Board,
     *,
-    before: JointLaw,
-    after: JointLaw,
+    laws: tuple[JointLaw, JointLaw],
     effects: Sequence[str],
     steps: Sequence[Step] = (),
     heldout: float | None = None,
-    ranked: Sequence[Ranked] = (),
     label: str = "",
     seen: tuple[TorqueProfile, TorqueProfile] | None = None,
 ) -> Story:
     """Compare two laws of a board with recordings, and describe their difference.
 
     Args:
-        effects: Effects that `after` has beyond `before`.
+        laws: The law before, and the law after.
+        effects: Effects that the law after has beyond the law before.
         steps: The ladder between the two laws.
         heldout: Error of the law after on releases that were left out, in multiples of the noise.
-        ranked: The candidates of a diagnosis, best first.
         label: Of the law after, where its effects do not say it.
         seen: The missing torque over rate and over angle; that of the differentiated logs, if left out.
 
     Raises:
         SysidError: The law after cannot be compared with these releases.
     """
+    before, after = laws
     latter = compare(data, board, law=after)
     try:
         former = None if before == after else compare(data, board, law=before)
@@ -189,8 +188,7 @@ def tell(
     worst = latter if former is None else former
     over_rate, over_angle = _missing(latter, effects, seen)
     label = label or _added(tuple(effects))
-    laws = [(STOOD, former)] if former is not None else []
-    lags, correlations = _correlations([*laws, (label, latter)])
+    lags, correlations = _correlations([*([] if former is None else [(STOOD, former)]), (label, latter)])
     stood = [] if former is None else [Step(STOOD, former.rmse / floor)]
     own = Step(label, latter.rmse / floor, heldout)  # of logs that it was not fitted to, before the refits
     return Story(
@@ -203,7 +201,7 @@ def tell(
         over_rate=over_rate,
         over_angle=over_angle,
         steps=(*stood, own, *steps) if label in (STOOD, RECORD) else (*stood, *steps, own),
-        ranked=tuple(ranked),
+        ranked=(),
         lags=lags,
         correlations=correlations,
         white=NormalDist().inv_cdf(0.995) / float(np.sqrt(sum(len(r.residual) for r in latter.releases))),
@@ -266,17 +264,16 @@ def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
     held = {names: c.heldout_rmse / floor for names, c in tried.items()}
     own = [part.name for part in board.effects if effect(part.name).role == "torque"]
     demand = demanded(found.posterior, found.best.fit.law, own)
-    return tell(
+    story = tell(
         found.recordings or found.releases,
         board,
-        before=JointLaw.from_board(board),
-        after=found.best.fit.law,
+        laws=(JointLaw.from_board(board), found.best.fit.law),
         effects=chosen,
         steps=[Step(_added(names), tried[names].rmse / floor, held[names]) for names in between],
         heldout=held.get(chosen),
-        ranked=ranked([(c.effects, c.score, 0.0) for c in found.candidates], chosen),
         seen=(demand.over(demand.rate), demand.over(demand.angle)),
     )
+    return replace(story, ranked=ranked([(c.effects, c.score, 0.0) for c in found.candidates], chosen))
 
 
 def for_report(found: "Diagnosis", board: Board) -> dict[str, Any]:
@@ -323,10 +320,10 @@ def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story
                 (c["heldout_rmse_rad"] for c in content["candidates"] if tuple(c["effects"]) == chosen), None
             )
             heldout = None if held is None else held / content["noise_floor_rad"]
-    return tell(
-        evidence.releases, board, before=evidence.stood, after=after, effects=effects, steps=steps, heldout=heldout,
-        ranked=models, label=label,
+    story = tell(
+        evidence.releases, board, laws=(evidence.stood, after), effects=effects, steps=steps, heldout=heldout, label=label,
     )  # fmt: skip
+    return replace(story, ranked=models)
 
 
 def _added(effects: tuple[str, ...]) -> str:

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 MIN_FRAMES_PER_PERIOD = 8
 """Fewest frames a period; with fewer the fastest part of a swing is a guess."""
-SLOW_RATE, SLOW_PERIOD = 31.0, 0.6
-"""Slow motion plays at 30 frames/s [Hz] or less. The period of a board, 0.1 to 0.3 s, is then longer than this [s]."""
 
 
 def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
@@ -80,12 +78,12 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
     lone = lone_outliers(time[seen], angle[seen], rate=False) != 0
     rows = seen[~lone]
     time, angle, std, own = (one[rows] for one in (time, angle, std, own))
-    if (ramp := speed_ramp(time, angle, std)) is not None:
+    if (ramp := speed_ramp(time, angle, own)) is not None:
         raise SysidError(
             f"{clip.path}: the frame rate changes at {ramp:.2f} s (edited slow motion?). Give the film as the camera took it."
         )
     rate = 1 / float(np.median(np.diff(track.time)))
-    pace = frames_per_period(time, angle, std) if followed.turns else np.inf  # noise has no period
+    pace = frames_per_period(time, angle, own) if followed.turns else np.inf  # noise has no period
     if round(pace, 1) < MIN_FRAMES_PER_PERIOD:
         needed = rate * MIN_FRAMES_PER_PERIOD / pace
         raise SysidError(
@@ -103,27 +101,13 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
             f"{len(lost)} of {len(track.time)} frames, between {lost[0]:.4g} and {lost[-1]:.4g} s, show too little of the target "
             "and are left out; --overlay shows the reason"
         )
-    warnings += _doubts(np.ptp(angle), rate, pace, followed, options)
+    if not followed.turns:
+        warnings.append(
+            f"the target turns by {np.degrees(np.ptp(angle)):.2g}° in all, less than a release or than its noise: no measurement of a board. "
+            "Look at --overlay. Then give the board's region with --roi, or film a release"
+        )
     roll = Roll(
         log=str(clip.path), time=time - delay, roll=angle, std=std, own_std=own, origin="video", zero="constant",
         errors_last=True, notes=tuple(notes), warnings=tuple(warnings),
     )  # fmt: skip
     return roll, rows
-
-
-def _doubts(
-    turned: float, rate: float, pace: float, followed: "Followed", options: VideoOptions
-) -> list[str]:
-    """Return warnings of a target that hardly turns, and of slow motion."""
-    warnings: list[str] = []
-    if not followed.turns:
-        warnings.append(
-            f"the target turns by {np.degrees(turned):.2g}° in all, less than a release or than its noise: no measurement of a board. Look at "
-            "--overlay. Then give the board's region with --roi, or film a release"
-        )
-    if options.rate is None and rate < SLOW_RATE and SLOW_PERIOD < pace / rate < np.inf:
-        warnings.append(
-            f"it plays at {rate:.3g} frames/s and swings in {pace / rate:.2g} s, slower than a board. Of slow motion "
-            "give the true rate, as --rate 240"
-        )
-    return warnings

@@ -6,14 +6,12 @@ import numpy as np
 
 from reports.figures.palette import SIM
 from sysid.board import Board
+from sysid.fitting.bootstrap import FEWEST_DRAWS
 from sysid.joint import JointLaw
 from sysid.text import display
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-DRAWS = 200
-"""Boards drawn from the uncertainty of the record for the band."""
 
 
 def bode_figure(board: Board, width: float) -> "Figure":
@@ -29,7 +27,7 @@ def bode_figure(board: Board, width: float) -> "Figure":
     parts = (board.inertia, board.tilt["damping"], board.tilt["stiffness"])
     nominal = np.add([part.value for part in parts], [0.0, 0.0, hangs])
     spread = np.array([part.std if np.isfinite(part.std) else 0.0 for part in parts])
-    draws = np.vstack([nominal, np.abs(nominal + spread * rng.standard_normal((DRAWS, 3)))])
+    draws = np.vstack([nominal, np.abs(nominal + spread * rng.standard_normal((2 * FEWEST_DRAWS, 3)))])
     responses = np.array(
         [control.TransferFunction([1.0], coefficients)(1j * omega) for coefficients in draws]
     )

@@ -11,8 +11,8 @@ from reports.story import Story
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-A4 = (8.27, 11.69)
-"""Width and height [inch]."""
+A4 = tuple(2 ** (power / 4) / 0.0254 for power in (-9, -7))
+"""Width and height [inch]: 2^(-9/4) and 2^(-7/4) m (ISO 216)."""
 LINE = 100
 """Characters of a line."""
 

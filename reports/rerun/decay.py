@@ -50,10 +50,6 @@ POSES = 50.0
 ENVELOPE = "#777777"
 MEASURED, SIMULATED = Look("real", REAL, 3.5), Look("sim", SIM, 1.4)
 PHASES = {"rest": "#555555", "held": REAL, "free": SIM, "caught": "#CC79A7"}
-MILLI = 1e3
-"""From SI to thousandths, the factor in which residuals are shown."""
-SHOWN_IN = 8.0
-"""Playing time of the motion, if that is not slower than real time [s]."""
 
 
 def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> None:
@@ -211,11 +207,11 @@ def _log_band(
     name: str = "sim - real",
 ) -> None:
     """Log a residual over the band of ±2σ of the sensor's noise, in thousandths: Rerun's axis labels are short."""
-    log_series(stream, f"{root}/residual/error", time, MILLI * residual, Look(name, SIM, 1.0))
+    log_series(stream, f"{root}/residual/error", time, 1e3 * residual, Look(name, SIM, 1.0))
     ends = np.array([time[0], time[-1]])
     for sign, side in ((2, "upper"), (-2, "lower")):
         look = Look(f"noise {sign:+d}σ", NOISE, 1.2)
-        log_series(stream, f"{root}/residual/noise_{side}", ends, np.full(2, sign * MILLI * noise), look)
+        log_series(stream, f"{root}/residual/noise_{side}", ends, np.full(2, sign * 1e3 * noise), look)
 
 
 def _log_whole_log(
@@ -301,7 +297,7 @@ def _release_tab(
     unit = "rad" if kind == "roll" else "rad/s"
     low, high = float(measured.min()), float(measured.max())
     pad = 0.08 * (high - low)
-    reach = 1.15 * MILLI * error
+    reach = 1.15 * 1e3 * error
     views = (
         _curves(f"{root}/signal", f"{kind} [{unit}]", span, (low - pad, high + pad)),
         _curves(f"{root}/residual", f"residual [m{unit}]", span, (-reach, reach)),
@@ -352,7 +348,6 @@ def _blueprint(left: "rrb.Tabs", right: "rrb.Container", end: float) -> "rrb.Blu
             state="collapsed",
             time_selection=played,
             loop_mode="selection",
-            playback_speed=min(end / SHOWN_IN, 1.0),
             play_state="playing",
         ),
         rrb.SelectionPanel(state="collapsed"),

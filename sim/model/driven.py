@@ -17,6 +17,7 @@ from sim.model.patch import (
     tagged,
     with_sections,
 )
+from sim.model.scene import HOLDING_ARMATURE
 from sim.model.setup import Setup
 from sysid.driven.fit import DrivenFit
 from sysid.driven.joint import Simulator, Structure
@@ -28,8 +29,6 @@ from sysid.effects._mjcf import actuators_of
 from sysid.errors import SysidError
 from sysid.roll import Array
 
-HOLDING_ARMATURE = 1e9
-"""Armature of held joints [kg*m^2 or kg]: loads move them by less than rounding."""
 TURN = 1e-4
 """Turn of a joint over which the slope of its load is taken [rad or m]."""
 
@@ -178,12 +177,11 @@ def load_along(
             smooth = Motion.of(time, angle)
             rate, acceleration = (np.interp(time, smooth.time, x) for x in (smooth.rate, smooth.acceleration))
         number = setup.named(model, name)
+        place, address = int(model.jnt_dofadr[number]), int(model.jnt_qposadr[number])
         if name == setup.joint:
             own_rate = rate
         else:
-            others.append(
-                (int(model.jnt_dofadr[number]), int(model.jnt_qposadr[number]), angle, rate, acceleration)
-            )
+            others.append((place, address, angle, rate, acceleration))
     angles = motion[setup.joint]
     mass, rows = np.zeros((model.nv, model.nv)), np.zeros((3, len(time)))
     for i in range(len(time)):

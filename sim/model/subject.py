@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from sim.model import urdf
-from sim.model.arc import Arc, walk
+from sim.model.arc import REACH, Arc, walk
 from sim.model.servo import servos_of
 from sim.model.setup import Setup
 from sysid.board import Board, BoardEffect
@@ -23,10 +23,6 @@ TINY = 1e-9
 """Rounding: a rest nearer to zero is zero [rad or m]; a torque smaller by this factor than the inertia's unit is no torque."""
 MAX_ERROR = 0.01
 """Error of a table's harmonics, and change of an inertia along the arc, above which a note is printed [1]. Masses are usually known to a per cent."""
-
-
-NEAR = 1.6
-"""Distance from the rest within which harmonics must fit a spatial tendon [rad or m]: 92°, farther than most releases."""
 
 
 def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]]:
@@ -100,7 +96,7 @@ def _effects(
     strongest = float(np.abs(arc.pull).max())
     weighs, missed = of_table(arc.position, own + arc.springs - held)
     if missed > MAX_ERROR * strongest:  # a spatial tendon: exact near the rest only
-        near = np.abs(arc.position - rest) < NEAR
+        near = np.abs(arc.position - rest) < REACH["hinge"] / 2
         weighs, missed = of_table(arc.position[near], (own + arc.springs - held)[near])
     if any(weighs.values()) and strongest > TINY * inertia:
         effects.append(_effect(weight.EFFECT, {"scale": 1.0, **weighs}))

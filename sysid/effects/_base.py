@@ -226,8 +226,8 @@ Family = Literal[
 ]  # fmt: skip
 """Everyday kinds of effects; effects of one family are variants of one another."""
 Role = Literal["torque", "learned", "support", "shift", "record", "measurement", "drive"]
-"""Changed part: the joint's torque, by a formula or a learned table; its support; its rest angle; the record's numbers, which a free
-decay cannot separate from k and d; the sensor; the actuator."""
+"""Changed part: the joint's torque, by a formula or a learned table; its support; its rest angle; numbers of the record that a free decay
+leaves open; the sensor; the actuator."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,8 +1,7 @@
 """Block bootstrap: intervals from the residuals themselves, without a noise model.
 
-With releases enough whole releases are drawn again, so that whatever differs from one to the next (how the
-deck was let go, a bushing that warms up) is in the spread. With few, the fitted motion is kept and blocks of
-residuals are laid over it anew: long enough that their memory survives.
+Of twelve releases or more, whole releases are drawn again: differences between them, such as a bushing that warms up, are in the spread.
+Of fewer, blocks of residuals are added to the fitted motion: blocks longer than the memory of the noise.
 
 Sources: Künsch (Annals of Statistics 1989) for moving blocks; Politis and White (Econometric Reviews 2004)
 for their length; Efron and Tibshirani (1993), chapter 14, for the bias-corrected percentiles.
@@ -47,7 +46,7 @@ class Bootstrap:
 
     @property
     def how(self) -> str:
-        """What was drawn, in words."""
+        """The kind of draws, in words."""
         if self.drawn == "releases":
             return f"{len(self.draws)} draws of whole releases"
         if self.block == 1:
@@ -76,8 +75,8 @@ def require_enough(draws: int) -> None:
     """
     if draws < FEWEST_DRAWS:
         raise SysidError(
-            f"{draws} draws are too few for the ends of a 95 % interval; expected at least {FEWEST_DRAWS} "
-            "(--bootstrap 400 is good to 7 % of the width)."
+            f"{draws} draws are too few for the ends of a 95 % interval; expected at least {FEWEST_DRAWS}. "
+            "--bootstrap 400 is good to 7 % of the width."
         )
 
 
@@ -105,8 +104,8 @@ def bootstrap(fit: JointFit, board: Board, draws: int, *, seed: int = 0) -> Boot
             found.append(minimum.point[:count] * again.sizes()[:count])
     if len(found) < max(FEWEST_DRAWS, draws // 2):
         raise SysidError(
-            f"only {len(found)} of {draws} drawn logs could be fitted: the model is at the edge of what these "
-            "logs fix. Fit fewer effects."
+            f"only {len(found)} of {draws} drawn logs could be fitted: these logs hardly fix the model. "
+            "Fit fewer effects."
         )
     names = fit.problem.names
     scale = scale_shift(fit.problem, fit.minimum)
@@ -121,8 +120,8 @@ def bootstrap(fit: JointFit, board: Board, draws: int, *, seed: int = 0) -> Boot
 def block_length(noise: ResidualNoise, count: int) -> int:
     """Return the length of blocks that suits the memory of the noise [samples].
 
-    Politis and White (2004) weigh the bias of short blocks against the scatter of few; blocks are never
-    shorter than five times the memory either, so that cutting it costs no more than a twentieth of the width.
+    Politis and White (2004) weigh the bias of short blocks against the scatter of few. Blocks have at least five times the memory of the
+    noise: a shorter one narrows the interval by a twentieth.
     """
     covariances = noise.covariances(4096)
     lags = np.arange(len(covariances))
@@ -153,7 +152,7 @@ def _of_blocks(fit: JointFit, noise: ResidualNoise, block: int, rng: np.random.G
     """Return the problem on fitted motions with blocks of residuals laid over them."""
     pool = fit.residuals
     seen = float(np.sqrt(sum(float(r @ r) for r in pool) / fit.problem.samples))
-    # What the fit took out of the residuals is put back in their size.
+    # Scale the residuals to the noise: the fit has made them smaller.
     larger = noise.std / max(seen, 1e-300)
     mean = float(np.mean(np.concatenate(pool)))
     records = [

@@ -22,15 +22,15 @@ UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad"}
 
 
 def total_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
-    """Return the covariance of the free parameters in their units, what no release parts in it, shape (free, free)."""
+    """Return the covariance of the free parameters in their units, with the errors common to all releases, shape (free, free)."""
     own = parameter_covariance(problem, minimum, problem.residuals(minimum.point))
     return own + common_covariance(problem, minimum, board)
 
 
 def common_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
-    """Return the covariance of the free parameters from what all releases share, shape (free, free), in their units.
+    """Return the covariance of the free parameters from errors common to all releases, shape (free, free), in their units.
 
-    That is the inertia, what the record knows of a weight, and the scale of the sensor: more releases make none better known.
+    These are the errors of the inertia, of a known weight, and of the sensor's scale: more releases leave them as they are.
     """
     known = inertia_covariance(problem, minimum, board) + weight_covariance(problem, minimum, board)
     return known + scale_covariance(problem, minimum)
@@ -70,7 +70,7 @@ def inertia_covariance(problem: Problem, minimum: Minimum, board: Board) -> Arra
 def weight_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
     """Return the covariance of the free parameters by the uncertainty of a held torque, shape (free, free), in their units.
 
-    Where the inertia is fitted it is the scale of all: another weight makes inertia and torques larger alike.
+    A fitted inertia scales with the weight, as all torques do.
     """
     parameters = problem.parameters(minimum.point)
     shares = [
@@ -120,7 +120,7 @@ def parameter_quantities(
 
 
 def table_values(structure: Structure) -> frozenset[str]:
-    """Return the parameters that are values of a learned table: none of them says anything alone."""
+    """Return the parameters that are values of a learned table: alone they mean nothing."""
     return frozenset(
         f"{part.name}.{name}"
         for part in structure.torques
@@ -138,7 +138,7 @@ def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence
 
     The sandwich H⁻¹ (Jᵀ R J) H⁻¹, where R is the covariance of the noise behind the residuals
     (`sysid.noise.autoregression`); for white noise R = σ² 1. Under a robust loss the influence of each residual is
-    bounded, in both layers. A film states errors that last, so that a fit takes them up: what it states is the least.
+    bounded, in both layers. A film states slow errors, which a fit takes for motion: the stated deviation is the least.
 
     Returns:
         Covariance, shape (free, free), in the parameters' units.
@@ -190,7 +190,7 @@ class Sensitivity:
     rows: tuple[Array, ...]
     """Of each record, shape (n, free); zero in columns of parameters at a bound."""
     own: tuple[Array, ...]
-    """What a record's own unknowns can make, as orthonormal columns, shape (n, own)."""
+    """Orthonormal columns that span the record's own unknowns, shape (n, own)."""
     counted: tuple[Array, ...]
     """JᵀJ of each record's rows that a robust loss does not limit, shape (free, free)."""
     root: Array
@@ -330,7 +330,7 @@ def identifiability_warnings(
 
 
 def identified_combination(effect: str, quantities: Mapping[str, Quantity], covariance: Array) -> str:
-    """Say which combination of an effect's parameters the data fix, where they fix none of them well.
+    """Name the combination of an effect's parameters that the data fix better than each of them.
 
     In logarithms a product of powers is a direction, and the best known one is the covariance's narrowest.
 

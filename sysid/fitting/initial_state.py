@@ -7,7 +7,7 @@ import numpy as np
 from sysid.board import Board
 from sysid.effects._base import Scales
 from sysid.errors import SysidError
-from sysid.fitting.problem import Problem
+from sysid.fitting.problem import Problem, starts_unknown
 from sysid.fitting.records import Bias, Record
 from sysid.joint import JointLaw
 from sysid.progress import steps
@@ -56,9 +56,8 @@ def problems_of_law(
     )  # fmt: skip
     parameters = law.parameters
     del parameters["inertia"]
-    free_states = bool(structure.internal_states) and any(r.release.hold <= 0 for r in records)
     one = Problem(
-        structure, records[:1], scales, bias=bias, fixed=parameters, free_states=free_states,
+        structure, records[:1], scales, bias=bias, fixed=parameters, free_states=starts_unknown(structure, records),
         steps_per_period=steps_per_period,
     )  # fmt: skip
     return [one.with_(records=[record]) for record in records]

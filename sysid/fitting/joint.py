@@ -9,7 +9,7 @@ from sysid.board import Board
 from sysid.effects import catalogue, drives, effect
 from sysid.effects._base import Scales, TorqueEffect
 from sysid.errors import SysidError, did_you_mean
-from sysid.fitting.problem import Problem
+from sysid.fitting.problem import Problem, starts_unknown
 from sysid.fitting.records import Bias, make_records
 from sysid.fitting.result import JointFit, summarise
 from sysid.fitting.search import scales_of, search, starting_points
@@ -124,9 +124,8 @@ def record_values(board: Board) -> dict[str, float]:
 def held_parameters(structure: Structure, board: Board, options: FitOptions) -> tuple[dict[str, float], Bias]:
     """Return the parameters that a fit holds, by the structure's names, and whose zero the sensor has.
 
-    Beside what the user holds that is what the record knows from elsewhere, the spring of a joint that has none, and the
-    rest angle where the zero of the sensor takes its place. What sets the period of a joint without a spring is known as well as
-    the record says (`record_priors`), and not held.
+    The user holds some of them. The record holds others: known parameters, the spring of a joint without one, and the rest angle where
+    the sensor's zero replaces it. The weight of a joint without a spring has a prior instead (`record_priors`).
     """
     values, fixed, bias = record_values(board), dict(options.fixed), options.bias
     for part in structure.parts:
@@ -179,7 +178,7 @@ def known_priors(board: Board) -> dict[str, tuple[float, float]]:
 
 
 def prior_in_words(board: Board, name: str, prior: tuple[float, float]) -> str:
-    """Return how well a parameter is known before, and who says so.
+    """Return the prior of a parameter, with its source.
 
     Args:
         prior: Its value and standard deviation, in its unit.
@@ -241,10 +240,12 @@ def fit_joint(
     fine = options.steps_per_period * (3 if structure.nonsmooth else 1)
     first = starting_points(structure, scales, fixed)
     starts = first if start is None else [{**first[0], **start}, *first[:BESIDE]]
-    problem, minimum, evaluations = search(
-        structure, records, scales, bias=bias, fixed=fixed, bounded=options.bounds, steps_per_period=fine, starts=starts,
+    problem = Problem(
+        structure, records, scales, bias=bias, fixed=fixed, bounded=options.bounds, steps_per_period=fine,
         priors={**record_priors(structure, board, options, fixed), **priors_of(board, options)},
+        free_states=starts_unknown(structure, records),
     )  # fmt: skip
+    minimum, evaluations = search(problem, starts)
     problem, minimum, more = _plainest(problem, minimum)
     warnings: list[str] = []
     if not (board.stiffness and (board.fit or board.decay)):
@@ -381,8 +382,7 @@ def _plainest(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum, int
 def _springless(problem: Problem, minimum: Minimum, board: Board) -> tuple[Problem, Minimum, list[str]]:
     """Let gravity take the spring's place where the data do without a spring: a pendulum has none.
 
-    A decay hardly tells the one from the other. A spring that was measured before is not given up for that, and one
-    that is clearly there is kept; the price of a parameter is BIC's. No spring is negative, whatever that would explain.
+    A decay hardly distinguishes the two. A spring that was measured before, or is significant by BIC, is kept. No spring is negative.
     """
     parts = [part for part in problem.structure.torques if part.adds_stiffness]
     added = [f"{part.name}.{part.adds_stiffness}" for part in parts]

@@ -1,4 +1,4 @@
-"""The ladder of models: what each effect takes off the error."""
+"""The ladder of models: the error with one effect more each time."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -49,7 +49,7 @@ def ladder(
 
     Args:
         effects: In the order in which they are added.
-        heldout: Also predict releases that are left out.
+        heldout: Whether to predict releases that are left out.
 
     Raises:
         SysidError: A model cannot be fitted; those before it have been returned.

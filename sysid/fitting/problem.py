@@ -24,11 +24,7 @@ from sysid.least_squares import Minimum, Normal, minimise
 from sysid.roll import Array, Release
 
 ZERO_TABLE_WEIGHT = 1e12
-"""Weight of a table that is zero."""
-_FORBIDDEN = 1e8
-"""Weight of what a table must not do because spring and damper do it."""
-_RUNAWAY = 1e30
-"""Root of the sum of squares, of residuals or of slopes, from which a motion has run away [rad or rad/s]."""
+"""Weight of a table that is zero, and of the part that spring and damper hold."""
 _ROUGH = 1e-3
 """Relative fall of the cost that is not noticed far above the noise: of a dozen independent values, 0.006 nats."""
 _WIDE = 6.0
@@ -37,7 +33,7 @@ _WIDE = 6.0
 
 @dataclass(frozen=True, slots=True)
 class _Path:
-    """What turns one record into residuals."""
+    """The functions that turn one record into residuals."""
 
     shooting: Shooting
     signal: Array
@@ -45,7 +41,7 @@ class _Path:
     std: float
     """Signal, time on the log's clock and noise of the samples, or of means of neighbours; shape (n,)."""
     reader: Buffered | None
-    """What the sensor does to samples; None where it does nothing."""
+    """The sensor's effect on samples; None without one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +62,8 @@ class _Start:
 class Problem:
     """Least squares of one structure on some records.
 
-    The vector of unknowns is: free parameters of the joint, then for each record its roll, rate, free
-    internal states and, with bias 'per-release', its bias; each in units of its size.
+    The vector of unknowns holds the free parameters of the joint, then each record's roll, rate, free internal states and, with bias
+    'per-release', its bias. Each is in units of its size.
     """
 
     structure: Structure
@@ -79,7 +75,7 @@ class Problem:
     bounded: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
     """Bounds of free parameters instead of their own, in their units."""
     priors: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
-    """What is known of free parameters before: value and standard deviation, in their units."""
+    """Priors of free parameters: value and standard deviation, in their units."""
     free_states: bool = True
     steps_per_period: int = 40
     smoothing: tuple[float, ...] = ()
@@ -185,7 +181,7 @@ class Problem:
         return starts
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out what is made again from the rest."""
+        """Leave out cached values."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @cached_property
@@ -217,7 +213,7 @@ class Problem:
 
     @cached_property
     def places(self) -> list[tuple[Any, Any]]:
-        """Where each record's columns are among the unknowns, and its block of the normal equations."""
+        """Places of each record's columns among the unknowns, and its block of the normal equations."""
         shared, own = np.arange(len(self.names)), self.n_local
         starts = len(shared) + own * np.arange(len(self.records))
         places = [np.r_[shared, start : start + own] for start in starts]
@@ -238,10 +234,10 @@ class Problem:
         return sum(len(record.time) for record in self.records)
 
     def unnoticed(self, cost: float) -> float:
-        """Return the relative fall of a cost that no judgement would notice [1].
+        """Return the relative fall of a cost that is insignificant [1].
 
-        At the noise, a fiftieth of what one parameter gains by chance. Far above it what is left is the law's, and the same in
-        each swing: a few values, whose logarithm counts, however many samples there are.
+        At the noise, it is a fiftieth of the chance gain of one parameter. Far above the noise the residual is the law's error, and alike
+        in each swing: few independent values, however many samples there are.
         """
         used = max(1.0, self.samples if self.weights is None else sum(float(w.sum()) for w in self.weights))
         beyond = max(1.0 - 0.5 * used / cost, 0.0) if cost > 0 else 0.0
@@ -414,7 +410,7 @@ class Problem:
         for smooth, mine in self._tables:
             beyond = np.eye(len(mine)) - smooth.space @ smooth.space.T
             form = (smooth.space * smooth.weighted(self.smoothing)) @ smooth.space.T
-            known[np.ix_(mine, mine)] += form + _FORBIDDEN * beyond
+            known[np.ix_(mine, mine)] += form + ZERO_TABLE_WEIGHT * beyond
         for name, (_, std) in self.priors.items():
             if name in at:
                 known[at[name], at[name]] += (self.sizes()[at[name]] / std) ** 2
@@ -448,8 +444,8 @@ class Problem:
     def normal(self, unknowns: Array, most: float = np.inf) -> Normal:
         """Return cost and normal equations at unknowns in units of their sizes, shape (p,), residuals in units of their noise.
 
-        What is known before counts with them. The cost is infinite where a motion runs away, and once it is beyond the `most`
-        that is of use: what is left of the records is not integrated then.
+        Priors count as residuals. A cost above `most` is infinite, and so is that of a motion that diverges: the other
+        records are not integrated then.
         """
         shared, sizes = len(self.names), self.sizes()
         gradient = np.zeros(len(sizes))
@@ -463,9 +459,9 @@ class Problem:
                 if self.weights is not None:
                     rows *= np.sqrt(self.weights[index])[:, None]
                 products = rows.T @ rows
-            if not products.diagonal().max() <= _RUNAWAY**2:  # NaN is not either
+                products *= self._products[index]
+            if not np.isfinite(products).all():
                 return Normal(np.inf, gradient, hessian)
-            products *= self._products[index]
             where, block = self.places[index]
             inward, slope = self._inward(index, unknowns)
             rate = where[shared + 1]
@@ -481,9 +477,9 @@ class Problem:
     def _inward(self, index: int, unknowns: Array) -> tuple[float, float]:
         """Return how much faster than from rest a record starts, in deviations, and its slope with the rate.
 
-        A deck that was held still starts at rate zero. A hand may drag and make it late, so only a start
-        towards the rest angle that is too fast counts, beyond what its acceleration makes while its instant is not known.
-        Without this a stop that acts in the first milliseconds only would be taken for a push.
+        A deck that was held starts at rate zero. A hand may drag and delay it, so only a start towards the rest angle counts. It is
+        compared with the rate that the pull makes in the time by which the release is uncertain. Otherwise a stop that acts for some
+        milliseconds would pass for a push.
         """
         at = len(self.names) + index * self.n_local + 1
         if self._starts[index].inward * unknowns[at] <= 0:
@@ -508,6 +504,11 @@ class Problem:
             own = part.of(self.parameters(unknowns))
             late = float(np.hypot(late, delay(begin.pull, begin.std, own)))
         return late * begin.pull
+
+
+def starts_unknown(structure: Structure, records: Sequence[Record]) -> bool:
+    """Return whether internal states at release are free: a hold before each release would fix them."""
+    return bool(structure.internal_states) and any(record.release.hold <= 0 for record in records)
 
 
 def _first_pull(release: Release) -> float:

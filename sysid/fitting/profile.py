@@ -1,12 +1,11 @@
 """Profile likelihood: the cost along one parameter while all others are refitted.
 
-The interval from the Jacobian takes the cost for a parabola. Where it is none (an effect near zero, a stop
-that is hardly touched, a pair that trades off along a bend) the profile shows the true shape: the
-parameter is held beside its best value, everything else is fitted again, and the rise of the cost is read.
+The interval from the Jacobian takes the cost for a parabola. A friction near zero, a stop that is hardly touched or a pair of correlated
+parameters have another cost. The profile shows it: the parameter is held beside its best value, all others are fitted again, and the rise
+of the cost is read.
 
-With residuals that are correlated the plain rise promises too much. It is divided by the same factor by
-which correlation widens the variance of this parameter (the vertical adjustment of a misspecified
-likelihood; Chandler and Bate, Biometrika 2007), so where the cost is a parabola both intervals are one.
+Correlated residuals make the plain interval too narrow. The rise is divided by the factor by which correlation widens the variance of
+this parameter (Chandler and Bate, Biometrika 2007). Of a parabola both intervals are then the same.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,12 +21,8 @@ from sysid.progress import steps
 from sysid.quantity import Z95
 from sysid.roll import Array
 
-_PICTURE = (0.25, 0.5, 0.75, 1.25)
-"""Shares of the way to the end of the interval that are looked at as well."""
-_CLOSE = 0.01
-"""How closely the root of the deviance meets 1.96 [1]: half a percent of the interval."""
-_TRIES = 14
-"""Places tried at most on the way to an end, each a fit of all others; halving alone brings a bracket of 40 to 0.002."""
+_CLOSE = 0.005
+"""How closely an end of the interval is found, as a share of its half-width [1]."""
 _FARTHEST = 40.0
 """Of the Jacobian's deviations: beyond, the data leave the parameter open."""
 
@@ -37,9 +32,9 @@ class Shape:
     """The cost along one unknown."""
 
     best: float
-    """Where it is lowest among all points seen."""
+    """Value with the lowest cost of all points."""
     values: Array
-    """Where it was looked at, ascending, shape (n,)."""
+    """Values of the points, ascending, shape (n,)."""
     rise: Array
     """Rise of the adjusted deviance there; 3.84 ends the 95 % interval; shape (n,)."""
     interval: tuple[float, float]
@@ -132,47 +127,34 @@ def _walk(
     step: float,
 ) -> _Side:
     """Find where the deviance has risen to 1.96² on one side, and look at some points more for the picture."""
-    far = best + _FARTHEST * step
-    limit = min(bound, far) if step > 0 else max(bound, far)
-    seen: dict[float, tuple[float, Minimum]] = {best: (0.0, minimum)}
+    from scipy.optimize import brentq
 
-    def root(value: float) -> float:
-        near = min(seen, key=lambda other: abs(other - value))
-        deviance, found = rise(value, seen[near][1])
-        if not np.isfinite(deviance):  # a joint that runs away
-            return 1e3
-        seen[value] = deviance, found
-        return float(np.sqrt(max(deviance, 0.0)))
+    limit = float(np.clip(bound, best - _FARTHEST * abs(step), best + _FARTHEST * abs(step)))
+    most = (limit - best) / step if step else 0.0
+    seen: dict[float, tuple[float, Minimum]] = {0.0: (0.0, minimum)}
 
-    inside, outside = (best, 0.0), None
-    value = best + Z95 * step
-    for _ in range(_TRIES):
-        value = min(value, limit) if step > 0 else max(value, limit)
-        height = root(value)
-        if abs(height - Z95) < _CLOSE:
-            value = best + (value - best) * Z95 / height
-            break
-        if height > Z95:
-            outside = value, height
-        else:
-            inside = value, height
-            if value == limit:
-                break
-        if outside is None:
-            growth = Z95 / max(height, 1e-3)
-            value = best + (value - best) * float(np.clip(growth, 1.05, 3.0))
-        else:  # the root of the deviance is nearly a straight line
-            share = (Z95 - inside[1]) / (outside[1] - inside[1])
-            value = inside[0] + float(np.clip(share, 0.1, 0.9)) * (outside[0] - inside[0])
-    open_ended = value == limit and inside[0] == limit
-    if value != best:
-        for share in _PICTURE:
-            further = best + share * (value - best)
-            if abs(further - best) <= abs(limit - best):
-                root(further)
-    points = [(where, deviance) for where, (deviance, _) in seen.items() if where != best]
+    def height(deviations: float) -> float:
+        """Root of the deviance, less 1.96: nearly a straight line."""
+        if deviations not in seen:
+            near = min(seen, key=lambda other: abs(other - deviations))
+            deviance, found = rise(best + deviations * step, seen[near][1])
+            if not np.isfinite(deviance):  # a joint that runs away
+                return 1e3
+            seen[deviations] = deviance, found
+        return float(np.sqrt(max(seen[deviations][0], 0.0))) - Z95
+
+    inside, outside = 0.0, min(Z95, most)
+    while (rest := height(outside)) < 0 and outside < most:
+        growth = Z95 / max(rest + Z95, 1e-3)
+        inside, outside = outside, min(outside * float(np.clip(growth, 1.05, 3.0)), most)
+    open_ended = rest < 0
+    end = most if open_ended else float(brentq(height, inside, outside, xtol=_CLOSE * Z95))
+    for quarter in (1, 2, 3, 5):  # for the picture
+        if end and quarter * end / 4 <= most:
+            height(quarter * end / 4)
+    points = [(best + where * step, deviance) for where, (deviance, _) in seen.items() if where]
     if not open_ended:
-        return _Side(points, value, at_bound=False)
+        return _Side(points, best + end * step, at_bound=False)
     return _Side(
         points, bound if limit == bound else float(np.copysign(np.inf, step)), at_bound=limit == bound
     )

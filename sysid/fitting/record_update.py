@@ -53,7 +53,7 @@ def require_usable(fit: JointFit, board: Board | None = None) -> None:
     for name in ("stiffness", "damping"):
         if name in fit.quantities and fit.quantities[name].value <= 0:
             raise SysidError(
-                f"{name} came out as {fit.quantities[name].value:.4g}, which no passive joint has; the record is "
+                f"{name} came out as {fit.quantities[name].value:.4g}; a passive joint has more than 0. The record is "
                 f"unchanged. Ask diagnose what the logs do show, or hold it (--fix {name}=0)."
             )
     for name in _unfixed(fit):

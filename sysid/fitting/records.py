@@ -11,8 +11,8 @@ from sysid.roll import Array, Release
 Bias = Literal["shared", "per-release"]
 """Sensor zero: one for all releases (it is then part of the rest angle), or one for each."""
 Signal = Literal["auto", "roll", "rate", "per-release"]
-"""What is fitted or compared: the roll, with one zero for all releases; the measured rate; or the roll with a zero for
-each release. 'auto' chooses by what the sensor measured and whether its zero drifts."""
+"""Fitted signal: the roll with one zero for all releases, the measured rate, or the roll with a zero for each release. 'auto' chooses by
+the sensor and the drift of its zero."""
 
 
 class SignalOptions(TypedDict):
@@ -25,9 +25,8 @@ class SignalOptions(TypedDict):
 def signal_of(releases: Sequence[Release], signal: Signal = "auto") -> SignalOptions:
     """Return which signal of some releases to fit.
 
-    Where a gyro measured, its rate: a roll that was integrated from it drifts, and one that was fused from gyro and
-    accelerometer has errors that last, which pass for motion. A gyro's zero wanders from release to release, as that of
-    any other roll that drifts.
+    Of a gyro the rate is fitted. A roll that is integrated from it drifts, and a roll fused with an accelerometer has slow errors that
+    look like motion. The zero of a gyro, as of any drifting roll, differs from release to release.
     """
     if signal == "auto":
         drifting = any(release.zero == "drifting" for release in releases)
@@ -106,9 +105,8 @@ def first_from(time: Array, instant: float) -> int:
 def _end_of_motion(release: Release, signal: Array, std: float) -> int:
     """Return how many samples to keep: the motion, and as long again of the rest after it.
 
-    A long rest would outweigh the motion and teach nothing: a joint that sticks is still. The last tenth
-    of a release that came to rest, or was caught, may hold the hand that comes for the next one, and is left
-    out.
+    A long rest would outweigh the motion. In the last tenth of a release that came to rest, or was caught, a hand may already touch the
+    deck: it is left out.
     """
     n = len(signal)
     if release.end == "log":

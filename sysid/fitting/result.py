@@ -1,4 +1,4 @@
-"""A fitted joint: its law, its parameters with their uncertainty, and what is left."""
+"""A fitted joint: its law, its parameters with their uncertainty, and the residual."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ TOLERANCE = 0.02
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointFit:
-    """A fitted joint, with what is known of its uncertainty."""
+    """A fitted joint with its uncertainty."""
 
     law: JointLaw
     quantities: Mapping[str, Quantity]

@@ -16,23 +16,16 @@ from sysid.least_squares import Minimum, Normal, minimise
 from sysid.progress import stage, steps
 from sysid.roll import Array
 
-_LONG = (1.25, 4.0)
-_SHORT = (0.6, 1.25, 2.5, 4.0)
-"""How many periods of each release are looked at before the whole: a stop that is met at each swing decides
-when the next one begins, and whoever looks at all of them at once sees false valleys only."""
-
-
+_PERIODS = 4.0
+"""Periods of each release that are searched before the whole. Each search before looks at half as many, down to half a swing. A stop that
+is hit in each swing decides when the next one begins, so the cost of all swings at once has many local minima."""
 _MET = 0.001
 """Cost of going from one search's end to another's, over the cost there, up to which they have met: a choice."""
 _BEHIND = 2.0
-"""Squared error of the first swings over the least from which a start is not followed through the rest: in 377 searches of foreign and
-real logs the best one was never beyond it, but for three laws at more than thirty times the noise that came out 4 to 7 % worse."""
-_VISCOUS = (0.6, 0.2)
-"""Shares of the loss left to the damper from which a joint with dry friction is searched."""
+"""Ratio of the cost of first swings to the least one above which a start is given up [1]. In 377 searches of foreign and real logs the
+best start was below it, except for three laws at thirty times the noise."""
 _SCOUTS = 3
-"""Records in whose first swings starts are ranked: a choice; a recording that is cut has nine stretches, and their first swings are nearly all of it."""
-_WIDEST = 6
-"""Releases, those of the widest swings, from which the sizes of a problem are found."""
+"""Releases from which the sizes of a problem are found, and in whose first swings starts are ranked: a choice of time."""
 _ASTRAY = 1.5
 """Ratio of stiffnesses, with one rest angle for all releases and with one each, from which the former errs."""
 
@@ -46,7 +39,7 @@ def scales_of(records: Sequence[Record], board: Board) -> Scales:
         inertia=board.inertia.value, stiffness=board.stiffness, damping=board.damping,
         amplitude=amplitude, duration=duration,
     )  # fmt: skip
-    records = [records[i] for i in sorted(np.argsort(spans)[-_WIDEST:])]
+    records = [records[i] for i in sorted(np.argsort(spans)[-_SCOUTS:])]
     together = _linear_scales(records, rough, "shared")
     if records[0].is_rate or len(records) == 1:
         return together
@@ -95,10 +88,10 @@ def _pitch(record: Record) -> float:
 
 
 def linear_guess(record: Record) -> tuple[float, float] | None:
-    """Return (k/I, d/I) of a release by regression on its running integrals, or None if it makes no sense.
+    """Return (k/I, d/I) of a release by regression on its running integrals, or None if k is negative.
 
-    φ(t) = φ₀ + v₀ t + (k/I) x₀ t²/2 - (k/I) ∬φ - (d/I) (∫φ - φ₀ t): linear in its unknowns, and integrals are
-    kind to noise. A start only: noise in the regressors biases it a little.
+    The equation φ(t) = φ₀ + v₀ t +
+    (k/I) x₀ t²/2 - (k/I) ∬φ - (d/I) (∫φ - φ₀ t) is linear in its unknowns. Noise in the regressors biases it: it is a start only.
     """
     t, y = record.time, record.signal
     step = np.diff(t, prepend=t[0])
@@ -134,7 +127,7 @@ def starting_points(
     points: list[dict[str, float]] = []
     for choice in itertools.islice(catalogue_starts(structure, scales), most):
         point = {**linear, **choice}
-        # What others add to the stiffness or take from it, the spring makes up for.
+        # The spring makes up for the stiffness of the other parts.
         for part in structure.supports:
             point["stiffness"] *= 1.0 / (
                 1.0 - linear["stiffness"] / point[f"{part.name}.{part.series_stiffness}"]
@@ -158,96 +151,77 @@ def starting_points(
                 {**point, "stiffness": max(point["stiffness"] - dragged, 0.02 * linear["stiffness"])}
             )
     if structure.has_dry_friction:
-        # The linear fit gave the damper all of the loss; dry friction takes its share of that, more or less.
-        points = [{**point, "damping": share * point["damping"]} for share in _VISCOUS for point in points]
+        # The linear fit gave the damper all of the loss; dry friction takes more than half of that, or less.
+        points = [
+            {**point, "damping": share * point["damping"]} for share in (3 / 4, 1 / 4) for point in points
+        ]
     return points
 
 
-def search(
-    structure: Structure,
-    records: Sequence[Record],
-    scales: Scales,
-    *,
-    bias: Bias = "shared",
-    fixed: Mapping[str, float] | None = None,
-    bounded: Mapping[str, tuple[float, float]] | None = None,
-    priors: Mapping[str, tuple[float, float]] | None = None,
-    steps_per_period: int = 60,
-    starts: Sequence[Mapping[str, float]] | None = None,
-) -> tuple[Problem, Minimum, int]:
-    """Find the best parameters of a structure: many short searches on a coarse grid, the best one finely.
+def search(fine: Problem, starts: Sequence[Mapping[str, float]]) -> tuple[Minimum, int]:
+    """Find the best parameters: many short searches on a coarse grid, the best ones finely.
 
-    Friction makes the cost rough, because it decides in which half swing the deck stops. So the search
-    begins with the first swings only, and the rest follows when the parameters are nearly right.
-    Internal states at release follow from the hold before it, or are free where the log does not show it.
+    Dry friction makes the cost rough, because it decides in which half swing the joint stops. So the search begins with the first
+    swings, and the rest follows when the parameters are nearly right.
 
     Args:
-        bounded: Bounds of others instead of their own.
-        starts: Instead of the catalogue's.
+        fine: The problem.
+        starts: Parameters from which the search sets out.
 
     Returns:
-        The fine problem, its minimum, and how many evaluations it all took.
+        The minimum, and the number of evaluations.
     """
-    fixed = dict(fixed or {})
-    rest = measured_rest(records)
-    free_states = bool(structure.internal_states) and any(record.release.hold <= 0 for record in records)
-    starts = starting_points(structure, scales, fixed) if starts is None else starts
-    nonsmooth = structure.nonsmooth
-    coarse_steps = min(60 if nonsmooth else 24, steps_per_period)
+    structure, records = fine.structure, fine.records
     kept = scouts(records) if structure.effects else range(len(records))
-    coarse = Problem(
-        structure, [records[i] for i in kept], scales, bias=bias, fixed=fixed, bounded=dict(bounded or {}), priors=dict(priors or {}),
-        free_states=free_states, steps_per_period=coarse_steps,
-    )  # fmt: skip
-    horizons = [] if not structure.effects else _SHORT if nonsmooth else _LONG
-    early = [
-        coarse.with_(records=[first_swings(record, scales, periods) for record in coarse.records])
-        for periods in horizons
-    ]
-    acting = [place for place, name in enumerate(coarse.names) if "." in name]
-    evaluations = 0
-    found: list[tuple[float, Array]] = []
+    coarse_steps = min(60 if structure.nonsmooth else 24, fine.steps_per_period)
+    coarse = fine
+    if coarse_steps < fine.steps_per_period or len(kept) < len(records):
+        coarse = fine.with_(records=[records[i] for i in kept], steps_per_period=coarse_steps)
+    rest = measured_rest(records)
     points = [coarse.start({**start, "rest_angle": start.get("rest_angle") or rest}) for start in starts]
     with stage(0.0, 0.3):
-        for problem in steps(early):
-            ends: list[Minimum] = []
-            for point in points:
-                tried = [point]
-                if nonsmooth and problem is early[0]:
-                    # No descent leads back from where a slider never slips or a stop is never met: let the joint come first.
-                    joint = _pinned(problem, point, acting)
-                    evaluations += joint.evaluations
-                    tried.append(joint.point)
-                firsts = [problem.fitted(one, 12, 1e-4) for one in tried]
-                evaluations += sum(first.evaluations for first in firsts)
-                ends.append(min(firsts, key=lambda m: m.normal.cost))
-            apart = _apart(ends)
-            enough = _BEHIND * apart[0].normal.cost if problem is early[-1] else np.inf
-            points = [end.point for end in apart if end.normal.cost <= enough]
+        points, evaluations = _of_first_swings(coarse, points)
     with stage(0.3, 0.5):
-        for point in steps(points):
-            second = coarse.fitted(point, 15, 1e-5)
-            evaluations += second.evaluations
-            found.append((second.normal.cost, second.point))
-    found.sort(key=lambda item: item[0])
+        whole = [coarse.fitted(point, 15, 1e-5) for point in steps(points)]
+    evaluations += sum(minimum.evaluations for minimum in whole)
+    found = sorted(((m.normal.cost, m.point) for m in whole), key=lambda item: item[0])
     with stage(0.5, 0.7):
         found[0] = scan_rough_parameters(coarse, _restarted(coarse, found[0]))
-    same = coarse_steps == steps_per_period and len(kept) == len(records)
-    fine = coarse if same else coarse.with_(records=records, steps_per_period=steps_per_period)
-    best: Minimum | None = None
     # On the coarse grid a kink falls between two points, so its costs rank neighbours only roughly.
-    most, near = (4, 3.0) if nonsmooth else (2, 1.2)
+    most, near = (4, 3.0) if structure.nonsmooth else (2, 1.2)
     with stage(0.7, 1.0):
-        for cost, point in steps(found[:most]):
-            if best is not None and cost > near * found[0][0]:
-                break
-            start = followed(fine, fine.start(coarse.parameters(point)), kept, point)
-            minimum = fine.fitted(start, tolerance=1e-7)
-            evaluations += minimum.evaluations
-            if best is None or minimum.normal.cost < best.normal.cost:
-                best = minimum
-    assert best is not None
-    return fine, best, evaluations
+        ends = [
+            fine.fitted(followed(fine, fine.start(coarse.parameters(point)), kept, point), tolerance=1e-7)
+            for cost, point in steps(found[:most])
+            if cost <= near * found[0][0] or cost == found[0][0]
+        ]
+    best = min(ends, key=lambda minimum: minimum.normal.cost)
+    return best, evaluations + sum(end.evaluations for end in ends)
+
+
+def _of_first_swings(coarse: Problem, points: list[Array]) -> tuple[list[Array], int]:
+    """Return the points that searches of the first swings reach, the best first, and the number of evaluations."""
+    structure, evaluations = coarse.structure, 0
+    halvings = () if not structure.effects else (3, 2, 1, 0) if structure.nonsmooth else (1, 0)
+    acting = [place for place, name in enumerate(coarse.names) if "." in name]
+    for number, halving in enumerate(steps(halvings)):
+        periods = _PERIODS / 2**halving
+        problem = coarse.with_(records=[first_swings(one, coarse.scales, periods) for one in coarse.records])
+        ends: list[Minimum] = []
+        for point in points:
+            tried = [point]
+            if structure.nonsmooth and number == 0:
+                # No descent leads back from where a slider never slips or a stop is never met: let the joint come first.
+                joint = _pinned(problem, point, acting)
+                evaluations += joint.evaluations
+                tried.append(joint.point)
+            firsts = [problem.fitted(one, 12, 1e-4) for one in tried]
+            evaluations += sum(first.evaluations for first in firsts)
+            ends.append(min(firsts, key=lambda m: m.normal.cost))
+        apart = _apart(ends)
+        enough = _BEHIND * apart[0].normal.cost if number == len(halvings) - 1 else np.inf
+        points = [end.point for end in apart if end.normal.cost <= enough]
+    return points, evaluations
 
 
 def _apart(ends: Sequence[Minimum]) -> list[Minimum]:
@@ -264,15 +238,15 @@ def _met(off: Array, there: Normal) -> bool:
     return 0.5 * float(off @ there.hessian @ off) <= _MET * there.cost
 
 
-_SHARES = (0.6, 0.75, 0.87, 1.15, 1.35, 1.65)
-"""Shares of a rough parameter at which it is held on the way out of a false valley: a choice."""
+_STRIDE = 1.2
+"""Ratio of two places at which a rough parameter is held on the way out of a false valley, three to each side: a choice."""
 
 
 def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
     """Walk along rough parameters out of a false valley: hold one elsewhere, let the rest follow, then free it.
 
-    The cost is rough along a friction, because it decides in which half swing each release stops; a
-    descent gets caught, a walk that re-fits everything else does not. At the noise there is nothing to gain.
+    The cost is rough along a friction, because it decides in which half swing each release stops. A descent ends in a local minimum; a
+    walk that fits all other parameters again does not. At the noise there is nothing to gain.
 
     Args:
         found: Cost [1] and unknowns in units of their sizes, shape (p,).
@@ -286,9 +260,9 @@ def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple
             if found[0] < 0.55 * problem.samples:
                 return found
             best = found
-            for factor in _SHARES:
+            for strides in (-3, -2, -1, 1, 2, 3):
                 aside = found[1].copy()
-                aside[index] = np.clip(aside[index] * factor, low[index], high[index])
+                aside[index] = np.clip(aside[index] * _STRIDE**strides, low[index], high[index])
                 held = _pinned(problem, aside, [index])
                 if held.normal.cost < found[0]:
                     freed = problem.fitted(held.point, 12, 1e-4)
@@ -330,13 +304,13 @@ def scouts(records: Sequence[Record]) -> list[int]:
 
 
 def followed(problem: Problem, whole: Array, kept: Sequence[int], point: Array) -> Array:
-    """Return unknowns of all records, with those that a search of some of them found in their places, in units of sizes, shape (p,).
+    """Return the unknowns of all records with those of some records replaced, in units of their sizes, shape (p,).
 
     Args:
-        problem: Of all records.
-        whole: Its unknowns, shape (p,).
-        kept: Which records were searched.
-        point: What was found, shape (q,).
+        problem: All records.
+        whole: Their unknowns, shape (p,).
+        kept: Numbers of the searched records.
+        point: The unknowns of these, shape (q,).
     """
     shared = len(problem.names)
     start = np.r_[point[:shared], whole[shared:]]

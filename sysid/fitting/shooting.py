@@ -17,7 +17,7 @@ class Shooting:
     """(parameters, unknowns, hold) → state and sensitivities at release."""
     path: Rollout
     at: Any
-    """Sparse matrix from grid values and slopes to what is wanted at the samples, shape (n, 2 steps)."""
+    """Sparse matrix from grid values and slopes to samples, shape (n, 2 steps)."""
     hold: float
     """For how long the deck was held before [s]."""
 

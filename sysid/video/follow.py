@@ -6,15 +6,12 @@ import numpy as np
 
 from sysid.errors import SysidError
 from sysid.roll import Array
-from sysid.video.film.frames import Frame
+from sysid.video.film.frames import MAX_MISSING_SHARE, Frame
 from sysid.video.film.reel import Reel
 from sysid.video.film.track import Track
 from sysid.video.pose.pose import pose_between, turn_of
 from sysid.video.trackers._base import MIN_SEEN_SHARE, Follower
 from sysid.video.types import Points
-
-MAX_REPEATED = 0.1
-"""Frames without a later stamp, as a share of the others, up to which a film's times are believed."""
 
 
 def follow_all(follower: Follower, frames: Sequence[Frame]) -> Points:
@@ -50,7 +47,7 @@ def track_of(reel: Reel, frames: Sequence[tuple[int, float]], points: Points) ->
         raise SysidError(
             f"{reel.clip.path}: {len(frames)} frames are too few for a decay. Film at least a second."
         )
-    if reel.repeated > MAX_REPEATED * len(frames):
+    if reel.repeated > MAX_MISSING_SHARE * len(frames):
         raise SysidError(
             f"{reel.clip.path}: {reel.repeated} frames carry no later time stamp than the one before: its times are not those of "
             "the board. Give the film as the camera wrote it, or its frame rate with --rate."

@@ -11,12 +11,8 @@ from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import AngleTrack
 from sysid.video.pose.camera_state import DIFFERENCE_STEP, READOUT, CameraState
 from sysid.video.pose.rectify import rectify
-from sysid.video.trackers._base import Target, rests_at
+from sysid.video.trackers._base import SAME_SCALE, Target, rests_at
 
-SHUTTER_SEEN = 0.5
-"""A read-out counts as seen in the film if that leaves less than this share of its uncertainty."""
-MAX_SCALE_STD = 0.1
-"""Standard deviation of the scale of an angle above which it is unknown [1]: a fifth at 95 %, no longer small beside 1."""
 MAX_OFF_LEVEL = np.radians(5.0)
 """A board that ends a film further from level is doubted to rest there [rad]: board and camera are level to a degree or two."""
 OLD_CODECS = frozenset(
@@ -37,7 +33,11 @@ def inferred(
     """Yield the inferences; `before` is the prior knowledge of the camera."""
     intervals = np.diff(track.time)
     spread = float(np.std(intervals) / np.mean(intervals))
-    stamps = "the given rate" if options.rate is not None else "the container's stamps"
+    stamps = (
+        "the given rate"
+        if options.rate is not None
+        else "the container's stamps (of slow motion give --rate)"
+    )
     yield (
         f"film: {clip.width}x{clip.height}, {track.index[-1] + 1} frames, {1 / np.mean(intervals):.4g} frames/s by {stamps}"
         + (f", varying by {100 * spread:.0f} %" if spread > 0.02 else "")
@@ -72,12 +72,9 @@ def inferred(
     if not before.std[READOUT]:
         source = "given" if options.readout is not None else "the phone notes in the file"
         yield f"read-out: {camera.readout * 1e3:.3g} ms, as {source}"
-    elif camera.std[READOUT] < SHUTTER_SEEN * before.std[READOUT]:
-        doubt = 2 * camera.std[READOUT] * 1e3
-        yield f"read-out: {camera.readout * 1e3:.3g} ± {doubt:.2g} ms, from how moving points are sheared"
     else:
-        most = before.readout_limit * 1e3
-        yield f"read-out: not seen in the film, anything up to {most:.2g} ms is within the uncertainty (--readout)"
+        doubt, most = 2e3 * camera.std[READOUT], 1e3 * before.readout_limit
+        yield f"read-out: {camera.readout * 1e3:.3g} ± {doubt:.2g} of {most:.2g} ms at most, from how moving points are sheared (--readout)"
 
 
 def _level_std(track: Track, lens: Lens, camera: CameraState) -> float:
@@ -95,7 +92,7 @@ def _level_std(track: Track, lens: Lens, camera: CameraState) -> float:
 
 def faults(clip: Clip, target: Target, track: Track, found: AngleTrack) -> Iterator[str]:
     """Yield the faults of a film."""
-    if found.scale_std > MAX_SCALE_STD:
+    if found.scale_std > SAME_SCALE:
         yield (
             f"the scale of the angle is unknown: ± {200 * found.scale_std:.0f} %. Period and damping ratio still hold. "
             "Give the pivot with --pivot, film a wider swing, or use a marker or two stickers"

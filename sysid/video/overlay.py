@@ -19,8 +19,6 @@ SEEN_COLOUR, LOST_COLOUR = (tuple(bytes.fromhex(one)) for one in ("009fe6", "3c3
 """Orange, as all measurements, and red for points not seen in this frame."""
 SHEET_CELLS = 12
 """Frames on the contact sheet."""
-OVERLAY_WIDTH = 960
-"""Width of the annotated clip [px], unless the film is smaller."""
 CODECS = {".mp4": "mp4v", ".mov": "mp4v", ".avi": "MJPG", ".mkv": "mp4v"}
 
 
@@ -50,8 +48,7 @@ def draw_overlay(
     codec = CODECS.get(path.suffix.lower())
     if codec is None:
         raise SysidError(f"--overlay {path}: a film ends with {', '.join(CODECS)}.")
-    scale = min(1.0, OVERLAY_WIDTH / clip.width)
-    size = (2 * round(clip.width * scale / 2), 2 * round(clip.height * scale / 2))
+    size = (clip.width, clip.height)
     sample = {int(row): number for number, row in enumerate(rows)}
     frames = {int(index): row for row, index in enumerate(track.index)}
     chosen = {int(index) for index in np.linspace(0, len(track.index) - 1, SHEET_CELLS).round()}
@@ -66,8 +63,8 @@ def draw_overlay(
                 row = frames.get(frame.index)
                 if row is None:
                     continue
-                picture = np.asarray(cv2.resize(frame.colour, size, interpolation=cv2.INTER_AREA), np.uint8)
-                _annotate(picture, track.points[row] * scale, joined, roll, sample.get(row))
+                picture = frame.colour
+                _annotate(picture, track.points[row], joined, roll, sample.get(row))
                 writer.write(picture)
                 if on_frame is not None:
                     on_frame(float(track.time[row]) + shift, picture)

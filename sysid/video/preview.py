@@ -11,7 +11,6 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.files import atomic_path
 from sysid.video.film.reel import Reel
-from sysid.video.film.survey import MIN_REGION
 from sysid.video.overlay import SEEN_COLOUR
 from sysid.video.select import find_targets
 
@@ -35,7 +34,7 @@ const draw = event => {{
   const size = [Math.abs(x - start[0]), Math.abs(y - start[1])];
   pen.drawImage(image, 0, 0);
   document.getElementById("command").textContent = {command_json};
-  if (Math.min(...size) < {least}) return;
+  if (!size.every(Boolean)) return;
   pen.strokeStyle = "#d62728"; pen.lineWidth = canvas.width / 400; pen.strokeRect(...corner, ...size);
   document.getElementById("command").textContent = {command_json} + " --roi " + [...corner, ...size].join(" ");
 }};
@@ -77,7 +76,7 @@ def write_preview(reel: Reel, command: str, path: Path) -> str:
         temporary.write_bytes(png)
     page = PAGE.format(
         name=html.escape(path.stem), what=html.escape(what), command=html.escape(command), width=reel.clip.width,
-        height=reel.clip.height, data=base64.b64encode(png).decode(), least=MIN_REGION, command_json=json.dumps(command).replace("<", "\\u003c"),
+        height=reel.clip.height, data=base64.b64encode(png).decode(), command_json=json.dumps(command).replace("<", "\\u003c"),
     )  # fmt: skip
     with atomic_path(path) as temporary:
         temporary.write_text(page, encoding="utf-8")

@@ -14,36 +14,29 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, halved
+from sysid.video.film.background import SMALL_SIDE
+from sysid.video.film.frames import SURVEY_FRAMES, Frame, halved
 from sysid.video.film.track import Track
 from sysid.video.pose.pose import attitude_share, pose_between, principal_corners, turn_of
 from sysid.video.pose.rectify import project
 from sysid.video.types import Box, Image, Mask, Points
 
-MAX_SIDE = 720
-"""Longer side of the board's picture; larger ones are halved [px]."""
 KERNEL = cv2.getGaussianKernel(7, 0.8)
 """Smoothing before gradients are taken: a standard deviation of 0.8 px."""
 ATTITUDE_STEP = np.radians(1.0)
 """Turns this far apart are different attitudes [rad]: the outermost pixels are a pixel or two apart."""
 AGREEMENT = 0.3
 """Spread of a pixel in pictures turned back, over its spread as filmed, up to which it is the board's."""
-MIN_PIXELS, MAX_PIXELS = 400, 2000
-"""Fewer pixels are no body; of more, those where brightness changes most are used."""
+MAX_PIXELS = 2000
+"""Pixels that are used at most: those where brightness changes most."""
 MIN_SPREAD = 4.0
 """Least standard deviation of the body's pixels about their middle, across its narrow side [px]."""
-MIN_PICTURES, MIN_TURN = 5, np.radians(1.0)
-"""Pictures, and turn among them [rad], that tell the body from the rest."""
-MAX_PICTURES = 24
-"""How many are averaged at most, evenly spread: most of them at rest, where compression leaves the least out."""
 MIDDLE_GREY = np.float32(128.0)
 """About which brightness is squared, so that single precision does [grey levels]."""
 MAX_ROUNDS, CONVERGED = 5, 0.02
 """Most rounds, and the motion of the points below which they end [px]: each round removes most of the error."""
 MAX_CORRECTION = 4.0
 """A picture in which the points end further from where they were followed is not believed [px]."""
-MIN_TRUST = 0.35
-"""Share of the pixels that must agree with the mean in a picture that is believed."""
 
 NOT_MADE_OUT = np.full((4, 2), np.nan, np.float32)
 """The corners of a board that is not made out [px]."""
@@ -92,7 +85,7 @@ class BodyPicture:
 def seen_upright(frame: Frame, box: Box, upright: Array) -> tuple[Image, Array]:
     """Return a part of a frame, small and smoothed [grey levels], and the map to it of places along the axis, shape (3, 3)."""
     part, corner = frame.part(box)
-    small, times = halved(part, MAX_SIDE)
+    small, times = halved(part, SMALL_SIDE)
     # Pixels are squares: one that is made of several has their middle for its own.
     left, top = 0.5 * (1 / times - 1) - np.array(corner) / times
     inward = np.array([[1 / times, 0, left], [0, 1 / times, top], [0, 0, 1.0]])
@@ -109,21 +102,21 @@ def picture_of_body(frames: Sequence[Frame], box: Box, track: Track, upright: Ar
         track: Points that were followed, two or more.
         upright: Takes the film's places to those that a camera along the axis sees, shape (3, 3).
     """
-    rows = np.unique(np.linspace(0, len(frames) - 1, MAX_PICTURES).astype(int))
+    rows = np.unique(np.linspace(0, len(frames) - 1, SURVEY_FRAMES).astype(int))
     rows = rows[np.isfinite(track.points[rows]).all(axis=2).sum(axis=1) >= 2]
-    if len(rows) < MIN_PICTURES:
+    if len(rows) == 0:
         return None
     # The upright picture begins at the corner of the box, and is halved like the film's.
     left, top, right, bottom = box
     ends = project(upright, np.array([[left, top], [right, top], [right, bottom], [left, bottom]]))
-    times = halved(np.zeros((bottom - top, right - left), np.uint8), MAX_SIDE)[1]
+    times = halved(np.zeros((bottom - top, right - left), np.uint8), SMALL_SIDE)[1]
     low, size = ends.min(axis=0), np.ceil(np.ptp(ends, axis=0) / times).astype(int)
     upright = np.array([[1, 0, -low[0]], [0, 1, -low[1]], [0, 0, times]]) @ upright
     places = {row: project(upright, track.points[row].astype(np.float64)) for row in rows}
     seen = [(row, pose_between(places[rows[0]], places[row])) for row in rows]
     turns = {row: turn_of(pose) for row, pose in seen if pose is not None}
     some = sorted(turns, key=turns.__getitem__)
-    if len(some) < MIN_PICTURES or turns[some[-1]] - turns[some[0]] < MIN_TURN:
+    if turns[some[-1]] - turns[some[0]] < ATTITUDE_STEP:
         return None
     home = places[some[len(some) // 2]]
     shown = [(*seen_upright(frames[row], box, upright), pose_between(home, places[row])) for row in some]
@@ -144,7 +137,7 @@ def _board_in(mean: Image, agree: Mask) -> tuple[Array, Image, Array, float, Ima
     closed = cv2.morphologyEx(agree.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     mask = np.asarray(cv2.erode(closed, np.ones((3, 3), np.uint8)) > 0, np.bool_)
     mask[:3], mask[-3:], mask[:, :3], mask[:, -3:] = False, False, False, False
-    if mask.sum() < MIN_PIXELS:
+    if not mask.any():
         return None
     slope = np.stack([cv2.Scharr(mean, cv2.CV_32F, *axis)[mask] / 32 for axis in ((1, 0), (0, 1))], axis=1)
     most = np.argsort(-(slope**2).sum(axis=1))[:MAX_PIXELS]
@@ -192,7 +185,6 @@ def lay_onto(body: BodyPicture, picture: Image, inward: Array, rough: Array) -> 
     """
     pose, middle = rough, body.corners.mean(axis=0)
     start = here = project(rough, body.corners)
-    rest, scale = np.zeros(1, np.float32), 1.0
     for _ in range(MAX_ROUNDS):
         there = (inward @ pose) @ body.places
         x, y = (there[:2] / there[2]).astype(np.float32)[:, None]
@@ -214,7 +206,7 @@ def lay_onto(body: BodyPicture, picture: Image, inward: Array, rough: Array) -> 
             return None
         if float(np.abs(here - before).max()) < CONVERGED:
             break
-    return pose if float(np.mean(np.abs(rest) < 5 * max(scale, 2.0))) > MIN_TRUST else None
+    return pose
 
 
 def _middle(values: Image) -> np.float32:

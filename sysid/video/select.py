@@ -18,7 +18,7 @@ from sysid.video.follow import follow, follow_all, track_of
 from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import CameraState, before_looking
-from sysid.video.pose.prior import ANY_SIDE, BODY_FLOOR, BodyPrior
+from sysid.video.pose.prior import BODY_FLOOR, BodyPrior
 from sysid.video.pose.rectify import upright
 from sysid.video.pose.view import View
 from sysid.video.registration import BodyPicture, picture_of_body
@@ -26,6 +26,7 @@ from sysid.video.trackers._base import (
     DEAD_ZONE,
     MIN_SEEN_SHARE,
     MIN_SWING,
+    SAME_SCALE,
     Target,
     Tracker,
     level_at_rest,
@@ -48,8 +49,6 @@ MAX_BENT = 0.007
 many kinds; bodies at several depths, with angles off by 2 to 20 %, are beyond."""
 MAX_ASKEW = np.radians(20.0)
 """Attitude at rest beyond which a target does not show level [rad]: prints do not, stickers are put on level."""
-MAX_DISAGREEMENT = 0.1
-"""Difference of two angles, as a share of the swing, up to which they are of one body [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,9 +189,7 @@ def _best(reel: Reel, usable: list[Followed]) -> Followed:
     first = next((one for one in usable if one.target.shows_level), min(usable, key=lambda one: one.std))
     best = min((one for one in usable if _same_swing(one, first)), key=lambda one: one.std)
     # A target too uncertain to agree contradicts nothing.
-    stray = [
-        one for one in usable if one.std < MAX_DISAGREEMENT * first.swing and not _same_swing(one, first)
-    ]
+    stray = [one for one in usable if one.std < SAME_SCALE * first.swing and not _same_swing(one, first)]
     for one in stray:
         if one.target.kind == first.target.kind:
             raise SysidError(
@@ -301,7 +298,7 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
         camera = replace(points.camera_state, covariance=np.zeros((4, 4)))
         found = fit_angle(view, matrix, camera, prior)
         apart = np.abs(found.angle - points.angle - np.nanmedian(found.angle - points.angle))
-        both = apart < MAX_DISAGREEMENT * led.swing
+        both = apart < SAME_SCALE * led.swing
         trust = 1 / points.own[both]
         gain = (
             float(np.polyfit(found.angle[both], points.angle[both], 1, w=trust)[0]) if both.sum() > 2 else 1.0
@@ -313,7 +310,7 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
         angle = gain ** (apart / (apart + doubt + 1e-12)) * found.angle
         found = replace(found, angle=angle, std=np.hypot(found.own, common), camera_state=points.camera_state)
     else:
-        found = fit_angle(view, matrix, before, replace(prior, slopes=ANY_SIDE))
+        found = fit_angle(view, matrix, before, replace(prior, any_side=True))
     # A hand may hide the body and leave the points.
     whole = np.isfinite(found.angle)
     return replace(
@@ -328,7 +325,7 @@ def _same_swing(one: Followed, other: Followed) -> bool:
     """Return whether two angles are one but for a constant."""
     apart = one.found.angle - other.found.angle
     apart = np.abs(apart - np.nanmedian(apart))
-    return bool(np.nanquantile(apart, 0.9) < MAX_DISAGREEMENT * other.swing)
+    return bool(np.nanquantile(apart, 0.9) < SAME_SCALE * other.swing)
 
 
 def _level_of(level: Array, found: AngleTrack) -> float:

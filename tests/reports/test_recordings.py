@@ -11,7 +11,7 @@ from decay_truth import Recipe, make_roll
 
 from reports.evidence import gather
 from reports.page.summary import board_summary, decay_summary
-from reports.rerun.decay import MILLI, comparison_recording, decay_recording
+from reports.rerun.decay import comparison_recording, decay_recording
 from reports.rerun.film_frames import FilmFrames
 from sysid.board import BoardEffect
 from sysid.errors import SysidError
@@ -82,13 +82,13 @@ def test_the_reader_finds_the_very_numbers_of_the_comparison(compared, evidence)
             ("signal/measured", release.measured),
             ("signal/simulated", release.simulated),
             ("signal/model0", evidence.ladder[0].simulated[number - 1]),
-            ("residual/error", MILLI * release.residual),
+            ("residual/error", 1e3 * release.residual),
         ):
             time, got = logged[f"/release{number}/{entity}"]
             np.testing.assert_array_equal(got, values)
             np.testing.assert_allclose(time, release.time, atol=1e-9)
     band = logged["/release1/residual/noise_upper"][1]
-    np.testing.assert_allclose(band, 2 * MILLI * evidence.comparison.noise.std)
+    np.testing.assert_allclose(band, 2 * 1e3 * evidence.comparison.noise.std)
     assert [rung.label for rung in evidence.ladder] == [PLAIN, "+ coulomb"]
 
 

@@ -87,13 +87,11 @@ def test_slow_motion_is_read_at_the_rate_at_which_it_was_filmed(film, tmp_path):
     assert given.sampling_rate == pytest.approx(30)
 
 
-def test_a_swing_that_plays_slowly_is_doubted(film, tmp_path):
+def test_a_film_says_how_slow_motion_is_read(film, tmp_path):
     slow = tmp_path / "unnoted.mp4"
     ffmpeg("-itsscale", "4", "-i", film, "-c", "copy", slow)
-    warnings = roll_from_video(slow, VideoOptions(method="marker", readout=0.0)).warnings
-    assert any("slow motion" in warning and "--rate" in warning for warning in warnings)
-    usual = roll_from_video(film, VideoOptions(method="marker", readout=0.0)).warnings
-    assert not any("slow motion" in warning for warning in usual)
+    notes = roll_from_video(slow, VideoOptions(method="marker", readout=0.0)).notes
+    assert any("15 frames/s" in note and "slow motion give --rate" in note for note in notes)
 
 
 def test_a_mirrored_film_is_refused(tmp_path):

@@ -19,12 +19,12 @@ from sysid.video.types import Mask, Picture, Points
 
 SMALL_SIDE = 640
 """Longer side of the pictures in which motion is looked for and patches are followed [px]: a patch is found to 0.05 of these."""
-WINDOW = 15
-"""Side of a patch [px of the small picture]."""
+WINDOW = 21
+"""Side of a patch that is followed [px of the picture that it is followed in]."""
 MIN_QUALITY = 1e-4
 """Least eigenvalue of the second moments of brightness at a patch, in OpenCV's unit: sensor noise of 3 grey levels has this."""
-CUT_LIKENESS = 0.5
-"""Correlation of two neighbouring frames, one shifted onto the other, below which the scene was cut."""
+LIKENESS = 0.6
+"""Correlation above which two pictures show the same [1]: neighbouring frames one scene, cells a marker."""
 TURN_STD = np.radians(1.0)
 """Standard deviation of the turn of a camera held by hand about its line of sight [rad]; a body turns by several times as much."""
 IDENTITY = np.eye(2, 3)
@@ -198,4 +198,4 @@ def _is_cut(before: Picture, now: Picture) -> bool:
         return False
     height, width = (side // 5 for side in now.shape)  # a camera that pans shows most of it again
     inner = now[height:-height, width:-width]
-    return float(cv2.matchTemplate(before, inner, cv2.TM_CCOEFF_NORMED).max()) < CUT_LIKENESS
+    return float(cv2.matchTemplate(before, inner, cv2.TM_CCOEFF_NORMED).max()) < LIKENESS

@@ -12,7 +12,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.files import regular
 from sysid.roll import Array
-from sysid.video.film.frames import Clip, open_clip
+from sysid.video.film.frames import SURVEY_FRAMES, Clip, open_clip
 from sysid.video.options import is_film
 from sysid.video.types import Points
 
@@ -23,8 +23,6 @@ FOCAL_SPREAD = 0.25
 """Standard deviation of its logarithm [1]: zoom, crop and stabilisation."""
 CHESSBOARD = (9, 6)
 """Inner corners of the chessboard that is looked for."""
-FRAMES = 30
-"""About so many frames are looked through for the chessboard: each takes 0.1 s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +108,7 @@ def _from_file(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
 
 def _from_chessboard(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
     clip = open_clip(path)
-    every = max(1, clip.announced // FRAMES)
+    every = max(1, clip.announced // SURVEY_FRAMES)
     views: list[Points] = []
     for frame in islice(clip.frames(), 0, None, every):
         seen, corners = cv2.findChessboardCornersSB(frame.picture, CHESSBOARD)

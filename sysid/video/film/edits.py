@@ -5,10 +5,9 @@ import re
 import struct
 from pathlib import Path
 
-HEAD, ENTRY = 16, {0: ">IiI", 1: ">QqI"}
-"""Bytes of an edit list (ISO 14496-12) before its entries: size, name, version and their number; and an entry of each version."""
-NORMAL_RATE = 0x10000
-"""The rate of an edit that plays its part as it was taken."""
+HEAD, ENTRY = 16, {0: ">IiHH", 1: ">QqHH"}
+"""An edit list (ISO 14496-12): bytes before its entries, which are size, name, version and number of entries. An entry of each version:
+length, start, and speed with its fraction."""
 
 
 def plays_ramps(path: Path) -> bool:
@@ -22,8 +21,6 @@ def plays_ramps(path: Path) -> bool:
             entry, end = struct.Struct(ENTRY.get(version, ">")), begin - HEAD + size
             if size != HEAD + count * entry.size or end > len(data):
                 continue  # these four letters are part of something else
-            if any(
-                start >= 0 and rate != NORMAL_RATE for _, start, rate in entry.iter_unpack(data[begin:end])
-            ):
+            if any(start >= 0 and speed != [1, 0] for _, start, *speed in entry.iter_unpack(data[begin:end])):
                 return True
     return False

@@ -23,21 +23,17 @@ from sysid.video.film.edits import plays_ramps
 from sysid.video.types import Box, Picture
 
 Item = TypeVar("Item")
-MAX_SIZE = (4096, 2304)
-"""Largest picture that is read [px]: 4K; 8K would take seconds a frame and tell no more."""
-BYTES_AHEAD = 24_000_000
-"""Bytes of frames that are decoded ahead of the one that is worked on."""
-SLOW_MOTION = 1.5
-"""A film plays slowly if it was filmed at so many times the rate at which it plays."""
+MEMORY = 96_000_000
+"""Bytes of pictures that are kept. Motion shows in two frames: 4K has 13e6 bytes a frame, 8K 50e6 and is refused."""
+SURVEY_FRAMES = 40
+"""Frames, spread over a film, in which something is looked for: a choice of time."""
 MAX_MISSING_SHARE = 0.05
-"""Share of the announced frames that may be missing before a file counts as cut off."""
+"""Share of a film's frames that may be missing at its end, or carry no later stamp than the one before [1]."""
 NO_RATE_GUESS = {"fpsprobesize": "0"}
 """FFmpeg decodes up to 20 frames of a film as it opens it, to guess its rate: frames bring their own times."""
 CAPTURE_RATE = "com.android.capture.fps"
 READOUT = "com.apple.quicktime.camera.framereadouttimeinmicroseconds"
 """Notes of phones: the rate at which a film was taken [Hz], and the time for reading a frame [µs]."""
-MAX_RATE, MAX_READOUT = 1e5, 0.1
-"""Limits beyond any camera: frames a second [Hz], and time for reading a frame [s]."""
 PLANES, BLACK = "yuv420p", 16
 """How nearly all films hold pictures: 8 bits of brightness from this to 235, and chroma at half the resolution."""
 TO_COLOUR = np.array([[1.164, 2.018, 0.0], [1.164, -0.391, -0.813], [1.164, 0.0, 1.596]])
@@ -192,17 +188,18 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
             if stream is None or not stream.codec_context.width:
                 raise SysidError(f"{path}: no pictures in it (sound only?). Give the film of the board.")
             width, height = stream.codec_context.width, stream.codec_context.height
-            if max(width, height) > MAX_SIZE[0] or min(width, height) > MAX_SIZE[1]:
+            # A frame has one byte for each pixel, and two for the colour of four.
+            if 3 * width * height > MEMORY:
                 raise SysidError(
-                    f"{path}: pictures of {width}x{height} are larger than {MAX_SIZE[0]}x{MAX_SIZE[1]}. Film in 4K or "
-                    "less: a higher frame rate tells more than more pixels."
+                    f"{path}: pictures of {width}x{height} are larger than 4K. Film in 4K or less: a higher frame rate tells more than "
+                    "more pixels."
                 )
             rate = float(stream.average_rate or 0)
             # Frames that an edit list leaves out are still in the file. Without an index the length tells.
             shown = sum(not entry.is_discard for entry in stream.index_entries)
             announced = shown if stream.frames else round((film.duration or 0) / av.time_base * rate)
-            slowed = _noted(film.metadata, CAPTURE_RATE, MAX_RATE) / max(rate, 1e-9)
-            readout = 1e-6 * _noted(film.metadata, READOUT, 1e6 * MAX_READOUT)
+            slowed = _noted(film.metadata, CAPTURE_RATE) / max(rate, 1e-9)
+            readout = 1e-6 * _noted(film.metadata, READOUT)
             codec = stream.codec_context.name
     except FFmpegError as error:
         raise SysidError(
@@ -224,7 +221,7 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
     turned = turned if turned % 90 == 0 else 0
     size = (first.width, first.height) if turned % 180 == 0 else (first.height, first.width)
     return Clip(
-        path, *size, turned, announced, codec, slowed if slowed > SLOW_MOTION else 1.0, progress, readout or None
+        path, *size, turned, announced, codec, slowed if round(slowed) > 1 else 1.0, progress, readout if 0 < readout * rate <= 1 else None
     )  # fmt: skip
 
 
@@ -254,13 +251,13 @@ def _planes(frame: av.VideoFrame, rotation: int) -> tuple[Picture, tuple[Picture
     return bright, (blue, red)
 
 
-def _noted(metadata: dict[str, str], name: str, limit: float) -> float:
-    """Return a number that the phone notes; 0 where it does not, or beyond the limit."""
+def _noted(metadata: dict[str, str], name: str) -> float:
+    """Return a number that the phone notes; 0 where it notes none."""
     try:
         number = float(metadata.get(name, 0))
     except ValueError:
         return 0.0
-    return number if 0 < number < limit else 0.0
+    return number if 0 < number < np.inf else 0.0
 
 
 def box_about(places: Array, margin: float) -> Box:

@@ -4,25 +4,22 @@ import numpy as np
 
 from sysid.roll import Array
 
-RAMP, STEADY = 1.9, 1.25
-"""Ratio of half periods before and after a change of the film's speed, and the largest ratio from one half
-period to the next for a joint, whose stiffness and play change a period little by little."""
-MIN_STDS, MIN_SHARE = 8.0, 0.02
-"""Least half swing that is looked at: in standard deviations, and as a share of the whole."""
+RAMP = 1.9
+"""Ratio of half periods before and after a change of the film's speed [1]. An editor slows a film down twofold; turns are known to a
+frame."""
 
 
 def half_swings(time: Array, roll: Array, std: Array) -> tuple[Array, Array]:
     """Return when a swing turns [s], shape (m + 1,), and how far it goes from turn to turn [rad], shape (m,).
 
+    A half swing is longer than the range of n values of normal noise, 2 σ √(2 ln n).
+
     Args:
         time: Times of the frames [s], shape (n,).
         roll: Roll [rad], shape (n,).
-        std: Its standard deviation [rad], shape (n,).
+        std: Its standard deviation without errors common to all frames [rad], shape (n,).
     """
-    # The stated deviation includes errors common to all frames, an unknown read-out above all: it
-    # would hide a swing. Noise alone is what differs from frame to frame where the deck rests, most of a film.
-    noise = min(np.median(std), 1.4826 * np.median(np.abs(np.diff(roll, n=2))) / np.sqrt(6))
-    least = max(MIN_STDS * noise, MIN_SHARE * np.ptp(roll))
+    least = 2 * np.sqrt(2 * np.log(len(roll))) * np.median(std)
     turns, way = [0], 0.0
     for row, angle in enumerate(roll):
         if way * (angle - roll[turns[-1]]) > 0:
@@ -49,15 +46,16 @@ def frames_per_period(time: Array, roll: Array, std: Array) -> float:
 def speed_ramp(time: Array, roll: Array, std: Array) -> float | None:
     """Return when a film changes its speed [s]: where a free decay swings of a sudden at another pace; None if it never does.
 
-    Two half periods or more before and after are compared, in swings that die away: a hand moves otherwise. Times [s], roll and its
-    deviation [rad], all of shape (n,).
+    Two half periods before and after are compared, in swings that die away: a hand moves otherwise. The middles of the pairs are three
+    half periods apart. A joint that slows down steadily has ratios of RAMP^(1/3) from one to the next.
+    Times [s], roll and its deviation [rad], all of shape (n,).
     """
     turns, size = half_swings(time, roll, std)
     half = np.diff(turns)
     for at in range(2, len(half) - 2):  # the one in which it changes is of both
         before, after = half[at - 2 : at], half[at + 1 : at + 3]
         dies = bool(np.all(np.diff(size[at - 2 : at + 3]) < 0))
-        steady = max(np.ptp(np.log(before)), np.ptp(np.log(after))) < np.log(STEADY)
+        steady = max(np.ptp(np.log(before)), np.ptp(np.log(after))) < np.log(RAMP) / 3
         if dies and steady and abs(np.log(after.mean() / before.mean())) > np.log(RAMP):
             return float(turns[at])
     return None

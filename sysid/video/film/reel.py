@@ -11,25 +11,17 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.video.film.background import Background
 from sysid.video.film.camera import Lens
-from sysid.video.film.frames import BYTES_AHEAD, Clip, Frame, ahead
-from sysid.video.film.survey import MIN_REGION, Motion, Survey, box_around
+from sysid.video.film.frames import MEMORY, SURVEY_FRAMES, Clip, Frame, ahead
+from sysid.video.film.survey import Motion, Survey, box_around
 from sysid.video.options import VideoOptions
 from sysid.video.types import Box, Mask
 
-MEMORY = 96_000_000
-"""Bytes of pictures that are kept at most ..."""
-MIN_FRAMES = 60
-"""... or so many frames of the part in which something moves, if that is more."""
 MARGIN = 0.35
 """Margin about the part that has moved so far, in widths of it [1]: a tilted board will swing to the other side."""
 MOST = 0.5
 """Share of the final motion that must lie in the part that was kept: a speck may have moved first."""
 BEGUN = 0.1
 """Share of the final motion from which on the board moves: a speck is less, a hand that passes is several times as much."""
-LOOKED_AT = 4
-"""Each so many frames are looked at for motion."""
-SURVEY_FRAMES = 40
-"""Frames, spread over those kept, in which something is looked for."""
 
 
 @dataclass
@@ -59,8 +51,7 @@ class Reel:
         self._frames.clear()
         self.skipped = self.repeated = 0
         self.background = Background(self.lens, self.options.no_shake)
-        count = max(2, BYTES_AHEAD // (3 * self.clip.width * self.clip.height // 2))
-        self._source = ahead(self._held(ahead(self._stamped(), count)), 1)
+        self._source = ahead(self._held(ahead(self._stamped(), 2)), 1)
 
     @cached_property
     def region(self) -> Box | None:
@@ -73,9 +64,9 @@ class Reel:
             return None
         left, top, width, height = self.options.roi
         inside = min(left, top) >= 0 and left + width <= self.clip.width and top + height <= self.clip.height
-        if not inside or min(width, height) < MIN_REGION:
+        if not inside or min(width, height) < 1:
             raise SysidError(
-                f"--roi {left} {top} {width} {height}: left, top, width and height in px, at least {MIN_REGION}x{MIN_REGION}, "
+                f"--roi {left} {top} {width} {height}: left, top, width and height in px, "
                 f"inside the picture of {self.clip.width}x{self.clip.height}."
             )
         return left, top, left + width, top + height
@@ -120,7 +111,7 @@ class Reel:
         return Survey(tuple(self._frames[number] for number in some), box_around(moving, 10), moving)
 
     def _fill(self, part: Box | None, least: int) -> tuple[Motion, Box | None]:
-        """Keep frames until memory is full of the part that moves; return the motion and that part [px].
+        """Keep frames until memory is full of the part that moves, at least `SURVEY_FRAMES`; return the motion and that part [px].
 
         Args:
             part: The part, if it is known; else it follows from the motion seen when whole frames fill the memory.
@@ -128,11 +119,10 @@ class Reel:
         """
         motion, size = Motion(), 0
         for number, frame in enumerate(self._source):
-            if number % LOOKED_AT == 0:
-                motion.add(frame, *self.background.pose(number))
+            motion.add(frame, *self.background.pose(number))
             self._frames.append(_cut(frame, part or self.region))
             size += self._frames[-1].nbytes
-            if size < MEMORY or (part is not None and len(self._frames) < MIN_FRAMES):
+            if size < MEMORY or (part is not None and len(self._frames) < SURVEY_FRAMES):
                 continue
             moving = motion.mask(self.region)
             if moving.sum() < least:

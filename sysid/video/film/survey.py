@@ -15,9 +15,7 @@ MAX_SHAKE = 0.05
 MIN_CHANGE = 18
 """Range of brightness that counts as motion [grey levels]: compression alone reaches 12 in films of 0.05 bit a pixel."""
 MIN_AREA = 40
-"""Least area of a moving region [px of the small picture]."""
-MIN_REGION = 16
-"""Least width and height of a region that the user gives [px]."""
+"""Least area of a moving region [px of the small picture], and of a dot [px]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +43,8 @@ class Motion:
     """Least and most that each pixel has shown, in colour, shape (h, w, 3)."""
     _high: Picture = field(default_factory=lambda: np.array(0, np.uint8))
     _shape: tuple[int, ...] = ()
-    _furthest: float = 0.0
-    """How far the camera went [px of the small picture]."""
+    _went: list[float] = field(default_factory=list)
+    """How far the camera has gone in each frame [px of the small picture]."""
 
     def add(self, frame: Frame, pose: Array, gain: float) -> None:
         """Take in the next whole frame, with the pose, shape (2, 3) [px], and the gain [1] of `Background.pose`."""
@@ -57,7 +55,7 @@ class Motion:
         height, width = small.shape[:2]
         corners = np.array([[0, 0, 1], [width, 0, 1], [0, height, 1], [width, height, 1]])
         went = float(np.abs(corners @ pose.T - corners[:, :2]).max())
-        self._furthest = max(self._furthest, went)
+        self._went.append(went)
         if went:
             flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
             hidden = np.broadcast_to(self._low, small.shape).copy()
@@ -74,8 +72,8 @@ class Motion:
 
     @property
     def pans(self) -> bool:
-        """Whether the background went further than the shake of a hand."""
-        return self._furthest > MAX_SHAKE * SMALL_SIDE
+        """Whether the background is further away than the shake of a hand in half of the frames."""
+        return float(np.median(self._went)) > MAX_SHAKE * SMALL_SIDE
 
 
 def box_around(mask: Mask, margin: int) -> Box:

@@ -8,7 +8,6 @@ and read-out of the shutter make these circles round (`circles`).
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from sysid.roll import Array
 from sysid.video.pose.camera_state import READOUT, CameraState, spread_by
@@ -21,9 +20,7 @@ from sysid.video.pose.view import View
 from sysid.video.types import Complex
 
 DRAWN = 2.0
-"""Motion of which compression leaves out half as much as of the smallest [px/frame], as found in films of a phone's kind."""
-LASTING_FRAMES = 4
-"""Frames for which a motion drawn is good [1]: those about the turn of a swing."""
+"""Motion of which compression leaves out a quarter of the dead zone's variance [px/frame], as found in films of a phone's kind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +83,7 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
     angle[wrong] = np.nan
     arm = np.abs(found.body.shape - found.body.shape.mean())
     variance = found.noise.variance(speed) / np.sum(arm**2) + smear(angle) ** 2
-    variance += (prior.dead_zone / np.sqrt(3) / arm.max()) ** 2 * _left_out(speed)
+    variance += (prior.dead_zone / np.sqrt(3) / arm.max()) ** 2 * (1 + (speed / DRAWN) ** 2) ** -2.0
     clock = (view.time(found.camera_state.readout), view.share, before.place_of(READOUT))
     common = spread_by(found.x, found.covariance, angle, lambda x: angle_of(found, x), *clock)
     apart = np.exp(1j * (np.array([angle_of(one, one.x) for one in fits]) - angle))
@@ -109,14 +106,3 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
         found.body.shape,
         own,
     )
-
-
-def _left_out(speed: Array) -> Array:
-    """Share of the dead zone's variance that is left, by the points' speed lately [px/frame], both of shape (n,).
-
-    Compression leaves parts of the picture unchanged while they change by little. Small swings shrink, and a deck that hardly
-    moves stands still.
-    """
-    around = np.pad(speed, LASTING_FRAMES, mode="reflect")
-    lately = sliding_window_view(around, 2 * LASTING_FRAMES + 1).max(axis=1)
-    return (1 + (lately / DRAWN) ** 2) ** -2.0

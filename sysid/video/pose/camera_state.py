@@ -12,10 +12,8 @@ from sysid.video.film.track import Track
 
 READOUT = 3
 """Index of the read-out among the four unknowns of a `CameraState`."""
-READOUT_CEILING = 1 / 30
-"""No sensor takes longer for a frame [s]."""
-DIFFERENCE_STEP = 1e-4
-"""Step of differences, in the unit of each unknown: rad, rad, 1, s; and focal lengths for the body's points."""
+DIFFERENCE_STEP = np.sqrt(np.finfo(float).eps)
+"""Step of forward differences with the least error, in the unit of each unknown: rad, rad, 1, s; and focal lengths for the body's points."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,10 +109,13 @@ def before_looking(
     Raises:
         SysidError: The read-out is out of range.
     """
-    if readout is not None and not 0 <= readout <= 0.2:
-        raise SysidError(f"--readout {readout}: a read-out takes 0 to 0.2 s; typical is 0.01 to 0.02.")
+    intervals = np.diff(track.time)
+    ceiling = float(np.median(intervals))
+    if readout is not None and not 0 <= readout <= (most := float(np.max(intervals))):
+        raise SysidError(
+            f"--readout {readout:g}: a sensor reads a frame before the next one, here in 0 to {most:.3g} s; typical is 0.01 to 0.02."
+        )
     focal_std = 0.0 if lens.known else FOCAL_SPREAD
-    ceiling = min(float(np.median(np.diff(track.time))), READOUT_CEILING)
     direction = direction_std if angle is None else 0.0
     std = np.array([direction, direction, focal_std, ceiling / np.sqrt(12) if readout is None else 0.0])
     first, limit = (ceiling / 2, ceiling) if readout is None else (readout, np.inf)

@@ -4,16 +4,15 @@ To a camera along the axis every point of a rigid body runs on a circle, whateve
 
     z_ij = τ_i + c_j + exp(i φ_i) q_j.
 
-φ_i is the roll in frame i, τ_i a shift of the whole body (a truck that gives way; never an angle), q_j the body's shape and c_j the
-centres of its points' circles, which differ if their depths do and the axis is not in the middle of the picture. The picture of a
-plane is as large as it is near, and how near it is grows evenly across that picture: of a plane whose depth grows by g with height,
+φ_i is the roll in frame i, τ_i a shift of the whole body (a truck gives way), q_j the body's shape and c_j the centres of its points'
+circles. Centres differ if depths do and the axis is not in the middle of the picture. Of a plane whose depth grows by g with height,
 
     c_j = -P g Im(q_j),
 
 where P is the place at which the axis passes the plane's middle, and q_j is in focal lengths.
 
-A bundle adjustment finds the numbers that all frames share (the camera, the body's shape and circles) by least squares of the
-distances in the pictures, with priors. Each frame gives the place of the body in it.
+A bundle adjustment finds the camera, the body's shape and its circles, which all frames share. It minimises the distances in the
+pictures, with priors. Each frame gives the place of the body in it.
 """
 
 from collections.abc import Callable
@@ -33,12 +32,8 @@ from sysid.video.types import Complex
 
 NOISE_ROUNDS = 3
 """Times that the noise is found anew."""
-STEPS, SLANTED_STEPS = 60, 8
-"""Steps of each search at most: most bodies have no slanted side, and the search for one then leads nowhere, slowly."""
-SQUARE_SQUEEZE = 0.0075
-"""Standard deviation of a printed square's squareness: one that stands 7 degrees off looks 0.75 % narrower."""
-LEAST_COST = 1e-5
-"""The search ends where a step gains less than this share of the sum of squares: slant and focal length share a valley."""
+ACROSS = np.radians(7.0)
+"""A printed square stands across the axis to within this [rad]: what docs/video.md asks for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +101,7 @@ class Unknowns:
     matrix: Array
     """Camera matrix [px], shape (3, 3)."""
     home: Array
-    """The body in one of the frames, as filmed [px], shape (N, 2). q is counted from its picture along the axis: another axis bends body and picture alike."""
+    """The body in one of the frames, as filmed [px], shape (N, 2). q is counted from its picture along the axis."""
     slope: float = 0.0
     """How depth grows with height, as usual where its points are [1]; 0 across the axis, where that is not unknown."""
     pivot: Array = field(default_factory=lambda: np.zeros(2))
@@ -194,9 +189,7 @@ def fit_circles(
             slopes = (rows[1:] - rows[0]) / DIFFERENCE_STEP
             return Normal(float(0.5 * rows[0] @ rows[0]), slopes @ rows[0], slopes @ slopes.T)
 
-        found = minimise(
-            normal, x, low, high, iterations=SLANTED_STEPS if slope else STEPS, tolerance=LEAST_COST
-        )
+        found = minimise(normal, x, low, high, tolerance=1e-5)
         x, information = found.point, found.normal.hessian
         noise, doubt = point_noise(unknowns.body(x).placed(points, shear)[1], some, len(before.free), prior)
     covariance = np.asarray(np.linalg.inv(information + np.diag(width**-2.0)), np.float64)
@@ -236,7 +229,8 @@ def _priors(unknowns: Unknowns, prior: BodyPrior) -> Callable[[Array, Body], Arr
         ]
         if prior.square:
             off = body.shape - (body.shape @ ideal.conj())[..., None] * ideal
-            known += [part / (SQUARE_SQUEEZE * size) for part in (off.real, off.imag)]
+            squeeze = 1 - np.cos(ACROSS)
+            known += [part / (squeeze * size) for part in (off.real, off.imag)]
         if unknowns.slope:
             known.append(x[..., -1:] / SLOPE_SPREAD)
         return np.concatenate(known, axis=-1)

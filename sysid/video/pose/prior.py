@@ -13,8 +13,6 @@ SLOPE = 2.0
 """How depth grows downwards on an upturned tail from below, and upwards on the deck's upper side: 27 degrees to the axis [1]."""
 SLOPE_SPREAD = 0.5
 """Standard deviation of its logarithm: 17 to 40 degrees to the axis."""
-ANY_SIDE = (0.0, SLOPE, -SLOPE)
-"""Slopes of texture on any side of the deck [1]."""
 SAME_PICTURE = 0.25
 """Motion up to which a picture is still the same one, with the same errors [px]."""
 
@@ -33,5 +31,10 @@ class BodyPrior:
     """Motion that compression may leave out of the film, to either side [px]: the less contrast, the more."""
     still: float = SAME_PICTURE
     """Motion up to which its points keep their errors [px]."""
-    slopes: tuple[float, ...] = (0.0,)
-    """How depth may grow with height (`SLOPE`), 0 across the axis [1]."""
+    any_side: bool = False
+    """Whether they lie on any side of the deck, which may be slanted, rather than across the axis."""
+
+    @property
+    def slopes(self) -> tuple[float, ...]:
+        """How depth may grow with height; 0 across the axis [1]."""
+        return (0.0, SLOPE, -SLOPE) if self.any_side else (0.0,)

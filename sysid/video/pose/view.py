@@ -25,7 +25,8 @@ class View:
     share: Array = field(init=False)
     """Mean share of the read-out at which each frame's points are read, shape (n,)."""
     shear: Array = field(init=False)
-    """Shift of `points` for a second of read-out [px/s], shape (n, N, 2): it moves every point to the moment at which the middle of the points is read."""
+    """Shift of `points` for a second of read-out [px/s], shape (n, N, 2). It moves each point to the time at which their middle is
+    read."""
 
     def __post_init__(self) -> None:
         """Free the points of lens and shake, and find when they are read."""

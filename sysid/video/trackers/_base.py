@@ -20,6 +20,8 @@ DIRECTION_STD, UNSEEN_DIRECTION_STD = np.radians([15.0, 5.0])
 """Standard deviation of the camera's direction [rad]: people stand about square; where nothing shows it, they are asked to."""
 MIN_SWING = np.radians(1.0)
 """Least turn of a release [rad]."""
+SAME_SCALE = 0.1
+"""Difference of two angles of one body, at most, as a share of the swing [1]. A scale with a larger standard deviation is unknown."""
 MIN_SEEN_SHARE = 0.6
 """Least share of the frames that must show a target."""
 DEAD_ZONE = 0.15

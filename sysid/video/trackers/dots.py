@@ -15,11 +15,11 @@ from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.frames import GREY, Frame
 from sysid.video.film.reel import Reel
-from sysid.video.film.survey import Survey
+from sysid.video.film.survey import MIN_AREA, Survey
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import READOUT, CameraState, spread_by
 from sysid.video.pose.keyframes import keyframes_of
-from sysid.video.pose.prior import POINT_FLOOR, SAME_PICTURE, BodyPrior
+from sysid.video.pose.prior import BODY_FLOOR, POINT_FLOOR, SAME_PICTURE, BodyPrior
 from sysid.video.pose.rectify import project, rectify, smear, unwrap, upright
 from sysid.video.pose.view import View
 from sysid.video.trackers._base import (
@@ -33,20 +33,16 @@ from sysid.video.trackers._base import (
 )
 from sysid.video.types import Complex, Image, Picture
 
-MIN_CHROMA, PALE_CHROMA = 28.0, 22.0
-"""Distance from grey, in CIELAB units, from which a colour is taken as a sticker's; and where one is, from which paler ones are."""
-MIN_AREA, MAX_AREA_SHARE = 40, 0.02
-"""Area of a dot: least [px], and largest as a share of the picture."""
-PLACE_FLOOR = 0.08
-"""Least standard deviation of a dot's place [px]: films hold colour at half the resolution of brightness."""
+MIN_CHROMA = 28.0
+"""Distance from grey, in CIELAB units, from which a colour is taken as a sticker's."""
+MAX_AREA_SHARE = 0.02
+"""Largest area of a dot as a share of the picture [1]."""
 MAX_AROUND = 0.05
 """Share of dot in the ring about a sticker, up to twice its radius: 0.03 at most in films of stickers, mostly more in prints."""
 MAX_PAIRS, MAX_STRETCH = 8, 0.03
 """Most pairs of dots that are tried, and largest scatter of their distance [1]."""
 MAX_ASIDE = np.radians(3.0)
 """How far from straight below, above or beside its pivot a single dot may rest and still show level by that [rad]."""
-CIRCLE_SCALE = 3.0
-"""Distance from a circle that counts in full [px]."""
 RIM = 2
 """Width of the rim about a dot in which squares hold some of it [squares]."""
 MIN_UNCOVERED = 0.85
@@ -254,7 +250,8 @@ def _centre(z: Complex, share: Array) -> tuple[Array, Array]:
     def distance(circle: Array) -> Array:
         return weight * (np.abs(z - complex(circle[0], circle[1])) - circle[2])
 
-    fit = least_squares(distance, start, loss="soft_l1", f_scale=CIRCLE_SCALE, x_scale="jac")
+    usual = 1.4826 * float(np.median(np.abs(distance(np.array(start))))) + POINT_FLOOR
+    fit = least_squares(distance, start, loss="soft_l1", f_scale=3 * usual, x_scale="jac")
     variance = np.sum(distance(fit.x) ** 2) / max(float(share.sum()) - 3, 1.0)
     covariance = np.linalg.inv(fit.jac.T @ fit.jac)[:2, :2] * variance
     return fit.x[:2], covariance
@@ -295,7 +292,7 @@ def _patches(part: Frame, look: Survey) -> list[Dot]:
     colour = np.dstack(part.chroma)
     dots: list[Dot] = []
     # First by the strongest colour, so that a wooden deck is no dot where a sticker shines; then paler ones.
-    for level in (bright := max(MIN_CHROMA, 0.6 * float(np.sort(strong)[-MIN_AREA])), PALE_CHROMA):
+    for level in (bright := max(MIN_CHROMA, 0.6 * float(np.sort(strong)[-MIN_AREA])), MIN_CHROMA):
         mask = (strength > level).astype(np.uint8)
         mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
         count, labels, stats, centres = cv2.connectedComponentsWithStats(mask)
@@ -351,7 +348,8 @@ def _target(reel: Reel, dots: tuple[Dot, ...], other: Callable[[], Target | None
             other=other,
             what="the pair of dots",
             why=f"two coloured dots ({size})",
-            solve=partial(fit_angle, prior=BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE)),
+            # Films hold colour at half the resolution of brightness.
+            solve=partial(fit_angle, prior=BodyPrior(floor=2 * BODY_FLOOR, dead_zone=DEAD_ZONE)),
             zero=_level_pair,
             joined=((0, 1),),
             zero_note="where the line between the dots is level in the picture",

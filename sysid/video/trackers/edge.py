@@ -1,7 +1,7 @@
 """The straight edges of a bare body: lines that turn about one point.
 
-A line with the normal n at the distance ρ from the origin belongs to a body that turns about q if ρ = h + q·n for all turns.
-h is the distance of the edge from q. The lines of pictures from all over the film vote for h and q; what stands still or
+A line has the normal n and the distance ρ from the origin. It belongs to a body that turns about q if ρ = h + q·n for all turns, with the
+distance h of the edge from q. The lines of pictures from all over the film vote for h and q; what stands still or
 is carried along keeps no such distance. From then on the body's edges are searched in each frame over turn and shift, and
 measured to a hundredth of a pixel.
 """
@@ -35,8 +35,6 @@ TURN_BIN = np.radians(1.0)
 """Turns that are told apart when lines are looked for [rad]."""
 LINES = 4
 """Lines that one picture may vote for, of each polarity; and edges that are followed at most."""
-START_SCALE = 2.0
-"""Distance of a point from its edge that is believed at first [px]: the search steps by as much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,10 +42,9 @@ class Edges:
     """Edges of a body when it is level."""
 
     pivot: Array
-    """The point that each edge turns about in the picture [px], shape (E, 2): near and far end have their own."""
+    """The point that they turn about in the picture [px], shape (2,)."""
     ends: Array
     """Ends of each edge from there [px], shape (E, 2, 2); in the order in which brightness rises to the left of the way."""
-
     shown: float = 0.0
     """Usual change of brightness along the edges [grey levels/px]."""
 
@@ -61,7 +58,7 @@ class Edges:
         cos, sin = np.cos(turn)[..., None, None], np.sin(turn)[..., None, None]
         x, y = self.ends[..., 0], self.ends[..., 1]
         turned = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
-        return turned + self.pivot[:, None] + shift[..., None, None, :]
+        return turned + self.pivot + shift[..., None, None, :]
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +106,7 @@ def find_edges(look: Survey) -> Edges | None:
         _, some = np.unique(np.round(turns / (2 * TURN_BIN)), return_index=True)  # each attitude counts once
         ends = _ends([every[row] for row in rows[some]], pivot + shifts[rows[some]], turns[some], look.box)
         if len(ends):
-            found.append(Edges(np.tile(pivot, (len(ends), 1)), ends))
+            found.append(Edges(pivot, ends))
     some = list(zip(look.frames, moving, strict=True))[::2]
 
     def shown(edges: Edges) -> float:
@@ -119,8 +116,6 @@ def find_edges(look: Survey) -> Edges | None:
     best = max(found, key=shown, default=None)
     if best is None:
         return None
-    for _ in range(2):
-        best = _learned(best, look.frames)
     follower = EdgeFollower(best)
     return replace(best, shown=float(np.median([follower.search(frame)[2] for frame in look.frames])))
 
@@ -142,20 +137,6 @@ def _without_still(every: Sequence[Slopes], shifts: Array) -> list[Slopes]:
             rest = np.maximum(np.abs(one) - 1.5 * cv2.dilate(np.abs(still), np.ones((3, 3), np.uint8)), 0)
             found[row][name] = np.copysign(np.minimum(rest, np.abs(one)), one).astype(np.float32)
     return [replace(one, **parts) for one, parts in zip(every, found, strict=True)]
-
-
-def _learned(edges: Edges, frames: Sequence[Frame]) -> Edges:
-    """Return edges with the pivot of each as some frames have it."""
-    follower = EdgeFollower(edges)
-    seen = [(frame.shift, points) for frame in frames if (points := follower.update(frame)) is not None]
-    if len(seen) < len(frames) / 3:
-        return edges
-    z = np.array([points - shift for shift, points in seen]) @ [1, 1j] - np.repeat(
-        edges.pivot @ [1, 1j], PIECES
-    )
-    off = fit_edges(z, _rough_turn(z)).pivot[::PIECES]
-    pivot = np.stack([off.real, off.imag], axis=1)
-    return Edges(edges.pivot + pivot, edges.ends - pivot[:, None])
 
 
 def _lines(moving: Slopes, shift: Array) -> Array:
@@ -287,12 +268,15 @@ class EdgeFollower:
             place = self.edges.at(np.array(turn), shift)
             points = find_steps(frame, place, reach, 1.0)
             along, off = _from_line(points, place)
-            slope, height, good = _line(along, off)
-            turn += slope
-            shift = shift + height * np.array([-np.sin(turn), np.cos(turn)])
-            if good.mean() < 0.4:
+            seen = np.isfinite(off)
+            if seen.mean() < 0.4:
                 self._lost = True
                 return None
+            line = np.stack([along[seen], off[seen]], axis=1).astype(np.float32)
+            across, down, x, y = cv2.fitLine(line, cv2.DIST_WELSCH, 0, 0.01, 0.001).ravel().tolist()
+            turn += down / across
+            height = y - x * down / across
+            shift = shift + height * np.array([-np.sin(turn), np.cos(turn)])
         self._step = 0.0 if self._lost else turn - self._turn
         self._turn, self._lost = turn, False
         return points.reshape(-1, 2)
@@ -339,22 +323,6 @@ def _from_line(points: Array, ends: Array) -> tuple[Array, Array]:
     return along.ravel(), np.einsum("epk,ek->ep", off, normal).ravel()
 
 
-def _line(along: Array, off: Array) -> tuple[float, float, np.ndarray]:
-    """Fit a line through distances off a line, with Tukey-like weights; return its slope, height and the points on it."""
-    seen = np.isfinite(off)
-    design = np.stack([np.where(seen, along, 0.0), np.ones(len(off))], axis=1)
-    y, weight = np.where(seen, off, 0.0), seen.astype(float)
-    fit, rest = np.zeros(2), off
-    for _ in range(6):
-        fit = np.linalg.solve(
-            design.T @ (weight[:, None] * design) + 1e-6 * np.eye(2), design.T @ (weight * y)
-        )
-        rest = np.abs(y - design @ fit)
-        scale = 1.5 * float(np.median(rest[seen])) + POINT_FLOOR if seen.any() else 1.0
-        weight = seen / (1 + (rest / (2 * scale)) ** 2) ** 2
-    return float(fit[0]), float(fit[1]), seen & (rest < 2.0)
-
-
 @dataclass(frozen=True, slots=True)
 class EdgeFit:
     """How a body turned, by points on its edges."""
@@ -367,8 +335,6 @@ class EdgeFit:
     """Weight of each point, shape (n, M)."""
     rest: Array
     """Distance of each point from where it should be [px], shape (n, M)."""
-    pivot: Complex
-    """The place that each point's edge turns about, from the origin of the points [px], shape (M,)."""
 
 
 def fit_edges(z: Complex, start: Array) -> EdgeFit:
@@ -382,8 +348,8 @@ def fit_edges(z: Complex, start: Array) -> EdgeFit:
     place, angle, pivot = np.where(seen, z, 0), start.copy(), np.zeros(z.shape[1], complex)
     weight, height = seen.astype(float), np.zeros(z.shape[1])
     along = rest = variance = np.zeros(0)
-    # Points on something else lose their weight one by one.
-    for scale in START_SCALE * 0.8 ** np.arange(24):
+    # Points on something else lose their weight one by one, as the median distance falls.
+    for _ in range(24):
         turned: Complex = np.exp(-1j * angle)[:, None] * (place - pivot)
         share = weight * attitude_share(angle, TURN_BIN)[:, None] + 1e-12
         height = np.average(turned.imag - _mean(turned.imag - height, weight), axis=0, weights=share)
@@ -395,6 +361,7 @@ def fit_edges(z: Complex, start: Array) -> EdgeFit:
         angle = angle + step
         pivot = pivot + _pivots(off, angle, share)
         rest = np.where(seen, off - step[:, None] * along, 0.0)
+        scale = 1.4826 * float(np.median(np.abs(rest[seen])))
         usual = np.sqrt(
             np.average(np.minimum(np.abs(rest), 3 * scale) ** 2, axis=0, weights=share * seen + 1e-12)
         )
@@ -418,7 +385,7 @@ def fit_edges(z: Complex, start: Array) -> EdgeFit:
     )
     along, height = along - _mean(along, total), height - _mean(height, total)
     level = np.arctan((total * along * height).sum() / (total * along**2).sum())
-    return EdgeFit(angle + level, variance, weight, rest, pivot)
+    return EdgeFit(angle + level, variance, weight, rest)
 
 
 def _pivots(off: Array, angle: Array, share: Array) -> Complex:
@@ -453,12 +420,12 @@ def fit_turn(view: View, matrix: Array, before: CameraState, *, pivot: Array) ->
         view: Points along the edges.
         matrix: Camera matrix [px], shape (3, 3).
         before: Prior knowledge of camera and lens.
-        pivot: The point that each edge turns about in the picture [px], shape (E, 2).
+        pivot: The point that the edges turn about in the picture [px], shape (2,).
     """
     time = view.time(before.readout)
 
     def fit_at(value: Array) -> EdgeFit:
-        z = rectify(view.points, matrix, value) - np.repeat(rectify(pivot, matrix, value), PIECES)
+        z = rectify(view.points, matrix, value) - rectify(pivot[None], matrix, value)
         start = _rough_turn(z)
         moved = np.zeros(z.shape, complex)
         if value[READOUT]:  # an edge does not show its motion along itself: the turn about the pivot does

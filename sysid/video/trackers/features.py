@@ -14,31 +14,24 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
+from sysid.video.film.background import SMALL_SIDE, WINDOW
 from sysid.video.film.frames import Frame, box_about, halved
 from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import fit_angle
 from sysid.video.pose.pose import pose_between, principal_corners, shifted, turn_of
-from sysid.video.pose.prior import ANY_SIDE, BODY_FLOOR, BodyPrior
+from sysid.video.pose.prior import BODY_FLOOR, BodyPrior
 from sysid.video.pose.rectify import project
-from sysid.video.registration import MAX_SIDE
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_at_rest
 from sysid.video.types import Mask, Picture
 
 MAX_FEATURES, MIN_FEATURES = 40, 10
 """Patches that are followed at most, and at least."""
-WINDOW = 21
-"""Side of a patch [px]."""
 STATIC_LIKENESS = 0.75
 """Correlation with the same place in other frames, as a share of the patch's highest, above which a patch stands still [1]."""
 AS_EXPECTED = np.radians(1.0)
 """Difference of turns at which patches look as they did in the reference [rad]."""
-SAME_ERRORS = 3.0
-"""Motion up to which patches of texture err alike [px]: as the deck turns they are seen at another slant, of which
-the reference knows nothing."""
-INLIER_DISTANCE = 2.0
-"""Distance from the common motion within which a patch takes part in it [px]."""
-TEXTURE = BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE, still=SAME_ERRORS, slopes=ANY_SIDE)
+TEXTURE = BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE, any_side=True)
 """Prior knowledge of patches: they lie on any side of the deck."""
 
 
@@ -86,7 +79,7 @@ class FeatureFollower:
     def __post_init__(self) -> None:
         """Cut the board out of the reference."""
         patch, corner = self.reference.part(box_about(self.places, 2 * WINDOW))
-        self._patch, times = halved(patch, MAX_SIDE)
+        self._patch, times = halved(patch, SMALL_SIDE)
         self._cut = shifted(np.array(corner) + (times - 1) / 2) @ np.diag([times, times, 1.0])
         self._agreed = np.zeros(len(self.places))
         self._home = principal_corners(self.places, np.ones(len(self.places)))[0]
@@ -137,11 +130,7 @@ class FeatureFollower:
         if good.sum() < MIN_FEATURES // 2:
             return expected, nothing
         estimate: Any = cv2.estimateAffine2D  # its stubs do not know that it may find nothing
-        found, agree = estimate(
-            self.places[good],
-            project(begin, there[good].astype(np.float64)),
-            ransacReprojThreshold=INLIER_DISTANCE,
-        )
+        found, agree = estimate(self.places[good], project(begin, there[good].astype(np.float64)))
         if found is None or not 0.8 < np.sqrt(abs(np.linalg.det(found[:, :2]))) < 1.25:
             return expected, nothing
         nothing[np.flatnonzero(good)[agree.ravel() > 0]] = True

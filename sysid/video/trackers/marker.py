@@ -11,7 +11,8 @@ import numpy as np
 
 from sysid.errors import SysidError
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, box_about, halved
+from sysid.video.film.background import LIKENESS
+from sysid.video.film.frames import Frame, box_about
 from sysid.video.film.reel import Reel
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.prior import BodyPrior
@@ -29,24 +30,16 @@ DICTIONARIES = {
     "AprilTag 16h5": cv2.aruco.DICT_APRILTAG_16h5,
     "AprilTag 25h9": cv2.aruco.DICT_APRILTAG_25h9,
 }
-SEARCH_SIDE = 1280
-"""Longer side of the picture that is searched for a marker [px]; a larger one is halved, to save time."""
 SEARCH_FRAMES = 5
 """Frames in which a marker is looked for, and a lost one in the whole picture every so many: that is slow."""
-SEARCH_MARGIN = 40
-"""Margin about the part that moves, for the white about a marker [px]."""
 MIN_SIDE = 24
 """Shortest side of a marker that is followed [px]."""
-MIN_LIKENESS = 0.6
-"""Least correlation of a marker's cells with what its number says."""
-CONVERGED = 0.15
-"""Edges are measured once more where that moves the corners by more than this [px]."""
 STEP_WINDOW = 2.8
-"""Width of the window on an edge, as a multiple of the width of its step: the pixels' grid shows in narrower ones (0.040° in a long film at 1.4,
-0.027° at 2.8)."""
+"""Width of the window on an edge, over the width of its step [1]. Narrower windows show the pixels' grid: a long film is off by 0.040° at
+1.4, 0.027° at 2.8."""
 CORNER_DEAD_ZONE = 0.03
-"""Motion that compression drops from black on white, to either side [px]: the error of corners in long films beyond their scatter
-within a frame (0.015 px)."""
+"""Motion that compression drops from black on white, to either side [px]: the error of corners in long films. Their scatter within a
+frame is 0.015 px."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,9 +121,8 @@ class MarkerFollower:
         limits = np.reshape(frame.box, (2, 2))
         if np.any(rough < limits[0] + 2) or np.any(rough > limits[1] - 3):
             return None
-        place, reach = rough, min(0.75 * cell, 3.0 + 3.0 * self._miss, 12.0)
-        for _ in range(3):
-            before = place
+        place = rough
+        for reach in (min(0.75 * cell, 3.0 + 3.0 * self._miss, 12.0), min(0.6 * cell, 5.0)):
             ends = np.stack([place, np.roll(place, -1, axis=0)], axis=1)
             edges = find_steps(frame, ends, reach, STEP_WINDOW)
             if np.isnan(edges).any(axis=2).mean(axis=1).max() > 0.5:
@@ -138,10 +130,7 @@ class MarkerFollower:
             place = corners([edge[np.isfinite(edge).all(axis=1)] for edge in edges])
             if not np.isfinite(place).all() or np.abs(place - rough).max() > 2 * cell:
                 return None
-            if np.abs(place - before).max() < CONVERGED:
-                break
-            reach = min(0.6 * cell, 5.0)
-        return place if self._likeness(frame, place) > MIN_LIKENESS else None
+        return place if self._likeness(frame, place) > LIKENESS else None
 
     def _likeness(self, frame: Frame, place: Array) -> float:
         """Correlation of the cells seen with the cells that the marker should have."""
@@ -157,9 +146,9 @@ def _detect(frame: Frame, box: Box, *kinds: str, mirrored: bool = False) -> list
     part, corner = frame.part(box)
     if min(part.shape[:2]) < MIN_SIDE:
         return []
-    dark, times = halved(np.asarray(cv2.flip(part, 1), np.uint8) if mirrored else part, SEARCH_SIDE)
+    dark = np.asarray(cv2.flip(part, 1), np.uint8) if mirrored else part
     parameters = cv2.aruco.DetectorParameters()
-    parameters.minMarkerPerimeterRate = 4 * MIN_SIDE / times / max(dark.shape)
+    parameters.minMarkerPerimeterRate = 4 * MIN_SIDE / max(dark.shape)
     # Thresholding windows up to a marker's cell: blurred and small markers both.
     parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = 5, 37
     parameters.adaptiveThreshWinSizeStep = 16
@@ -168,7 +157,7 @@ def _detect(frame: Frame, box: Box, *kinds: str, mirrored: bool = False) -> list
     places, numbers, _, whose = found
     if numbers is None:  # the stubs say that there always are some
         return []
-    every = np.reshape(places, (-1, 4, 2)).astype(np.float64) * times + (times - 1) / 2 + corner
+    every = np.reshape(places, (-1, 4, 2)).astype(np.float64) + corner
     return [
         Marker(kinds[kind], number, place)
         for kind, number, place in zip(np.ravel(whose), np.ravel(numbers).tolist(), every, strict=True)
@@ -183,9 +172,8 @@ def marker_cells(number: int, kind: str = PRINTED) -> Picture:
 
 def _find(reel: Reel) -> Target | None:
     look = reel.look
-    around = box_about(np.reshape(look.box, (2, 2)), SEARCH_MARGIN)
     # In the part that moves, at last anywhere: a board may hardly move.
-    places = [(frame, around) for frame in look.frames[:: max(1, len(look.frames) // SEARCH_FRAMES)]]
+    places = [(frame, look.box) for frame in look.frames[:: max(1, len(look.frames) // SEARCH_FRAMES)]]
     markers = (find_marker(*place) for place in [*places, (look.frames[0], look.frames[0].box)])
     marker = next((one for one in markers if one is not None), None)
     if marker is None or marker.kind != PRINTED:  # in a mirror, it may pass for another maker's
