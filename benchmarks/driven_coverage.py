@@ -18,7 +18,7 @@ import numpy as np
 from pages import table, write_result
 from suite import command_line, run_suite
 
-from sim.model.driven import load_along, stated
+from sim.model.driven import Course, load_along, stated
 from sim.model.driven_fit import fit_joints
 from sim.model.setup import Setup
 from sysid.driven.log import DrivenLog
@@ -151,9 +151,9 @@ def fitted(
     kind = "command" if one.servo else "torque"
     time, seen, inputs = one.time[:rows], one.seen[:, :rows], one.inputs[:, :rows]
     setups = {f"j{i}": setup.with_(joint=f"j{i}") for i in range(len(seen))}
-    angles = dict(zip(setups, seen, strict=True))
+    courses = {name: Course.measured(time, angle) for name, angle in zip(setups, seen, strict=True)}
     logs = {
-        name: [DrivenLog(name="log", time=time, angle=angles[name], std=NOISE, input=u, kind=kind, load=load_along(own, angles, time))]
+        name: [DrivenLog(name="log", time=time, angle=courses[name].angle, std=NOISE, input=u, kind=kind, load=load_along(own, courses))]
         for (name, own), u in zip(setups.items(), inputs, strict=True)
     }  # fmt: skip
     known = {name: stated(own, kind) for name, own in setups.items()}

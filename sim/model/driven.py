@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import mujoco
 import numpy as np
@@ -27,6 +27,7 @@ from sysid.effects import catalogue, drives
 from sysid.effects._base import DriveEffect
 from sysid.effects._mjcf import actuators_of
 from sysid.errors import SysidError
+from sysid.quantity import Z95
 from sysid.roll import Array
 
 TURN = 1e-4
@@ -69,6 +70,12 @@ def stated(setup: Setup, kind: InputKind, gains: Sequence[float] = ()) -> Stated
     source = Structure(kind).source
     acting = next(iter(actuators_of(spec, joint)), None)
     read = gains or (() if acting is None else _gains(acting, kind))
+    if kind == "command" and not read:
+        has = f"actuator '{acting.name}' of joint" if acting else "no actuator on joint"
+        raise SysidError(
+            f"{has} '{setup.joint}' follows commands: it has no position gains. Give those of the controller with --gains KP KD, "
+            "or say what the column is: --input-is torque, force, current or voltage."
+        )
     values |= {f"{source.name}.{p.name}": v for p, v in zip(source.parameters, read, strict=False)}
     if acting is not None:
         limit = float(acting.forcerange[1]) if model.actuator_forcelimited[acting.id] else 0.0
@@ -136,25 +143,42 @@ def _gains(actuator: Any, kind: InputKind) -> tuple[float, ...]:
     return () if kind in ("torque", "force") else (float(actuator.gainprm[0]) * gear,)
 
 
-def load_along(
-    setup: Setup, motion: Mapping[str, Array], time: Array, *, simulated: bool = False, lag: float = 0.0
-) -> Load:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """A joint's motion, shape (n,) each, and its part in the motion of the others."""
+
+    angle: Array
+    """[rad or m]."""
+    rate: Array
+    """[rad/s]."""
+    acceleration: Array
+    """[rad/s^2]."""
+    armature: float | None = None
+    """[kg*m^2]; the model's if left out."""
+    damping: float = 0.0
+    """Damping that a simulator takes at the end of its step [N*m*s/rad]."""
+
+    @classmethod
+    def measured(cls, time: Array, angle: Array, at: Array | None = None) -> Self:
+        """Return the course of measured angles [rad or m] at times [s], shape (n,) each, or at other times, shape (m,)."""
+        smooth, at = Motion.of(time, angle), time if at is None else at
+        rate, acceleration = (np.interp(at, smooth.time, x) for x in (smooth.rate, smooth.acceleration))
+        return cls(angle=np.interp(at, time, angle), rate=rate, acceleration=acceleration)
+
+
+def load_along(setup: Setup, courses: Mapping[str, Course], time: Array | None = None) -> Load:
     """Return the load that the rest of a model puts on a joint along a log.
 
-    The torque is minus that of `mj_inverse` without an acceleration of the joint itself. The other joints move as measured, or
-    are held in the pose of the setup. Contacts, limits and loops are off.
+    The torque is minus that of `mj_inverse` without an acceleration of the joint itself. The other joints move along their
+    courses, or are held in the pose of the setup. Contacts, limits and loops are off.
 
     Args:
-        motion: Measured angles of joints [rad or m], shape (n,) each.
-        time: Of the samples [s], shape (n,).
-        simulated: Whether they are from a simulation, without noise.
-        lag: Of its rates behind its angles [s]: half a step of MuJoCo's Euler.
+        courses: Of the joint and of others.
+        time: Of the courses [s], shape (n,); the log's if left out.
     """
-    from scipy.interpolate import CubicSpline
-
     spec = setup.load()
     joint = setup.joint_of(spec)
-    joint.stiffness, joint.damping, joint.frictionloss, own = [0.0] * 3, [0.0] * 3, 0.0, float(joint.armature)
+    joint.stiffness, joint.damping, joint.frictionloss = [0.0] * 3, [0.0] * 3, 0.0
     bits = mujoco.mjtDisableBit
     spec.option.disableflags |= int(
         bits.mjDSBL_CONTACT
@@ -167,42 +191,37 @@ def load_along(
     data = mujoco.MjData(model)
     pose = setup.posed(model)
     dof, where = int(model.joint(setup.joint).dofadr[0]), int(model.joint(setup.joint).qposadr[0])
-    others: list[tuple[int, int, Array, Array, Array]] = []
-    own_rate = np.zeros_like(time)
-    for name, angle in motion.items():
-        if simulated:
-            path = CubicSpline(time, angle)
-            rate, acceleration = path(time - lag, 1), path(time, 2)
-        else:
-            smooth = Motion.of(time, angle)
-            rate, acceleration = (np.interp(time, smooth.time, x) for x in (smooth.rate, smooth.acceleration))
-        number = setup.named(model, name)
-        place, address = int(model.jnt_dofadr[number]), int(model.jnt_qposadr[number])
-        if name == setup.joint:
-            own_rate = rate
-        else:
-            others.append((place, address, angle, rate, acceleration))
-    angles = motion[setup.joint]
-    mass, rows = np.zeros((model.nv, model.nv)), np.zeros((3, len(time)))
-    for i in range(len(time)):
+    numbers = [setup.named(model, name) for name in courses if name != setup.joint]
+    places, addresses = model.jnt_dofadr[numbers], model.jnt_qposadr[numbers]
+    others, own = [one for name, one in courses.items() if name != setup.joint], courses[setup.joint]
+    for place, one in zip(places, others, strict=True):
+        if one.armature is not None:
+            model.dof_armature[place] = one.armature
+    damping = np.array([one.damping for one in others])
+    mass, rows = np.zeros((model.nv, model.nv)), np.zeros((6, len(own.angle)))
+    for i in range(len(own.angle)):
         for turn in (TURN, -TURN, 0.0):
             data.qpos[:], data.qvel[:], data.qacc[:] = pose, 0.0, 0.0
-            for place, address, values, rate, acceleration in others:
-                data.qpos[address], data.qvel[place], data.qacc[place] = values[i], rate[i], acceleration[i]
-            data.qpos[where], data.qvel[dof] = angles[i] + turn, own_rate[i]
+            data.qpos[addresses] = [one.angle[i] for one in others]
+            data.qvel[places] = [one.rate[i] for one in others]
+            data.qacc[places] = [one.acceleration[i] for one in others]
+            data.qpos[where], data.qvel[dof] = own.angle[i] + turn, own.rate[i]
             mujoco.mj_inverse(model, data)
             torque = -float(data.qfrc_inverse[dof])
             rows[2, i] += np.sign(turn) * torque / (2 * TURN)
         mujoco.mj_fullM(model, data, mass)
-        rows[:2, i] = mass[dof, dof] - own, torque
-    return Load(inertia=rows[0], torque=rows[1], slope=rows[2], at=angles)
+        inertia = mass[dof, dof] - model.dof_armature[dof]
+        gives = np.linalg.solve(mass[np.ix_(places, places)], mass[places, dof])
+        rows[:2, i], rows[3, i] = (inertia, torque), own.angle[i]
+        rows[4:, i] = inertia - gives @ mass[places, dof], gives @ (damping * data.qacc[places])
+    return Load.of(rows, time)
 
 
 def replay(setup: Setup, logs: Mapping[str, DrivenLog], values: Mapping[str, Stated]) -> dict[str, Array]:
     """Return the angles of a model that gets the inputs of logs, at their samples, shape (n,) each [rad or m].
 
     Plain MuJoCo at the model's own step and integrator. A command goes to the joint's position actuator, or through the gains
-    of `values` without one. All other inputs are torques on the joint. Joints without a log are held.
+    of `values` without one. All other inputs are torques on the joint. Other joints move as measured, or are held.
 
     Args:
         logs: By joint, with one clock.
@@ -219,6 +238,10 @@ def replay(setup: Setup, logs: Mapping[str, DrivenLog], values: Mapping[str, Sta
     step = float(model.opt.timestep)
     first = next(iter(logs.values()))
     grid = np.arange(first.time[0], first.time[-1] + step, step)
+    beside = [
+        (int(model.joint(name).qposadr[0]), int(model.joint(name).dofadr[0]), Course.measured(first.time, angle, grid))
+        for name, angle in first.beside.items()
+    ]  # fmt: skip
     driven: list[tuple[int, int, int, Array, tuple[float, ...]]] = []
     for name, log in logs.items():
         joint, source = model.joint(name), Structure(log.kind).source
@@ -239,6 +262,9 @@ def replay(setup: Setup, logs: Mapping[str, DrivenLog], values: Mapping[str, Sta
             model.actuator_biasprm[acting.id] = 0.0
     paths = np.zeros((len(grid), len(driven)))
     for i in range(len(grid)):
+        for where, dof, one in beside:
+            data.qpos[where], data.qvel[dof] = one.angle[i], one.rate[i]
+            data.qfrc_applied[dof] = HOLDING_ARMATURE * one.acceleration[i]
         paths[i] = data.qpos[[where for where, *_ in driven]]
         for where, dof, number, inputs, gains in driven:
             u = inputs[min(i, len(inputs) - 1)]
@@ -311,14 +337,17 @@ def _written(spec: Any, joint: Any, fit: DrivenFit) -> list[str]:
         if any(key.startswith(f"{part.name}.") for key in fit.quantities):
             own = {p.name: fit.values[f"{part.name}.{p.name}"] for p in part.parameters}
             said = part.to_mjcf(spec, joint, own, native=True)
+            softened = fit.structure.simulator is not None and getattr(part, "friction", None) is not None
+            if softened:  # its friction is that of the log
+                joint.solref_friction, joint.solimp_friction = constraint
+                said = (
+                    f"{part.name}: frictionloss {joint.frictionloss:.4g}; solref and solimp stay, as the log moves like MuJoCo",
+                )
             remarks += [line for line in said if not isinstance(part, DriveEffect) or "not written" in line]
-    if fit.structure.simulator is not None:  # its friction is that of the log
-        joint.solref_friction, joint.solimp_friction = constraint
-        remarks.append("moves as MuJoCo moves the model: friction keeps its solref and solimp")
     remarks += [
         f"{key} {fit.quantities[key]} is not written: MuJoCo has no attribute for it ({unit})"
         for key, unit in (("bias", "N·m"), ("zero", "rad"))
-        if fit.values[key] and key in fit.quantities
+        if key in fit.quantities and abs(fit.values[key]) > Z95 * fit.quantities[key].std
     ]
     return remarks
 

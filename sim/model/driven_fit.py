@@ -4,9 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.linalg import block_diag
 
-from sim.model.driven import Stated, free_inertia, load_along
+from sim.model.driven import TURN, Course, Stated, free_inertia, load_along
 from sim.model.setup import Setup
 from sysid.driven.fit import DrivenFit, fit, free_of
 from sysid.driven.log import DrivenLog
@@ -76,9 +77,10 @@ def _beside(
 ) -> DrivenFit:  # fmt: skip
     """Fit a joint beside the motions that the fits of the others have."""
     before = fits[joint][number]
-    motion = {other: _motion(own[number]) - own[number].values[ZERO] for other, own in fits.items()}
+    time, middle = before.problem.load_time, before.structure.middle
+    courses = _courses({other: own[number] for other, own in fits.items()}, before.log, time, middle=middle)
     own_setup = setup.with_(joint=joint)
-    load = load_along(own_setup, motion, before.log.time, simulated=True, lag=_lag(before))
+    load = load_along(own_setup, courses, time)
     armatures = {other: own[number].values["armature"] for other, own in fits.items()}
     simulator = replace(stated[joint].simulator, alone=free_inertia(own_setup, armatures))
     structure = before.structure
@@ -90,26 +92,56 @@ def _beside(
     )  # fmt: skip
 
 
-def _lag(fit: DrivenFit) -> float:
-    """Return by how much the rate of a simulator lags behind its angle [s]."""
-    simulator = fit.structure.simulator
-    return 0.0 if simulator is None or simulator.implicit == "nothing" else simulator.step / 2
+def _courses(
+    fits: Mapping[str, DrivenFit], log: DrivenLog, time: Array, *, middle: bool
+) -> dict[str, Course]:
+    """Return the courses of all joints at even times, shape (n,): simulated if they have a fit, else measured."""
+    measured = {name: Course.measured(log.time, angle, time) for name, angle in log.beside.items()}
+    return measured | {name: _course(one, time, middle=middle) for name, one in fits.items()}
 
 
-def _waves(fit: DrivenFit, slopes: Array) -> Array:
-    """Return the change of a joint's angle in the model with each unknown, from residuals' slopes, shape (n, p) each."""
-    waves = np.zeros((len(fit.log.time), slopes.shape[1]))
-    waves[: len(slopes)] = slopes * fit.log.std
-    for k, name in enumerate(fit.quantities):
-        waves[:, k] -= fit.problem.sizes[k] * (name == ZERO)
-    return waves
+def _course(fit: DrivenFit, time: Array, *, middle: bool) -> Course:
+    """Return the simulated motion, and of the residual as much as stands above its noise, at even times, shape (n,)."""
+    log, simulator = fit.log, fit.structure.simulator
+    (path,) = fit.problem.paths(fit.point, slopes=False)
+    angle, rate, acceleration = _at(time, fit.problem.grid, path[:, :2, 0].T, middle=middle)
+    smooth = Motion.of(log.time, log.angle - fit.motion)
+    rest = CubicSpline(smooth.time, smooth.angle)
+    lag = 0.0 if middle else (time[1] - time[0]) / 2
+    source = fit.structure.source
+    gains = [fit.values[f"{source.name}.{p.name}"] for p in source.parameters[1:]]
+    implicit = "nothing" if simulator is None else simulator.implicit
+    damping = 0.0 if implicit == "nothing" else fit.values["damping"]
+    return Course(
+        angle=angle + rest(time) - fit.values[ZERO], rate=rate + rest(time - lag, 1), acceleration=acceleration + rest(time, 2),
+        armature=fit.values["armature"], damping=damping + (sum(gains) if implicit == "actuator" else 0.0),
+    )  # fmt: skip
 
 
-def _motion(fit: DrivenFit) -> Array:
-    """Return the simulated angle, and of the residual as much as stands above its noise [rad], shape (n,)."""
-    time = fit.log.time
-    rest = Motion.of(time, fit.log.angle - fit.motion)
-    return fit.motion + np.interp(time, rest.time, rest.angle)
+def _at(time: Array, grid: Array, states: Array, *, middle: bool) -> Array:
+    """Return angle, rate and mean acceleration of steps, shape (3, n), of states (angle and rate) on a grid, shape (2, m).
+
+    Args:
+        time: Even times, at the middle or at the start of each step [s], shape (n,).
+    """
+    step = time[1] - time[0]
+    nodes = np.r_[time, time[-1] + step] - middle * step / 2
+    angle, rate = (np.interp(nodes, grid, one) for one in states)
+    acceleration = np.diff(rate) / step
+    if middle:
+        return np.stack([(angle[1:] + angle[:-1]) / 2, (rate[1:] + rate[:-1]) / 2, acceleration])
+    return np.stack([angle[:-1], rate[:-1], acceleration])
+
+
+def _by_motion(setup: Setup, courses: Mapping[str, Course], other: str, plain: Array) -> Array:
+    """Return the derivatives of a joint's load by angle, rate and acceleration of another joint, shape (3, n).
+
+    Args:
+        plain: The load [N*m], shape (n,).
+    """
+    one = courses[other]
+    moved = [replace(one, **{name: getattr(one, name) + TURN}) for name in ("angle", "rate", "acceleration")]
+    return np.stack([(load_along(setup, {**courses, other: m}).torque - plain) / TURN for m in moved])
 
 
 def _coupled(setup: Setup, fits: Fits, number: int) -> list[DrivenFit]:
@@ -127,17 +159,21 @@ def _coupled(setup: Setup, fits: Fits, number: int) -> list[DrivenFit]:
     alone = [b @ residual_noise([r]).applied(b.T) for b, r in zip(back, rest, strict=True)]
     ends = np.cumsum([0, *(len(one) for one in alone)])
     taken = np.zeros((ends[-1], ends[-1]))
-    waves = [_waves(one, j) for one, j in zip(own, slopes, strict=True)]
-    motion = {name: one.motion - one.values[ZERO] for name, one in zip(names, own, strict=True)}
+    paths = [next(problem.paths(one.point, slopes=True)) for problem, one in zip(problems, own, strict=True)]
     for i, (name, problem) in enumerate(zip(names, problems, strict=True)):
-        beside = setup.with_(joint=name)
-        lag = _lag(own[i])
-        plain = load_along(beside, motion, problem.log.time, simulated=True, lag=lag)
+        beside, time, middle = setup.with_(joint=name), problem.log.load_time, own[i].structure.middle
+        courses = _courses(dict(zip(names, own, strict=True)), problem.log, time, middle=middle)
+        plain = load_along(beside, courses).torque
         for j, other in enumerate(names):
-            for k, size in enumerate(np.sqrt(np.diag(alone[j])) if i != j else ()):
-                moved = motion[other] + size * waves[j][:, k]
-                load = load_along(beside, {**motion, other: moved}, problem.log.time, simulated=True, lag=lag)
-                more = replace(problem.log.load, torque=problem.log.load.torque + load.torque - plain.torque)
+            if i == j:
+                continue
+            derivatives = _by_motion(beside, courses, other, plain)
+            for k, size in enumerate(np.sqrt(np.diag(alone[j]))):
+                wave = _at(time, problems[j].grid, paths[j][:, :2, 1 + k].T, middle=middle)
+                if list(problems[j].free)[k : k + 1] == [ZERO]:
+                    wave[0] -= problems[j].sizes[k]
+                load = problem.log.load
+                more = replace(load, torque=load.torque + size * (derivatives * wave).sum(axis=0))
                 changed = replace(problem, log=replace(problem.log, load=more))
                 found = changed.residuals(own[i].point, slopes=False)[0][0]
                 taken[ends[i] : ends[i + 1], ends[j] + k] = back[i] @ (found - rest[i]) / max(size, 1e-300)

@@ -11,11 +11,11 @@ import numpy as np
 
 from sysid.cli.console import Common, Printer
 from sysid.cli.drive_options import DriveArguments
-from sysid.cli.log_options import LogArguments, refuse_overwriting_logs, say_notes
+from sysid.cli.log_options import LogArguments, refuse_overwriting_logs, say_notes, space_of, typed
 from sysid.cli.parameter_options import parse_bounds, parse_fixed
 from sysid.cli.subject import Subject
 from sysid.errors import QualityGateError, SysidError, UsageError
-from sysid.files import refuse_overwriting, write_atomically, write_json
+from sysid.files import refuse_overwriting, require_writable, write_atomically, write_json
 from sysid.roll import Roll
 
 if TYPE_CHECKING:
@@ -36,6 +36,19 @@ class Driven:
     logs: Mapping[str, "list[DrivenLog]"]
     """By joint, one for each file."""
     stated: "Mapping[str, Stated]"
+    paths: Sequence[Path]
+    options: Sequence[Any]
+    """Option groups that named joint, input and columns."""
+
+    def say_next(self, printer: Printer, verb: str, why: str, *more: str, model: Path | None = None) -> None:
+        """Print the next command; it gets the same options, and `model` in place of the file; a check gets the rest of the log."""
+        subject, drive, arguments = self.options
+        if verb == "check" and arguments.start is None:
+            arguments = replace(arguments, start=arguments.stop, stop=None)
+        subject = replace(subject, model=model or subject.model)
+        words = (*typed(subject), *typed(replace(drive, next_motion=None)), *more)
+        command = space_of(printer.common, arguments).command(verb, *words, logs=self.paths)
+        printer.say(f"next: {why}: {command}")
 
     @property
     def name(self) -> str:
@@ -53,7 +66,7 @@ def read_driven(
     Raises:
         SysidError: A log, a column or the model cannot be read, or options conflict.
     """
-    from sim.model.driven import load_along, stated
+    from sim.model.driven import Course, load_along, stated
     from sysid.driven.log import log_of
 
     if drive.input_is is None:
@@ -65,42 +78,45 @@ def read_driven(
     if not paths:
         raise UsageError("no log was given.")
     refuse_overwriting_logs(paths, arguments, printer)
-    joints = _joints(setup, printer)
+    joints, others = _joints(setup, printer)
     setup = setup.with_(joint=joints[0])
     logs: dict[str, list[DrivenLog]] = {joint: [] for joint in joints}
     for path in paths:
-        motions, inputs = _columns(path, joints, kind, arguments.column, drive.input)
-        rolls = {joint: _roll(path, motions[joint], inputs[joint], arguments, printer) for joint in joints}
-        clock = next(iter(rolls.values())).time
+        motions, inputs, measured = _columns(path, joints, others, kind, arguments.column, drive.input)
+        rolls = {
+            joint: _roll(path, column, inputs.get(joint), arguments)
+            for joint, column in (motions | measured).items()
+        }
+        say_notes(path, rolls[joints[0]], printer)
+        clock = rolls[joints[0]].time
         angles = {joint: np.interp(clock, roll.time, roll.roll) for joint, roll in rolls.items()}
-        for joint, roll in rolls.items():
-            load = load_along(
-                setup.with_(joint=joint), {**angles, joint: np.interp(clock, roll.time, roll.roll)}, clock
-            )
-            scale = _scale(inputs[joint], drive)
-            one = log_of(
-                replace(roll, time=clock, roll=angles[joint]) if len(joints) > 1 else roll,
-                inputs[joint],
-                kind,
-                scale=scale,
-                load=load,
-            )
-            logs[joint].append(replace(one, held=drive.input_between != "smooth"))
+        courses = {joint: Course.measured(clock, angle) for joint, angle in angles.items()}
+        for joint in joints:
+            roll = replace(rolls[joint], time=clock, roll=angles[joint]) if len(joints) > 1 else rolls[joint]
+            load, scale = load_along(setup.with_(joint=joint), courses), _scale(inputs[joint], drive)
+            one = log_of(roll, inputs[joint], kind, scale=scale, load=load)
+            beside = {name: angles[name] for name in measured}
+            logs[joint].append(replace(one, held=drive.input_between != "smooth", beside=beside))
             printer.note(
                 f"joint '{joint}': angle from {motions[joint] or 'the log'}, {kind} from {inputs[joint]}"
             )
+        for joint, column in measured.items():
+            printer.note(f"joint '{joint}': moves as measured in {column}")
+        if held := [joint for joint in others if joint not in measured]:
+            printer.note(f"held in the pose of the model: {', '.join(held)}")
     known = {joint: stated(setup.with_(joint=joint), kind, drive.gains) for joint in joints}
     known = {
         joint: replace(one, structure=replace(one.structure, encoder=drive.encoder))
         for joint, one in known.items()
     }
-    return Driven(setup=setup, joints=joints, logs=logs, stated=known)
+    options = (subject, drive, arguments)
+    return Driven(setup=setup, joints=joints, logs=logs, stated=known, paths=paths, options=options)
 
 
 def _columns(
-    path: Path, joints: Sequence[str], kind: "InputKind", motion: str | None, acted: str | None
-) -> tuple[dict[str, str | None], dict[str, str]]:
-    """Return the columns of motion and input of each joint in a log.
+    path: Path, joints: Sequence[str], others: Sequence[str], kind: "InputKind", motion: str | None, acted: str | None
+) -> tuple[dict[str, str | None], dict[str, str], dict[str, str]]:  # fmt: skip
+    """Return the columns of motion and input of each joint in a log, and those of the other joints' motion.
 
     Raises:
         SysidError: A column is missing.
@@ -116,13 +132,15 @@ def _columns(
     from sysid.logs.formats.registry import open_log
 
     names = open_log(path).names
+    measured = {joint: column for joint in others if (column := column_of(names, joint, MOTIONS))}
     if len(joints) == 1:
         found = acted or column_of(names, joints[0], INPUTS[kind])
         if not found:
             raise UsageError(
                 f"{path}: which column is the {kind}? Name it with --input. Columns: {', '.join(names)}."
             )
-        return {joints[0]: motion or column_of(names, joints[0], MOTIONS) or None}, {joints[0]: found}
+        motions = {joints[0]: motion or column_of(names, joints[0], MOTIONS) or None}
+        return motions, {joints[0]: found}, measured
     listed = listed_names(path)
 
     def every(prefixes: Sequence[str], what: str, option: str) -> dict[str, str]:
@@ -130,38 +148,34 @@ def _columns(
             columns_of_joints(names, joints, prefixes, listed), joints, what, names, option
         )
 
-    motions = every((motion,) if motion else MOTIONS, "positions", "--column")
-    return dict(motions), every((acted,) if acted else INPUTS[kind], f"the {kind}", "--input")
+    positions = every((motion,) if motion else MOTIONS, "positions", "--column")
+    return dict(positions), every((acted,) if acted else INPUTS[kind], f"the {kind}", "--input"), measured
 
 
-def _joints(setup: "Setup", printer: Printer) -> tuple[str, ...]:
-    """Return the joints of a setup."""
-    if setup.joint != EVERY:
-        return (setup.joint,)
+def _joints(setup: "Setup", printer: Printer) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the driven joints of a setup, and the other hinges and slides of the model."""
     import mujoco
 
-    model = mujoco.MjSpec.from_file(str(setup.file)).compile()
+    model = setup.load().compile()
     acted = {
         int(model.actuator_trnid[i, 0])
         for i in range(model.nu)
         if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT
     }
     single = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-    joints = tuple(
-        model.joint(i).name
-        for i in range(model.njnt)
-        if int(model.jnt_type[i]) in single and (i in acted or not acted)
-    )
-    printer.note(f"joints: {', '.join(joints)}")
-    return joints
+    names = {model.joint(i).name: i for i in range(model.njnt) if int(model.jnt_type[i]) in single}
+    joints = (setup.joint,)
+    if setup.joint == EVERY:
+        joints = tuple(name for name, i in names.items() if i in acted or not acted)
+        printer.note(f"joints: {', '.join(joints)}")
+    return joints, tuple(name for name in names if name and name not in joints)
 
 
-def _roll(path: Path, column: str | None, acted: str, arguments: LogArguments, printer: Printer) -> Roll:
+def _roll(path: Path, column: str | None, acted: str | None, arguments: LogArguments) -> Roll:
     from sysid.logs import read_roll
 
-    options = replace(arguments.options, column=column, also=(acted,))
+    options = replace(arguments.options, column=column, also=() if acted is None else (acted,))
     roll = read_roll(path, options)
-    say_notes(path, roll, printer)
     low = -math.inf if arguments.start is None else arguments.start
     high = math.inf if arguments.stop is None else arguments.stop
     rows = (roll.time >= low) & (roll.time <= high)
@@ -200,6 +214,16 @@ def run_driven(
 
 
 def driven_compare(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
+    """Replay the inputs in the model, print its error, and what to do next."""
+    content = _replayed(driven, printer, tolerance)
+    if content["passed"]:
+        printer.say(f"the model moves as measured: within {100 * tolerance:g} % of the motion")
+    else:
+        driven.say_next(printer, "fit", "measure armature, damping, friction and delay")
+    return content
+
+
+def _replayed(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
     """Replay the inputs in the model, and print its error."""
     from sim.model.driven import replay
 
@@ -269,6 +293,12 @@ def driven_diagnose(driven: Driven, printer: Printer, fix: Sequence[str]) -> dic
     ):
         printer.say(row["text"])
         results.setdefault(row["joint"], []).append(row["verdict"])
+    found = [one["verdict"] for own in results.values() for one in own]
+    if effects := sorted({name for one in found for name in one["effects"]}):
+        more = [word for name in effects for word in ("--effect", name)]
+        driven.say_next(printer, "fit", f"add {' and '.join(effects)} to the model", *more)
+    elif all(one["status"] == "none-missing" for one in found):
+        driven.say_next(printer, "fit", "write the model's numbers")
     only = results[driven.joints[0]]
     return only[0] if len(cases) == 1 else {"joints": results}
 
@@ -297,9 +327,13 @@ def driven_fit(
     """Fit each joint, print the agreement of its logs, and write a patched copy of the model."""
     from sim.model.driven import patch_driven
     from sim.model.driven_fit import fit_joints
+    from sim.model.patch import copy_path
     from sysid.driven.report import fit_text
     from sysid.driven.runs import agreement
+    from sysid.fitting.result import TOLERANCE
 
+    path = output or copy_path(driven.setup, driven.name, printer.common.space.outputs(driven.name))
+    require_writable(path)
     stated = driven.stated
     if plain:
         stated = {
@@ -326,13 +360,18 @@ def driven_fit(
             printer.say(
                 f"{path}: {found.text}; the interval of {found.worst} becomes {100 * found.narrower:.0f} % as wide"
             )
-    path = output or driven.setup.file.with_name(f"{driven.name}.xml")
     made = patch_driven(driven.setup, {joint: one.combined for joint, one in merged.items()})
     refuse_overwriting([driven.setup.file, *made.files], {"--output": path})
     for line in made.remarks:
         printer.note(line)
     printer.say(made.diff.rstrip())
     printer.written(*made.save(path))
+    if max(one.nrmse for own in fits.values() for one in own) > TOLERANCE:
+        driven.say_next(printer, "diagnose", "find the missing effect")
+    else:
+        driven.say_next(
+            printer, "check", "replay it in MuJoCo, best on a stretch that the fit did not see", model=path
+        )
     return {"joints": {joint: one.to_json() for joint, one in merged.items()}, "model": str(path)}
 
 
@@ -364,7 +403,7 @@ def driven_check(driven: Driven, printer: Printer, tolerance: float) -> dict[str
     Raises:
         QualityGateError: The error is larger.
     """
-    content = driven_compare(driven, printer, tolerance)
+    content = _replayed(driven, printer, tolerance)
     if not content["passed"]:
         worst = max(content["joints"], key=lambda one: one["nrmse"])
         printer.result(content)
@@ -373,4 +412,5 @@ def driven_check(driven: Driven, printer: Printer, tolerance: float) -> dict[str
             "Run diagnose on the same log."
         )
     printer.say(f"passed: NRMSE {100 * content['nrmse']:.2f} %")
+    printer.say(f"next: it is ready to use: {driven.setup.file}")
     return content

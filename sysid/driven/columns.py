@@ -97,8 +97,10 @@ def driving_input(log: Path) -> tuple[str, str] | None:
         for kind, prefixes in INPUTS.items():
             starts = tuple(plain(one) for one in prefixes)
             for name in table.names:
-                if plain(name).startswith(starts) and np.ptp(table.read([name])[name]) > 0:
-                    return kind, name
+                if plain(name).startswith(starts):
+                    values = table.read([name])[name]
+                    if np.any(np.diff(values[np.isfinite(values)])):
+                        return kind, name
     except SysidError:  # a film, or no table
         pass
     return None

@@ -162,7 +162,7 @@ def diagnose(
         if not grown or grown[0].score > min(one.score for one in leading) - SCORE_TOLERANCE:
             break
         leading = grown[: 2 if len(leading) == 1 and leading[0] is base else 1]
-    best = _simplest(search.fits, search.plain)
+    best = search.simplest()
     final = fit(
         log, best.structure, search.known, tuple(best.quantities), begins=[best.values], simulator=simulator
     )
@@ -194,20 +194,47 @@ class _Search:
 
     def fitted(self, key: tuple[str, ...], begins: Sequence[Mapping[str, float]] = ()) -> DrivenFit | None:
         """Return the fit of a set; None if it runs away from its starts."""
-        if key not in self.fits:
-            if self.told is not None:
-                self.told(", ".join(key) or "the model as it is")
-            chosen = replace(self.plain, effects=key)
-            free = free_of(chosen, key, self.fixed)
-            try:
-                self.fits[key] = fit(
-                    self.log, chosen, self.known, free, begins=begins, quick=True, simulator=self.simulator
-                )
-            except SysidError:
-                if not begins:
-                    raise
-                return None
+        return self.fits[key] if key in self.fits else self.again(key, begins)
+
+    def again(self, key: tuple[str, ...], begins: Sequence[Mapping[str, float]]) -> DrivenFit | None:
+        """Fit a set from starts, and return its best fit so far."""
+        if self.told is not None:
+            self.told(", ".join(key) or "the model as it is")
+        chosen = replace(self.plain, effects=key)
+        free = free_of(chosen, key, self.fixed)
+        try:
+            found = fit(
+                self.log, chosen, self.known, free, begins=begins, quick=True, simulator=self.simulator
+            )
+        except SysidError:
+            if not begins:
+                raise
+            return self.fits.get(key)
+        self.fits[key] = min(found, self.fits.get(key, found), key=lambda one: one.score)
         return self.fits[key]
+
+    def simplest(self) -> DrivenFit:
+        """Return the set with the fewest parameters that ties with the best, without effects that matter to nothing.
+
+        A smaller set is fitted from the larger one too: it may have stopped in another valley.
+        """
+        best = min(self.fits.values(), key=lambda one: one.score)
+        tied = [one for one in self.fits.values() if one.score < best.score + SCORE_TOLERANCE]
+        best = min(tied, key=lambda one: (len(one.quantities), one.score))
+        while True:
+            smaller = [
+                self.again(tuple(n for n in best.structure.effects if n != name), [best.values])
+                for name in best.structure.effects
+                if name not in self.plain.effects
+            ]
+            idle = [
+                one
+                for one in smaller
+                if one and (one.rmse < (1 + MATTERS) * best.rmse or one.score < best.score + SCORE_TOLERANCE)
+            ]
+            if not idle:
+                return best
+            best = min(idle, key=lambda one: one.score)
 
     def grown_from(self, before: DrivenFit) -> list[DrivenFit]:
         """Fit the effect of each family that leaves the least missing torque; gears only if the residual stays correlated."""
@@ -248,24 +275,6 @@ def _apart(one: Effect, other: Effect) -> bool:
         and other.name not in one.excludes
         and one.name not in other.excludes
     )
-
-
-def _simplest(fits: Mapping[tuple[str, ...], DrivenFit], plain: Structure) -> DrivenFit:
-    """Return the set with the fewest parameters that ties with the best, without effects that matter to nothing."""
-    best = min(fits.values(), key=lambda one: one.score)
-    tied = [one for one in fits.values() if one.score < best.score + SCORE_TOLERANCE]
-    best = min(tied, key=lambda one: (len(one.quantities), one.score))
-    while True:
-        own = [name for name in best.structure.effects if name not in plain.effects]
-        smaller = [fits.get(tuple(n for n in best.structure.effects if n != name)) for name in own]
-        idle = [
-            one
-            for one in smaller
-            if one and (one.rmse < (1 + MATTERS) * best.rmse or one.score < best.score + SCORE_TOLERANCE)
-        ]
-        if not idle:
-            return best
-        best = min(idle, key=lambda one: one.score)
 
 
 def next_experiment(verdict: DrivenVerdict) -> str:

@@ -26,8 +26,8 @@ BASE = {
     "armature": "kg*m^2", "stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad", "bias": "N*m", "zero": "rad",
 }  # fmt: skip
 """Parameters of every driven joint, and their units; `zero` is where the encoder reads the model's zero."""
-GIVEN = ("h", "input", "by_delay", "delay", "inertia", "load", "slope", "at")
-"""Data of each step: length, mean input, its derivative by the delay, that delay, and the model's load at an angle."""
+GIVEN = ("h", "input", "by_delay", "delay", "inertia", "load", "slope", "at", "free", "damped")
+"""Data of each step: length, mean input, its derivative by the delay, that delay, and the rows of the model's load."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +89,11 @@ class Structure:
         """Name of the parameter that is the delay of the input; '' if it is missing."""
         late = (f"{p.name}.{p.late}" for p in self.parts if isinstance(p, DriveEffect) and p.late)
         return next(late, "")
+
+    @property
+    def middle(self) -> bool:
+        """Whether a step takes its load at its middle; MuJoCo's Euler takes it at its start."""
+        return self.simulator is None or self.simulator.implicit == "nothing"
 
     @property
     def states(self) -> int:
@@ -225,25 +230,28 @@ class Equations:
         """Return the state after a step of MuJoCo, shape (s,).
 
         Its friction constraint slows the joint at a rate of its own, by no more than the friction. So friction turns before
-        the joint does, and a joint that sticks creeps (MuJoCo documentation, Computation: constraint model).
+        the joint does, and a joint that sticks creeps (MuJoCo documentation, Computation: constraint model). The constraint
+        acts on the acceleration before the damping that the step takes at its end: of this joint, and of the others.
         """
         import casadi
 
         h, armature = given["h"], self.values["armature"]
-        inertia = given["inertia"] + armature
-        soft = 1 + simulator.softness * inertia / (simulator.alone + armature)
+        inertia, free = given["inertia"] + armature, given["free"] + armature
+        damped: Any = 0.0 if simulator.implicit == "nothing" else self.values["damping"]
+        if simulator.implicit == "actuator":
+            damped = damped - casadi.jacobian(self.actuated(y, given), y)[1]
+        gives = (1 + h * damped / free) / (inertia + h * damped)
+        soft = gives + simulator.softness / (simulator.alone + armature)
 
         def rates(stage: Any) -> Any:
             level = self._level(stage, stage[1])
-            stops = inertia * (self.derivative(stage, given)[1] + simulator.rate * stage[1]) / soft
+            pull = inertia * self.derivative(stage, given)[1]
+            stops = (gives * pull - h * given["damped"] / free + simulator.rate * stage[1]) / soft
             friction = self.m.maximum(-level, self.m.minimum(level, stops))
             return self.derivative(stage, given, friction)
 
         if simulator.implicit == "nothing":
             return runge_kutta(rates, y, h)
-        damped = self.values["damping"]
-        if simulator.implicit == "actuator":
-            damped = damped - casadi.jacobian(self.actuated(y, given), y)[1]
         slopes = rates(y)
         rate = y[1] + h * slopes[1] / (1 + h * damped / inertia)
         return casadi.vertcat(y[0] + h * rate, rate, y[2:] + h * slopes[2:])
@@ -311,7 +319,7 @@ def simulate(structure: Structure, free: tuple[str, ...], start: Array, vector: 
     Args:
         start: State, shape (s,).
         vector: Parameters in the structure's order and units, shape (p,).
-        given: Rows of `GIVEN` in their units, shape (8, steps).
+        given: Rows of `GIVEN` in their units, shape (10, steps).
     """
     n, columns = structure.states, len(free) + structure.states if free else 0
     begin = np.concatenate([start, np.eye(n, columns, len(free)).T.ravel() if free else []])

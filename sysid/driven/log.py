@@ -1,7 +1,7 @@
 """A driven log: a motion, the input that drove it, and the load that the model puts on the joint along it."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, Self, get_args
 
@@ -27,6 +27,25 @@ class Load:
     """Its derivative by the joint's angle [N*m/rad], shape (n,)."""
     at: Array
     """Angle of the joint at which they hold [rad], shape (n,)."""
+    free: Array | None = None
+    """Inertia without its armature while the other joints are free [kg*m^2], shape (n,); left out, they are held."""
+    damped: Array | None = None
+    """Torque through the other joints by the damping that a simulator takes at the end of its step [N*m], shape (n,)."""
+    time: Array | None = None
+    """Times of these [s], shape (n,); left out, they are the log's."""
+
+    @property
+    def rows(self) -> Array:
+        """All of it but the times, shape (6, n)."""
+        free = self.inertia if self.free is None else self.free
+        damped = np.zeros_like(free) if self.damped is None else self.damped
+        return np.stack([self.inertia, self.torque, self.slope, self.at, free, damped])
+
+    @classmethod
+    def of(cls, rows: Array, time: Array | None = None) -> Self:
+        """Return the load of such rows, shape (6, n)."""
+        inertia, torque, slope, at, free, damped = rows
+        return cls(inertia=inertia, torque=torque, slope=slope, at=at, free=free, damped=damped, time=time)
 
     @classmethod
     def constant(cls, inertia: float, samples: int) -> Self:
@@ -53,13 +72,13 @@ class DrivenLog:
     load: Load
     held: bool = True
     """Whether a digital controller held the input between samples; else it is smooth."""
+    beside: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    """Measured angles of other joints [rad or m], shape (n,) each."""
 
-    def part(self, rows: slice) -> "DrivenLog":
-        """Return these samples."""
-        load = replace(
-            self.load, **{k: getattr(self.load, k)[rows] for k in ("inertia", "torque", "slope", "at")}
-        )
-        return replace(self, time=self.time[rows], angle=self.angle[rows], input=self.input[rows], load=load)
+    @property
+    def load_time(self) -> Array:
+        """Times of its load [s], shape (n,)."""
+        return self.time if self.load.time is None else self.load.time
 
     @property
     def step(self) -> float:

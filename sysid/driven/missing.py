@@ -93,7 +93,7 @@ class Motion:
 
     def load(self, name: str) -> Array:
         """Return one of the load's arrays in its unit of SI, shape (n,)."""
-        return np.interp(self.time, self.log.time, getattr(self.log.load, name))
+        return np.interp(self.time, self.log.load_time, getattr(self.log.load, name))
 
 
 def torque_along(structure: Structure, values: Mapping[str, float], motion: Motion) -> Array:

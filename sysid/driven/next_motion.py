@@ -96,7 +96,7 @@ def _motions(fit: DrivenFit, low: float, high: float) -> Iterator[tuple[str, Dri
     log = fit.log
     step = log.step
     time = np.arange(round(SECONDS / step)) * step
-    order = np.argsort(log.angle)
+    order = np.argsort(log.load.at)
     natural = Problem(log=log, structure=fit.structure, values=fit.values, free=()).scales.frequency / (
         2 * np.pi
     )
@@ -113,12 +113,8 @@ def _motions(fit: DrivenFit, low: float, high: float) -> Iterator[tuple[str, Dri
                     wave = 1 - 4 * np.abs(phase - 0.5) if shape == "triangle" else np.sign(0.5 - phase)
                 at = middle + share * size * wave
                 angle = at if command else np.full_like(at, float(np.median(log.angle)))
-                parts = ("inertia", "torque", "slope", "at")
-                load = Load(
-                    **{
-                        one: np.interp(angle, log.angle[order], getattr(log.load, one)[order])
-                        for one in parts
-                    }
+                load = Load.of(
+                    np.stack([np.interp(angle, log.load.at[order], row[order]) for row in log.load.rows])
                 )
                 text = f"{shape} of ±{share * size:.3g} {'rad' if command else log.kind} up to {band:.3g} Hz, {SECONDS:g} s"
                 yield text, replace(log, time=time, input=at, angle=angle, load=load)

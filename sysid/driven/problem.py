@@ -3,7 +3,7 @@
 Each window starts from a state of its own. Short windows tolerate wrong equations; long ones are sharper.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -88,15 +88,17 @@ class Problem:
             )
         return found
 
+    @property
+    def load_time(self) -> Array:
+        """Times at which the steps take the load [s], shape (m,)."""
+        return self.grid[:-1] + self.structure.middle * self.h / 2
+
     @cached_property
     def known(self) -> Array:
-        """Load (its own units) and angle [rad] at the middle of each step, of a simulator at its start; shape (4, m)."""
+        """Rows of the load for each step, in units of SI, shape (6, m)."""
         from scipy.interpolate import CubicSpline
 
-        middle = self.grid[:-1] + (self.h / 2 if self.structure.simulator is None else 0.0)
-        load = self.log.load
-        parts = np.stack([load.inertia, load.torque, load.slope, load.at])
-        return CubicSpline(self.log.time, parts, axis=1)(middle)
+        return CubicSpline(self.log.load_time, self.log.load.rows, axis=1)(self.load_time)
 
     @cached_property
     def start_states(self) -> Array:
@@ -147,27 +149,31 @@ class Problem:
         Args:
             point: Unknowns in units of their sizes, shape (p,); residuals are in units of the noise, shape (n,) each.
         """
-        p, n = len(self.free), self.structure.states
-        vector = self.vector(point[:p])
-        delay = (
-            vector[list(self.structure.parameters).index(self.structure.delay)]
-            if self.structure.delay
-            else 0.0
-        )
-        mean, by_delay = self.log.mean_input(self.grid, float(delay))
-        given = np.vstack([np.full_like(mean, self.h), mean, by_delay, np.full_like(mean, delay), self.known])
-        starts = point[p:].reshape(self.windows, n) * self._state_sizes
         measured = 2 if self.structure.encoder == "motor" and self.structure.gear is not None else 0
-        free = self.free if slopes else ()
         rest: list[Array] = []
         rows: list[Array] = []
-        for start, (first, where, matrix) in zip(starts, self.places, strict=True):
-            path = simulate(self.structure, free, start, vector, given[:, first : first + self.length])
+        for path, (_, where, matrix) in zip(self.paths(point, slopes=slopes), self.places, strict=True):
             with np.errstate(all="ignore"):
                 seen = matrix @ path[:, measured : measured + 2].reshape(2 * len(path), -1) / self.log.std  # type: ignore[operator]
             rest.append(self.log.angle[where] / self.log.std - seen[:, 0])
-            rows.append(seen[:, 1:] * np.r_[self.sizes[:p], self._state_sizes] if slopes else seen[:, :0])
+            rows.append(seen[:, 1:])
         return rest, rows
+
+    def paths(self, point: Array, *, slopes: bool) -> Iterator[Array]:
+        """Yield states, and with `slopes` their derivatives by the unknowns, of each window, shape (steps + 1, s, 1 + p)."""
+        p, n = len(self.free), self.structure.states
+        vector, delay = self.vector(point[:p]), 0.0
+        if self.structure.delay:
+            delay = float(vector[list(self.structure.parameters).index(self.structure.delay)])
+        mean, by_delay = self.log.mean_input(self.grid, delay)
+        given = np.vstack([np.full_like(mean, self.h), mean, by_delay, np.full_like(mean, delay), self.known])
+        free, units = (self.free, self.sizes[: p + n]) if slopes else ((), np.empty(0))
+        starts = point[p:].reshape(self.windows, n) * self._state_sizes
+        for start, (first, _, _) in zip(starts, self.places, strict=True):
+            path = simulate(self.structure, free, start, vector, given[:, first : first + self.length])
+            with np.errstate(all="ignore"):
+                path[:, :, 1:] *= units if free else 1.0
+            yield path if free else path[:, :, :1]
 
     def normal(self, point: Array, most: float = np.inf) -> Normal:
         """Return cost and normal equations at unknowns in units of their sizes, shape (p,)."""

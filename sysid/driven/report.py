@@ -67,10 +67,10 @@ def fit_text(joint: str, fits: Sequence[DrivenFit], merged: Agreement, before: M
         lines.append(f"{Path(one.log.name).name}: {100 * one.nrmse:.2f} % of the motion beyond the noise")
         if one.memory > 2:
             lines.append(
-                "  the residual is correlated: intervals allow for it. Run diagnose on the log to find the cause."
+                "  the error that is left is no noise: an effect is missing. The intervals are wider for it"
             )
     if several and merged.loose:
         lines.append(
-            f"not fixed by any log: {', '.join(merged.loose)}. The log that says most is {Path(fits[merged.helps].log.name).name}"
+            f"no log fixes {', '.join(merged.loose)}. The most informative log is {Path(fits[merged.helps].log.name).name}"
         )
     return "\n".join(lines)
