@@ -193,7 +193,7 @@ def _misfit(joint: JointFit) -> list[str]:
     return [
         f"the residual is {joint.rmse / joint.noise.std:.3g} times the noise ({100 * joint.excess:.2g} % of the motion beyond it, "
         f"{100 * TOLERANCE:.2g} % allowed). The numbers are a compromise, and their intervals too narrow. An effect is missing, or "
-        "a hand touched the joint"
+        "a hand or a motor moved the joint (--input fits a driven one)"
     ]
 
 

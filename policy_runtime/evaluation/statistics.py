@@ -33,7 +33,7 @@ def mean_over(values: list[Array], unit: str) -> Quantity:
     finite = [array[np.isfinite(array)] for array in values]
     everything = np.concatenate(finite) if finite else np.zeros(0)
     if len(everything) == 0:
-        return Quantity(math.nan, math.nan, unit, "never came to it")
+        return Quantity(math.nan, math.nan, unit, "not measured in any episode")
     means = [float(array.mean()) for array in finite if len(array)]
     if len(means) >= 3:
         sample, over = np.array(means), "seeds"

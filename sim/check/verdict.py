@@ -102,8 +102,8 @@ class Verdict(Shown):
         if self.passed:
             hidden = 100 * decays.hidden
             lines.append(
-                f"passed: NRMSE {100 * decays.nrmse:.2f} % (tolerance {100 * decays.tolerance:g} %; an error below "
-                f"{hidden:{'.1f' if hidden >= 0.05 else '.1g'}} % could not be seen in this noise)"
+                f"passed: NRMSE {100 * decays.nrmse:.2f} % (tolerance {100 * decays.tolerance:g} %; the noise hides "
+                f"errors up to {hidden:{'.1f' if hidden >= 0.05 else '.1g'}} %)"
             )
         return "\n".join(lines)
 

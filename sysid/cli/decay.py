@@ -35,7 +35,6 @@ def decay(
         picture: Draw decay.png.
         rerun: Write a Rerun recording (.rrd) here.
     """
-    from sysid.driven.columns import driving_input
     from sysid.free_decay import fit_decay
 
     printer = Printer(common)
@@ -60,13 +59,6 @@ def decay(
         )
         made = " (`new NAME` writes the record for it)" if record is None else ""
         printer.say(f"next: find the missing effect: {space.command('diagnose', *options, logs=logs)}{made}")
-        for log in logs:
-            if found := driving_input(log):
-                kind, column = found
-                drive = ("--input", column, "--input-is", kind)
-                printer.say(
-                    f"if '{column}' drove the joint, it is not a free decay (docs/driven.md): {space.command('compare', *options, *drive, logs=[log])}"
-                )
     content = result.to_json()
     written: list[Path] = []
     if folder is not None:

@@ -114,7 +114,7 @@ class LogArguments:
 
 def space_of(common: Common, arguments: LogArguments) -> Workspace:
     """Return the workspace of a command; printed commands get its options for reading logs."""
-    return Workspace(common.workspace, tuple(_typed(arguments)))
+    return Workspace(common.workspace, tuple(typed(arguments)))
 
 
 def as_fitted(record: Board, logs: Sequence[Path], arguments: LogArguments, printer: Printer) -> LogArguments:
@@ -143,16 +143,16 @@ def as_fitted(record: Board, logs: Sequence[Path], arguments: LogArguments, prin
     return found
 
 
-def _typed(group: LogArguments | VideoArguments) -> Iterator[str]:
-    """Yield the options other than the defaults, as typed."""
+def typed(group: Any) -> Iterator[str]:
+    """Yield the options of a group other than the defaults, as typed."""
     hints = get_type_hints(type(group), include_extras=True)
     for option in fields(group):
         value, hint = getattr(group, option.name), hints[option.name]
         if isinstance(value, VideoArguments):
-            yield from _typed(value)
+            yield from typed(value)
         elif value != option.default and option.name != "overlay":
             named = (one.name for one in get_args(hint) if isinstance(one, Parameter) and one.name)
-            (name,) = next(named, ("--" + option.name.replace("_", "-"),))
+            name, *_ = next(named, ("--" + option.name.replace("_", "-"),))
             repeated = "..." in str(hint)
             for one in value if repeated else (value,):
                 yield name
@@ -253,6 +253,15 @@ def recording_of(
     Raises:
         SysidError: It has no release.
     """
+    from sysid.driven.columns import driving_input
+
+    acted = driving_input(Path(roll.log)) if printer is not None and roll.free is None else None
+    if printer is not None and acted is not None:
+        kind, column = acted
+        printer.warn(
+            f"{roll.log}: '{column}' changes along the log. If it drove the joint, this is no free motion: run compare, fit or "
+            f"diagnose with --input {column} --input-is {kind} (docs/driven.md)"
+        )
     recording = Recording.of(
         roll, start=arguments.start, stop=arguments.stop, release=arguments.release, keep_zero=arguments.keep_zero,
         rest=rest,

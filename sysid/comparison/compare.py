@@ -112,8 +112,8 @@ class Comparison(Shown):
         if high - low < 0.1 * self.tolerance:
             return f"{100 * self.excess:.2f} % beyond the noise, {allowed}"
         return (
-            f"{100 * self.excess:.2f} % ({100 * low:.2f} to {100 * high:.2f} %) beyond the noise, whose floor is known to "
-            f"±{100 * Z95 * self.noise.relative_std:.0f} %; {allowed}"
+            f"{100 * self.excess:.2f} % ({100 * low:.2f} to {100 * high:.2f} %) beyond the noise (the noise is known to "
+            f"±{100 * Z95 * self.noise.relative_std:.0f} %); {allowed}"
         )
 
 

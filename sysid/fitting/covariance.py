@@ -361,4 +361,4 @@ def identified_combination(effect: str, quantities: Mapping[str, Quantity], cova
         if abs(power) > 0.05
     )
     each = ", ".join(f"{names[i].split('.')[1]} ± {196 * s:.0f} %" for i, s in zip(own, shares, strict=True))
-    return f"of {effect} these releases fix {product} to ± {196 * best:.1f} %, but not each of them ({each})"
+    return f"{effect}: the releases fix {product} to ± {196 * best:.1f} %, but not its factors ({each})"

@@ -60,7 +60,7 @@ def roll_of_table(table: LogFile, options: LogOptions) -> Roll:
     path, log = table.path, with_own_clocks(with_whole_clock(table))
     time, columns = columns_of(log, options)
     source, choice = choose_source(log, columns, time, options)
-    also = [find_column(log, name, columns, "also").name for name in options.also]
+    also = [find_column(log, name, columns, "--input").name for name in options.also]
     tells = telling_column(columns, choice.columns[0])
     says = () if tells is None else (tells[1],)
     names = [name for name in (*choice.columns, time and time.name, choice.std, *also, *says) if name]

@@ -112,9 +112,11 @@ def test_friction_in_the_rest_levels_is_no_linear_decay(tmp_path, capsys):
     assert "✓" not in out
 
 
-def test_a_log_with_an_input_sends_to_driven_joints(tmp_path, capsys):
+@pytest.mark.parametrize("command", ["decay", "fit"])
+def test_a_log_with_an_input_sends_to_driven_joints(tmp_path, capsys, command):
     examples = Path(__file__).parents[2] / "docs" / "examples"
-    called("decay", examples / "driven_arm.csv", "--column", "q_shoulder_rad", "--workspace", tmp_path)
-    (line,) = [line for line in capsys.readouterr().out.splitlines() if "docs/driven.md" in line]
-    assert "'action_shoulder_rad' drove the joint" in line
+    (tmp_path / "arm.xml").write_bytes((examples / "driven_arm.xml").read_bytes())
+    joint = ("--model", tmp_path / "arm.xml", "--joint", "shoulder", "--column", "q_shoulder_rad")
+    called(command, examples / "driven_arm.csv", *joint, "--workspace", tmp_path)
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "docs/driven.md" in line]
     assert "--input action_shoulder_rad --input-is command" in line

@@ -32,8 +32,8 @@ def _departure(joint: Parasitics, quantity: str, unit: str, seen: TiltJoint) -> 
     if abs(alone / wanted - 1) > MIN_DEPARTURE:
         causes.append(f"the deck by itself {alone:.3g}")
     yield (
-        f"{quantity} {value:.4g} {unit} where {wanted:.4g} is wanted ({100 * (value / wanted - 1):+.0f} %): "
-        + ", ".join(causes or ["from several parts together"])
+        f"{quantity} is {value:.4g} {unit}, expected {wanted:.4g} ({100 * (value / wanted - 1):+.0f} %): "
+        + ", ".join(causes or ["several parts add to it"])
     )
 
 

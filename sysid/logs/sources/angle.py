@@ -110,7 +110,7 @@ def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
     unit = _likely_unit(reach)
     why = f"'{name}' names no unit; taken as {unit}, because it reaches {reach:.3g} from its median"
     unsure = whole or LEAST_DEGREES < reach < MOST_RADIANS
-    doubt = warning(f"{why}. That can be wrong: say it with --unit")
+    doubt = warning(f"{why}. Check the unit; --unit sets another")
     return ANGLE_UNITS[unit], doubt if unsure else note("unit", why)
 
 

@@ -102,7 +102,7 @@ def _likely_scale(rates: Array, choice: Choice) -> tuple[float, Remarks]:
     unit = "deg/s" if largest > MAX_RATE else "rad/s"
     return RATE_UNITS[unit], warning(
         f"'{choice.columns[0]}' names no unit; taken as {unit}, because it reaches {largest:.3g}. "
-        "That can be wrong: say it with --unit"
+        "Check the unit; --unit sets another"
     )
 
 

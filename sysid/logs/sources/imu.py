@@ -110,7 +110,7 @@ def roll_from_imu(reading: Reading) -> Roll:
     remarks += note("noise", f"{noise:.2g} rad/s of the gyro, {felt:.2g} m/s² of the accelerometer")
     remarks += note(
         "scale",
-        f"of roll and rate, good to {100 * Z95 * scale_std:.1f} % (95 %): gravity tells the gyro's gain",
+        f"roll and rate ± {100 * Z95 * scale_std:.1f} % (95 %), calibrated by gravity",
     )
     # White errors of either sensor at the swing's frequency; where that sensor rules, they are those of the estimate.
     own = noise if by_gyro else 1 / np.hypot(omega / noise, tilt / felt)

@@ -1,0 +1,59 @@
+"""`compare`, `fit` and `check` of a driven joint, as a user types them."""
+
+import json
+from pathlib import Path
+
+import pytest
+from command_line import called
+
+from sysid.errors import SysidError
+
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+LOG, MODEL = EXAMPLES / "driven_arm.csv", EXAMPLES / "driven_arm.xml"
+COMMAND = ("--joint", "shoulder", "--input", "action_shoulder_rad", "--input-is", "command")
+
+
+@pytest.fixture
+def true_arm(tmp_path):
+    """The arm with the shoulder that made the log."""
+    given = '<joint name="shoulder" type="hinge" axis="0 1 0" damping="0.1" armature="0.001"'
+    true = given.replace("0.1", "0.24").replace("0.001", "0.0062") + ' frictionloss="0.11"'
+    hard = ' solreffriction="0.002 1" solimpfriction="0.9999 0.9999 0.001 0.5 2"'
+    text = MODEL.read_text()
+    assert given in text
+    text = text.replace(given, true + hard).replace('kv="0.3"', 'kv="0.3" delay="0.012" nsample="14"')
+    (tmp_path / "true.xml").write_text(text)
+    return tmp_path / "true.xml"
+
+
+def test_a_joint_is_replayed_beside_the_measured_motion_of_the_others(tmp_path, true_arm, capsys):
+    end = ("--workspace", tmp_path, "--json", "-")
+    assert called("check", LOG, "--model", true_arm, *COMMAND, *end) == 0
+    assert json.loads(capsys.readouterr().out)["nrmse"] < 0.01  # with the elbow held it is 0.09
+    assert called("compare", LOG, "--model", MODEL, *COMMAND, *end) == 0
+    assert json.loads(capsys.readouterr().out)["nrmse"] > 0.1
+
+
+def test_a_comparison_names_the_next_command(tmp_path, capsys):
+    called("compare", LOG, "--model", MODEL, *COMMAND, "--to", 4, "--workspace", tmp_path)
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("next: ")]
+    assert f"husky-sysid fit {LOG} --model {MODEL} {' '.join(COMMAND)}" in line
+    assert "--to 4.0" in line
+
+
+@pytest.mark.parametrize("command", ["compare", "fit", "diagnose", "check"])
+def test_a_motor_without_gains_follows_no_command(tmp_path, command):
+    servo = '<position name="shoulder servo" joint="shoulder" kp="12" kv="0.3"/>'
+    text = MODEL.read_text()
+    assert servo in text
+    (tmp_path / "motor.xml").write_text(
+        text.replace(servo, '<motor name="shoulder motor" joint="shoulder"/>')
+    )
+    with pytest.raises(SysidError, match=r"'shoulder motor'.*--gains KP KD"):
+        called(command, LOG, "--model", tmp_path / "motor.xml", *COMMAND, "--workspace", tmp_path)
+
+
+def test_an_input_that_is_missing_is_named_with_its_option(tmp_path):
+    with pytest.raises(SysidError, match="--input 'torque': there is no such column"):
+        called("fit", LOG, "--model", MODEL, "--joint", "shoulder", "--input", "torque", "--input-is", "torque",
+               "--workspace", tmp_path)  # fmt: skip
