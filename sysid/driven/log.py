@@ -36,14 +36,14 @@ class Load:
 
     @property
     def rows(self) -> Array:
-        """All of it but the times, shape (6, n)."""
+        """All of it but the times, in units of SI, shape (6, n)."""
         free = self.inertia if self.free is None else self.free
         damped = np.zeros_like(free) if self.damped is None else self.damped
         return np.stack([self.inertia, self.torque, self.slope, self.at, free, damped])
 
     @classmethod
     def of(cls, rows: Array, time: Array | None = None) -> Self:
-        """Return the load of such rows, shape (6, n)."""
+        """Return the load of such rows in units of SI, shape (6, n), at times [s], shape (n,)."""
         inertia, torque, slope, at, free, damped = rows
         return cls(inertia=inertia, torque=torque, slope=slope, at=at, free=free, damped=damped, time=time)
 

@@ -160,7 +160,7 @@ class Problem:
         return rest, rows
 
     def paths(self, point: Array, *, slopes: bool) -> Iterator[Array]:
-        """Yield states, and with `slopes` their derivatives by the unknowns, of each window, shape (steps + 1, s, 1 + p)."""
+        """Yield states, and with `slopes` their derivatives by the unknowns, of each window, in units of SI, shape (steps + 1, s, 1 + p)."""
         p, n = len(self.free), self.structure.states
         vector, delay = self.vector(point[:p]), 0.0
         if self.structure.delay:
