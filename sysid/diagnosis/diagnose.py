@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FITTED, MOST_FITS = 5, 8
-"""Sets of the posterior that compete, and sets that are fitted by output error."""
+"""Sets of the posterior that compete, and sets that are fitted in full."""
 BENDS = 0.2
 """Share by which a parameter has to lower the error beyond the noise. No law is exact: each may be off by a tenth of its torque."""
 EVEN = 0.5
@@ -367,15 +367,13 @@ def _weighed(
 ) -> tuple[Posterior, list[tuple[Found, Candidate]]]:
     """Return the posterior and the fits by output error, where one of these reaches the noise; else as they are.
 
-    Sure equations decide alone if they explain the log to its noise without torque noise. A fit sees no more, and has to assume the
-    states at the release.
-
-    Each fit has a rest angle of its own, so that it says nothing of another rest angle: the equations do.
+    Sure equations decide alone if they explain the log to its noise without torque noise: a fit also sees the first moments of a release,
+    where a hand may act and a sensor's filter lags. Each fit has a rest angle of its own, so that it says nothing of another rest angle:
+    the equations do.
     """
-    once = {c.effects: (one, c) for one, c in reversed(fits)}
-    first = next((c for one, c in fits if one is found.sets[0]), None)
-    if found.exact and _sure(found) and first is not None and not first.reaches_noise:
+    if found.exact and _sure(found):
         return found, fits
+    once = {c.effects: (one, c) for one, c in reversed(fits)}
     if not any(c.reaches_noise for _, c in once.values()):
         return _by_fits(found, fits), fits
     chances = weigh([(one, c.fit) for one, c in once.values()], [c.judged for _, c in once.values()])
@@ -441,7 +439,9 @@ class Fits:
         if not names:
             self.made[names] = one, replace(self.base, score=score)
             return
+        tried = self.tried.get(names)
         near = {"rest_angle": 0.0, **self._recorded(), **one.parameters} if one.parameters else None
+        near = near if tried is None else {**(near or {}), **tried.parameters}
         scales = self.base.fit.problem.scales
         try:
             fit = fit_joint(self.releases, self.board, (*self.own, *names), self.options, scales, near)
@@ -467,14 +467,16 @@ class Fits:
             return [c for one, c in self.all() if set(one.families) - {"rest"} == want]
 
         if not same():
-            self.add(_set(families, effects))
+            wider = [c for _, c in self.all() if set(c.effects) >= set(fittable(effects))]
+            nearest = min(wider, key=lambda c: c.judged, default=self.base).fit
+            self.add(_set(families, effects, known=nearest.problem.parameters(nearest.minimum.point)))
         return min(same(), key=lambda c: c.judged, default=self.base)
 
     def explore(self, found: Posterior) -> None:
         """Fit the likeliest set, the record's law, and of all that compete with these the best in a trial.
 
-        Parts of the likeliest sets compete. If the best one misses the noise, so do other laws of its families, all single laws, and pairs
-        with the best of them: a short motion says more as a whole than its equations do.
+        Parts of the likeliest sets compete. If the best one misses the noise, and the equations do not decide, so do other laws of its
+        families, all single laws, and pairs with the best of them: a short motion says more as a whole than its equations do.
         """
         best, top = found.sets[0], found.sets[0].probability
         self.add(best, top)
@@ -483,7 +485,8 @@ class Fits:
         near = [s for s in found.sets[1:FITTED] if len(set(s.families) - {"rest"}) <= 2]
         rivals = [*near, *(part for s in (best, *near) for part in _parts(s))]
         first = self.made.get(fittable(best.effects))
-        if found.nameless <= NAMELESS and not (first and first[1].reaches_noise):
+        decided = found.exact and _sure(found)
+        if not decided and found.nameless <= NAMELESS and not (first and first[1].reaches_noise):
             rivals += [*_variants(best, self.own), *self._pairs(found)]
         costs = [(cost, i) for i, one in enumerate(rivals) if (cost := self._trial_cost(one)) is not None]
         for _, i in sorted(costs):

@@ -27,7 +27,7 @@ from sysid.diagnosis.evidence import (
     solve,
 )
 from sysid.diagnosis.laws import Laws, Shape, Term
-from sysid.diagnosis.motion import Motion
+from sysid.diagnosis.motion import CLEAR, Motion
 from sysid.diagnosis.nuisances import BENDS, bends, nameless, sensor
 from sysid.diagnosis.smoother import Contact, Smoothed, Smoother
 from sysid.effects._base import Effect, TorqueEffect
@@ -229,7 +229,8 @@ def _until_still(motion: Motion, stiffness: float, damping: float) -> Motion:
         if motion.nodes_a_period // 2 < end < n:
             length[row], variance[row, end:] = end, np.inf
             there = smoothed.angle[row, end:n]
-            leaves = np.flatnonzero(np.abs(there - np.median(there[:pause])) > STILL)
+            noise = np.sqrt(np.median(motion.variance[row, :end]))
+            leaves = np.flatnonzero(np.abs(there - np.median(there[:pause])) > CLEAR / 2 * noise)
             free[row, 1] = end + max(int(leaves[0]), pause) if len(leaves) else free[row, 1]
     return replace(motion, length=length, variance=variance, free=free)
 

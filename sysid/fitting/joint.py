@@ -222,7 +222,8 @@ def fit_joint(
         effects: All effects of the joint.
         options: Options of the fit.
         scales: Sizes of the problem, where another fit of these releases knows them.
-        start: Parameters near the minimum, the others as the catalogue starts them; tried beside its first starts.
+        start: Parameters near the minimum, the others as the catalogue starts them. If a descent from there misses the noise, a search
+            tries it beside the catalogue's first starts.
 
     Raises:
         SysidError: Nothing to fit, an effect that free decays cannot identify, or no convergence.
@@ -245,7 +246,13 @@ def fit_joint(
         priors={**record_priors(structure, board, options, fixed), **priors_of(board, options)},
         free_states=starts_unknown(structure, records),
     )  # fmt: skip
-    minimum, evaluations = search(problem, starts)
+    near = None if start is None else problem.fitted(problem.start(starts[0]), tolerance=1e-7)
+    at_noise = problem.samples * (noise.highest / noise.std) ** 2
+    if near is not None and 2 * near.normal.cost <= at_noise:  # there is nothing to search for
+        minimum, evaluations = near, near.evaluations
+    else:
+        minimum, evaluations = search(problem, starts)
+        minimum = min([minimum, *([near] if near else [])], key=lambda m: m.normal.cost)
     problem, minimum, more = _plainest(problem, minimum)
     warnings: list[str] = []
     if not (board.stiffness and (board.fit or board.decay)):
@@ -282,9 +289,9 @@ def trial_fit(
     check_effects(effects, [part.name for part in board.effects])
     structure, records, scales = structure_of(effects), fit.records, fit.problem.scales
     fixed, bias = held_parameters(structure, board, options)
-    free_states = bool(structure.internal_states) and any(r.release.hold <= 0 for r in records)
     problem = Problem(
-        structure, records, scales, bias=bias, fixed=fixed, bounded=dict(options.bounds), free_states=free_states,
+        structure, records, scales, bias=bias, fixed=fixed, bounded=dict(options.bounds),
+        free_states=starts_unknown(structure, records),
         priors={**record_priors(structure, board, options, fixed), **priors_of(board, options)},
         steps_per_period=options.steps_per_period,
     )  # fmt: skip
