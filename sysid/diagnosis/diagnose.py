@@ -6,6 +6,7 @@ code of `fit`: those fits give errors, held-out errors, and parameters with inte
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,7 +58,7 @@ LONGEST = 2000
 """Characters of a diagnosis as an interpreter shows it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Candidate:
     """One set of effects, fitted."""
 
@@ -89,7 +90,7 @@ class Candidate:
         """Log error beyond the noise, and what the parameters have to be worth."""
         return _cost(self.effects, self.judged / self.fit.noise.std, self.fit.noise)
 
-    @property
+    @cached_property
     def heldout_rmse(self) -> float:
         """Error on releases that the fit did not see [rad or rad/s]."""
         return self.fit.heldout_rmse()

@@ -11,7 +11,7 @@ Source: Grewal and Andrews, Kalman Filtering, 2015, section 4.9 (the scalar stat
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.linalg import solve_banded
 
 from sysid.diagnosis.nuisances import DRIFT
 from sysid.fitting.result import JointFit
@@ -23,8 +23,13 @@ GAINS = 6
 
 def innovations(residuals: Sequence[Array], gain: float) -> Array:
     """Return what a residual of each release is off its prediction, over √(1 / (1 - K)), all in one, shape (n,)."""
-    filtered = [lfilter([1.0, -1.0], [1.0, gain - 1.0], r) for r in residuals]
-    return np.concatenate(filtered) * float(np.sqrt(1 - gain)) if gain else np.concatenate(list(residuals))
+    if not gain:
+        return np.concatenate(list(residuals))
+    # e_k - (1 - K) e_{k-1} = r_k - r_{k-1}; importing scipy.signal takes longer than a fit
+    bands = [np.vstack([np.ones(len(r)), np.full(len(r), gain - 1)]) for r in residuals]
+    steps = [np.diff(r, prepend=0.0) for r in residuals]
+    filtered = [solve_banded((1, 0), band, step) for band, step in zip(bands, steps, strict=True)]
+    return np.concatenate(filtered) * float(np.sqrt(1 - gain))
 
 
 def error_beside(residuals: Sequence[Array], gain: float) -> float:
