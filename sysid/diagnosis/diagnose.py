@@ -543,7 +543,7 @@ def _cost(names: Sequence[str], error: float, noise: NoiseFloor) -> float:
         noise: The noise: what its interval leaves open is no error.
     """
     count = sum(len(effect(name).parameters) for name in names)
-    open_still = (noise.highest / noise.std) ** 2 - 1
+    open_still = max((noise.highest / noise.std) ** 2 - 1, float(np.finfo(float).tiny))
     return 0.5 * float(np.log(max(error**2 - 1, open_still))) - count * float(np.log(1 - BENDS))
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.effects import origin
+from sysid.quantity import Z95
 from sysid.text import count, display, percent, table
 from sysid.workspace import Workspace
 
@@ -66,11 +67,11 @@ def _hint(hint: Any) -> str:
 
 
 def size_in_words(size: "Size") -> str:
-    """Return the size of a family with its 95 % intervals."""
-    return (
-        f"{percent(size.torque_share)} ± {percent(1.96 * size.torque_std)} of the peak torque, "
-        f"{percent(size.energy_share)} ± {percent(1.96 * size.energy_std)} of the energy lost"
-    )
+    """Return the size of a family with its 95 % intervals; a spring takes no energy."""
+    peak = f"{percent(size.torque_share)} ± {percent(Z95 * size.torque_std)} of the peak torque"
+    if round(100 * size.energy_share) == 0:
+        return peak
+    return f"{peak}, {percent(size.energy_share)} ± {percent(Z95 * size.energy_std)} of the energy lost"
 
 
 def _listed(names: Sequence[str]) -> str:

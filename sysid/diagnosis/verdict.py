@@ -66,7 +66,8 @@ def decide(found: Posterior, *, left: float, explained: float, exact: bool = Fal
     doubted = nothing is not None and nothing.probability * ODDS > sum(s.probability for s in found.sets)
     if nothing is not None and doubted and (explained < MOSTLY or left * explained < NAMELESS**2):
         best = nothing  # an effect is named where its absence is unlikely, at 95 %, or where it explains most of an error that matters
-    named = tuple(f for f in best.families if matters(f, found.sizes.get(f)))
+    doubtful = {"rest"} if found.inclusion.get("rest", 0.0) < 1 - 1 / ODDS else set[str]()
+    named = tuple(f for f in best.families if matters(f, found.sizes.get(f)) and f not in doubtful)
     effects = tuple(e for e, f in zip(best.effects, best.families, strict=True) if f in named)
     strange = found.nameless > NAMELESS and found.nameless > BESIDE * found.named
     strange |= not named or (explained < MOSTLY and not found.by_cycles)
@@ -74,7 +75,7 @@ def decide(found: Posterior, *, left: float, explained: float, exact: bool = Fal
     many = len(set(named) - {"rest"}) >= DEPTH and not exact and not found.by_cycles
     if many or (strange and left * (1 - explained) > NAMELESS**2):
         status = "unexplained"  # as many laws as were tried together, and still not all of it
-    same = [s for s in found.sets if _named(s, found.sizes) == set(named)]
+    same = [s for s in found.sets if _named(s, found.sizes) - doubtful == set(named)]
     confidence = min(sum(s.probability for s in same), 1.0)
     alike = tuple(
         dict.fromkeys(

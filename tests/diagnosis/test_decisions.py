@@ -199,3 +199,11 @@ def test_torques_that_cancel_each_other_are_impossible(light):
             inertia=8.7e-3, stiffness=14.677 - moment, damping=0.04, effects=(("gravity", (moment,)),)
         )  # fmt: skip
         assert is_possible(replace(fitted, law=law), ["gravity"]) == possible
+
+
+def test_another_rest_angle_is_named_where_its_absence_is_unlikely():
+    for moved, effects in ((0.7, ()), (0.99, ("offset",))):
+        sets = found(moved, "rest"), found(1 - moved)
+        verdict = decide(posterior(*sets, sizes={"rest": LARGE}), left=0.0, explained=0.0)
+        assert verdict.effects == effects
+        assert verdict.confidence == pytest.approx(1.0 if not effects else moved)
