@@ -73,11 +73,11 @@ def known(rng: np.random.Generator, name: str) -> tuple[str, Law, int]:
         w = u(0.05, 0.15)
         return "freeplay", lambda x, v, z, t: (-float(np.clip(x, -w, w)), []), 0
     if name == "hysteresis":
-        c, a, n = u(0.08, 0.3), u(0.08, 0.3), rng.choice([1, 2])
+        c, a = u(0.08, 0.3), u(0.08, 0.3)
 
         def hysteresis(x: float, v: float, z: list[float], t: float) -> tuple[float, list[float]]:
             s = z[0]
-            return c * s, [(v - 0.5 * abs(v) * abs(s) ** (n - 1) * s - 0.5 * v * abs(s) ** n) / a]
+            return c * s, [(v - 0.5 * abs(v) * s - 0.5 * v * abs(s)) / a]
 
         return "bouc-wen", hysteresis, 1
     if name == "relaxation":

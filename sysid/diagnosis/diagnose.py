@@ -446,9 +446,10 @@ class Fits:
         scales = self.base.fit.problem.scales
         try:
             fit = fit_joint(self.releases, self.board, (*self.own, *names), self.options, scales, near)
-        except SysidError:
+            possible = is_possible(fit, names)
+        except SysidError:  # no law, or one without bound
             return
-        if is_possible(fit, names):
+        if possible:
             judged = error_beside(fit.residuals, self.gain)
             self.made[names] = one, Candidate(effects=names, score=score, fit=fit, judged=judged)
 

@@ -284,7 +284,7 @@ def trial_fit(
         start: Parameters, the others as the catalogue starts them.
 
     Raises:
-        SysidError: Effects that free decays cannot identify.
+        SysidError: Effects that free decays cannot identify, or a motion without bound.
     """
     check_effects(effects, [part.name for part in board.effects])
     structure, records, scales = structure_of(effects), fit.records, fit.problem.scales
@@ -297,6 +297,8 @@ def trial_fit(
     )  # fmt: skip
     first = starting_points(structure, scales, fixed)[0]
     found = problem.fitted(problem.start({**first, **start}), tolerance=1e-4)
+    if not np.isfinite(found.normal.cost):
+        raise SysidError("from this start the motion has no bound.")
     return Trial(tuple(problem.residuals(found.point)), problem.parameters(found.point))
 
 
