@@ -22,6 +22,7 @@ The project's own:
 | E_tilt | largest tilt against the turn in a steering phase [rad] |
 | E_still | mean of abs(v) while the robot is told to stand and the cycle waits [m/s] |
 | E_stop | share of the stops after which the board rolls faster than 0.1 m/s, or the robot has fallen, 8 s later |
+| side_slip | mean of abs(speed of the board's middle to the side): 0 where both trucks roll without slipping [m/s] |
 | transport | mechanical work of the motors over the robot's weight and the way: cost of transport |
 
 How a rider pushes is in `policy_runtime.evaluation.strides`.
@@ -46,7 +47,7 @@ METRICS = {
     "E_vel": "m/s", "E_yaw": "rad", "E_smth": "rad", "E_contact": "1",
     "E_vel_mean_speed": "m/s", "E_yaw_final": "rad", "E_smth_norm": "rad", "E_smth_rms": "rad",
     "E_contact_push": "1", "E_contact_steer": "1", "E_course": "rad", "E_tilt": "rad", "E_still": "m/s", "E_stop": "1",
-    "transport": "1", **STRIDE_METRICS,
+    "side_slip": "m/s", "transport": "1", **STRIDE_METRICS,
 }  # fmt: skip
 """Every metric besides E_succ, with its unit."""
 STOP_STEPS = round(8.0 / CONTROL_PERIOD)
@@ -73,6 +74,8 @@ class Rides:
     """Sum of the turns asked for since the start [rad], (t, n)."""
     speed: Array
     """Of the board along its own x axis [m/s], (t, n)."""
+    drift: Array
+    """Speed of the board's middle along its own y axis [m/s], (t, n)."""
     heading: Array
     """Of the board [rad], (t, n)."""
     tilt: Array
@@ -151,6 +154,7 @@ def episode_errors(rides: Rides) -> dict[str, Array]:
         "E_tilt": _over_phases(steer, lambda n, a, b: _wrong_tilt(rides, n, a, b)),
         "E_still": _mean(np.abs(rides.speed), rides.alive & rides.waiting),
         "E_stop": np.array([_failed_stops(rides, n) for n in range(rides.alive.shape[1])]),
+        "side_slip": _mean(np.abs(rides.drift), rides.alive),
         "transport": _over_all(rides.power, rides.alive) / _over_all(np.abs(rides.speed), rides.alive),
         **stride_metrics(rides),
     }

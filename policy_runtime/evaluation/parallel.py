@@ -169,7 +169,9 @@ def _ride(
     from sim.skate.mdp.measuring import measure
     from sim.skate.mdp.observations import skate_command
 
-    rows: dict[str, list[Array]] = {name: [] for name in (*COLUMNS, "speed", "alive", "ground_load", "power")}
+    rows: dict[str, list[Array]] = {
+        name: [] for name in (*COLUMNS, "speed", "drift", "alive", "ground_load", "power")
+    }
     where: list[Array] = []
     running, succeeded = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
     endings = [TIME_LIMIT] * count
@@ -187,7 +189,8 @@ def _ride(
                 state = measure(env)
                 for name, source in COLUMNS.items():
                     rows[name].append(getattr(state, source).cpu().numpy().copy())
-                rows["speed"].append(state.board_velocity[:, 0].cpu().numpy().copy())
+                for name, axis in (("speed", 0), ("drift", 1)):
+                    rows[name].append(state.board_velocity[:, axis].cpu().numpy().copy())
                 rows["ground_load"].append(state.ground_load[:, 0].cpu().numpy().copy())
                 power = (state.joint_torque * state.joint_velocity).abs().sum(dim=-1) / reading.weight
                 rows["power"].append(power.cpu().numpy())

@@ -63,6 +63,7 @@ class Recording:
             target_heading=self.target_heading[:, None],
             course=self.course[:, None],
             speed=self.column("board_speed")[:, None],
+            drift=self.column("board_drift")[:, None],
             heading=self.column("board_heading")[:, None],
             tilt=-self.column("roll")[:, None],
             joints=self.joints[:, None],

@@ -34,6 +34,8 @@ class Truth:
     """[rad]"""
     board_speed: float
     """Velocity of the board along its own x axis [m/s]."""
+    board_drift: float
+    """Velocity of the board along its own y axis [m/s]."""
     roll: float
     """Tilt joint [rad], right edge down positive."""
     trucks: Array
@@ -231,6 +233,7 @@ class SimulatedRobot:
             board_position=data.qpos[q : q + 3].copy(),
             board_heading=math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
             board_speed=float(data.qvel[v : v + 3] @ forward),
+            board_drift=float(data.qvel[v : v + 3] @ board.xmat.reshape(3, 3)[:, 1]),
             roll=float(data.qpos[ids.tilt]),
             trucks=data.qpos[ids.trucks],
             pelvis_position=data.qpos[self.base_q : self.base_q + 3].copy(),

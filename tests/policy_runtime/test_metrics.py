@@ -28,6 +28,12 @@ def test_a_perfect_ride_has_no_error():
     ).all()
 
 
+def test_side_slip_is_of_either_side_and_of_the_ride_alone():
+    drift, alive = np.full((STEPS, 1), 9.0), np.zeros((STEPS, 1), bool)
+    drift[:10], alive[:10] = np.where(np.arange(10) % 2, 0.2, -0.1)[:, None], True
+    assert episode_errors(rides(drift=drift, alive=alive))["side_slip"][0] == pytest.approx(0.15)
+
+
 def long_ride(**changes):
     """One episode of 12 s in pushing, and told to move unless said otherwise."""
     return made_rides(
