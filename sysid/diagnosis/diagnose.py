@@ -47,8 +47,6 @@ BENDS = 0.2
 """Share by which a parameter has to lower the error beyond the noise. No law is exact: each may be off by a tenth of its torque."""
 EVEN = 0.5
 """Probability from which a family is taken to act."""
-LITTLE = 0.1
-"""ε [1] from which the equations say little: the law is not understood."""
 SURE = 0.9
 """Probability of a set from which the equations decide."""
 STOP_LIKELY = 0.2
@@ -68,7 +66,7 @@ class Candidate:
     """Twice the log evidence below the best."""
     fit: JointFit = field(repr=False)
     judged: float
-    """RMS residual that no walk of the sensor's zero explains [rad or rad/s]."""
+    """RMS residual beside a walk of the sensor's zero [rad or rad/s]."""
 
     @property
     def rmse(self) -> float:
@@ -119,7 +117,7 @@ class Diagnosis:
     """How the fit differs from the record; '' where it does not."""
     next_experiment: str
     doubts: tuple[str, ...]
-    """What is odd about the releases for this board."""
+    """Doubts about the releases for this board."""
     options: tuple[str, ...]
     """How the command line names the joint."""
     releases: tuple[Release, ...] = field(repr=False)
@@ -318,10 +316,9 @@ def subject_of(board: Board) -> Subject:
     )  # fmt: skip
 
 
-def _sure(found: Posterior) -> bool:
-    """Return whether the posterior is sure of its best set, and sees laws of the damping."""
-    sees = found.by_cycles or found.share <= min(LITTLE, found.loss)
-    return sees and found.sets[0].probability > SURE
+def _decided(found: Posterior) -> bool:
+    """Return whether the equations decide: they explain the log to its noise without torque noise, and are sure of a set."""
+    return found.exact and found.sets[0].probability > SURE
 
 
 def _set(
@@ -368,11 +365,11 @@ def _weighed(
 ) -> tuple[Posterior, list[tuple[Found, Candidate]]]:
     """Return the posterior and the fits by output error, where one of these reaches the noise; else as they are.
 
-    Sure equations decide alone if they explain the log to its noise without torque noise: a fit also sees the first moments of a release,
-    where a hand may act and a sensor's filter lags. Each fit has a rest angle of its own, so that it says nothing of another rest angle:
-    the equations do.
+    Sure equations decide alone if they explain the log to its noise without torque noise. A fit also sees the first moments of a release,
+    where a hand may act and a sensor's filter lags. Each fit has a rest angle of its own. So the equations alone speak of another rest
+    angle.
     """
-    if found.exact and _sure(found):
+    if _decided(found):
         return found, fits
     once = {c.effects: (one, c) for one, c in reversed(fits)}
     if not any(c.reaches_noise for _, c in once.values()):
@@ -477,8 +474,8 @@ class Fits:
     def explore(self, found: Posterior) -> None:
         """Fit the likeliest set, the record's law, and of all that compete with these the best in a trial.
 
-        Parts of the likeliest sets compete. If the best one misses the noise, and the equations do not decide, so do other laws of its
-        families, all single laws, and pairs with the best of them: a short motion says more as a whole than its equations do.
+        Parts of the likeliest sets compete. Other laws of its families, all single laws, and pairs with the best of these compete if the
+        best set misses the noise and the equations do not decide. A short motion says more as a whole than its equations do.
         """
         best, top = found.sets[0], found.sets[0].probability
         self.add(best, top)
@@ -487,8 +484,7 @@ class Fits:
         near = [s for s in found.sets[1:FITTED] if len(set(s.families) - {"rest"}) <= 2]
         rivals = [*near, *(part for s in (best, *near) for part in _parts(s))]
         first = self.made.get(fittable(best.effects))
-        decided = found.exact and _sure(found)
-        if not decided and found.nameless <= NAMELESS and not (first and first[1].reaches_noise):
+        if not _decided(found) and found.nameless <= NAMELESS and not (first and first[1].reaches_noise):
             rivals += [*_variants(best, self.own), *self._pairs(found)]
         costs = [(cost, i) for i, one in enumerate(rivals) if (cost := self._trial_cost(one)) is not None]
         for _, i in sorted(costs):

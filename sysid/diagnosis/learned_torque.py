@@ -402,7 +402,7 @@ def _information(problem: Problem, minimum: Minimum) -> tuple[Array, Array, floa
 
 
 def _left(fit: JointFit, found: Regressed) -> list[str]:
-    """Warn of a residual that no torque of angle and rate explains."""
+    """Warn of a residual beyond any torque of angle and rate."""
     if changes_with_time(found):
         return [
             "the missing torque changes with time rather than with angle and rate (warming, loosening): a spring and a damper that drift are "

@@ -121,7 +121,7 @@ class Posterior:
 
 @dataclass(slots=True)
 class State:
-    """What one pass hands to the next."""
+    """State that one pass hands to the next."""
 
     stiffness: float
     damping: float
@@ -214,7 +214,7 @@ def levels(motion: Motion) -> list[Array]:
 def _until_still(motion: Motion, stiffness: float, damping: float) -> Motion:
     """End each release where the joint first stands still for a third of a period: friction holds it with any torque.
 
-    What leaves that place later, a hand moves.
+    A joint that leaves this place later is moved by a hand.
     """
     smoothed = Smoother(motion, stiffness, damping, motion.envelope).smooth(0.3)
     length, variance, free = motion.length.copy(), motion.variance.copy(), motion.free.copy()

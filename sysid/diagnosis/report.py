@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sysid.diagnosis.verdict import ODDS
 from sysid.effects import origin
 from sysid.quantity import Z95
 from sysid.text import count, display, percent, table
@@ -14,8 +15,8 @@ if TYPE_CHECKING:
     from sysid.diagnosis.diagnose import Diagnosis
     from sysid.diagnosis.posterior import Size
 
-TIE = 12.0
-"""Score up to which two candidates are not told apart: twice a log evidence of 6, odds of 400."""
+TIE = 4 * math.log(ODDS)
+"""Score up to which two candidates tie: twice the log of the square of the odds at which an effect is named, 12."""
 
 
 def headline(result: "Diagnosis") -> str:
@@ -94,7 +95,7 @@ def report(result: "Diagnosis", width: int, space: Workspace, logs: Sequence[Pat
         explanation(result),
         f"{result.board} · {count(len(result.releases), 'release')} · sensor noise {show(noise.std, 3)}, {noise.how}",
         table(("", "effects", "error / noise", "held out / noise", "score"), rows, width=width),
-        f"score: twice the log evidence below the best; under {TIE:g} is a tie. held out: error on a release that the fit did not see",
+        f"score: twice the log evidence below the best; under {TIE:.0f} is a tie. held out: error on a release that the fit did not see",
     ]
     lines += [f"looks the same in these logs: {', '.join(group)}" for group in verdict.indistinguishable_from]
     if result.next_experiment:

@@ -40,7 +40,7 @@ def error_beside(residuals: Sequence[Array], gain: float) -> float:
 def likeliest_gain(fits: Sequence[JointFit]) -> float:
     """Return the gain K that makes the residuals of the best of some fits of the same releases the likeliest.
 
-    It is 0 for a rate, and where a walk and a law do not explain the log to its noise: a missing law is no walk.
+    It is 0 for a rate. It is also 0 unless a walk and a law explain the log to its noise: a missing law is no walk.
     """
     fit = fits[0]
     if fit.records[0].is_rate:
