@@ -57,3 +57,10 @@ def test_an_input_that_is_missing_is_named_with_its_option(tmp_path):
     with pytest.raises(SysidError, match="--input 'torque': there is no such column"):
         called("fit", LOG, "--model", MODEL, "--joint", "shoulder", "--input", "torque", "--input-is", "torque",
                "--workspace", tmp_path)  # fmt: skip
+
+
+def test_all_joints_of_a_log_are_replayed_together(tmp_path, capsys):
+    every = ("--joint", "all", "--input", "action", "--input-is", "command")
+    called("compare", LOG, "--model", MODEL, *every, "--to", 4, "--workspace", tmp_path, "--json", "-")
+    found = json.loads(capsys.readouterr().out)
+    assert [one["joint"] for one in found["joints"]] == ["shoulder", "elbow"]
