@@ -107,7 +107,8 @@ def _release_peak(release: Release, rest: float, omega_n: float, omega_d: float,
         return None
     a = math.sqrt(max(0.0, omega_n**2 - omega_d**2))
     u, v = decay_basis(since[near], a, omega_d**2)
-    shift = RELEASE_TIME_STD * 2 * math.pi / omega_n
+    # The first sample may come a whole step after the release.
+    shift = math.hypot(RELEASE_TIME_STD * 2 * math.pi / omega_n, float(np.median(np.diff(release.time))))
     size = abs(float(release.roll[0]) - rest)
     design = np.vstack([np.column_stack([u + a * v, -(omega_n**2) * v]) / noise, [0.0, 1 / (shift * size)]])
     target = np.append((release.roll[near] - rest) / noise, 0.0)
