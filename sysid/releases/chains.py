@@ -172,7 +172,9 @@ def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list
         while finish < len(swings) and _continues(signal, swings[begin], swings[finish - 1], swings[finish]):
             finish += 1
         segment = _segment(signal, swings, begin, finish)
-        if segment is not None:
+        if segment is not None and _begins_at_rest(signal, segment):
+            finish = begin + 1
+        elif segment is not None:
             segments.append(segment)
             after = segment.after
             finish = (
@@ -180,6 +182,12 @@ def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list
             )
         begin = finish
     return segments
+
+
+def _begins_at_rest(signal: SmoothedSignal, segment: Segment) -> bool:
+    """Whether its first swing leaves the rest, where a joint stays unless a hand lifts or kicks it."""
+    first = segment.swings[0]
+    return len(segment.swings) > 1 and segment.size < _room(signal, first, first)
 
 
 def _without_hitches(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[HalfCycle]:
@@ -191,7 +199,7 @@ def _without_hitches(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Ha
     for swing in swings:
         if len(joined) > 1 and joined[-1].way * swing.way > 0 and joined[-2].way * swing.way < 0:
             before, one = joined[-2:]
-            pause = float(signal.time[swing.left] - signal.time[one.reached])
+            pause = _pause(signal, one, swing)
             whole = replace(
                 one, finish=swing.finish, reached=swing.reached, target=swing.target, to_plateau=swing.to_plateau,
                 duration=0.8 * float(signal.time[swing.reached] - signal.time[one.left]),
@@ -209,7 +217,7 @@ def _with_tails(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[HalfCyc
     joined: list[HalfCycle] = []
     for swing in swings:
         one = joined[-1] if joined else swing
-        pause = float(signal.time[swing.left] - signal.time[one.reached])
+        pause = _pause(signal, one, swing)
         creeps = one.way * swing.way > 0 and swing.size < AGAIN * one.size and pause < one.duration
         if joined and one.from_plateau and creeps:
             joined[-1] = replace(
@@ -228,7 +236,13 @@ def _continues(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle, other: 
     """Whether the next swing is a shorter one back, of about the same pace, and follows without a stay."""
     shorter = other.size < one.size + _room(signal, first, one)
     same = _same_pace(signal, one.duration, other, YIELDS if one is first else PACE)
-    return shorter and same and one.way * other.way < 0 and not one.to_plateau
+    stayed = one.to_plateau or _pause(signal, one, other) > PACE * max(one.duration, other.duration)
+    return shorter and same and one.way * other.way < 0 and not stayed
+
+
+def _pause(signal: SmoothedSignal, one: HalfCycle, other: HalfCycle) -> float:
+    """Return the time between two swings [s]."""
+    return float(signal.time[other.left] - signal.time[one.reached])
 
 
 def _room(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle) -> float:
@@ -256,14 +270,14 @@ def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish
     if len(chosen) == 1 and not chosen[0].to_plateau:
         return None
     rest = _rest_angle(chosen)
-    longest = 2.5 * max(swing.duration for swing in chosen[:3])
+    longest = PACE * max(swing.duration for swing in chosen[:3])
     # A slow turning point looks like a stay, and near rest a swing may grow by noise: neither ends the segment.
     while finish < len(swings):
         swing = swings[finish]
         homeward = (rest - swing.origin) * swing.way > 0.3 * swing.size**2
         shorter = swing.size < chosen[-1].size + _room(signal, chosen[0], chosen[-1])
         back = swing.way * chosen[-1].way < 0 or swing.size < AGAIN * chosen[0].size
-        stayed = signal.time[swing.left] - signal.time[chosen[-1].reached] > longest
+        stayed = _pause(signal, chosen[-1], swing) > longest
         stayed &= swing.size > 2.0 * signal.min_movement
         goes_on = (
             homeward and back and shorter and not stayed and _same_pace(signal, chosen[0].duration, swing)
