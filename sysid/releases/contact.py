@@ -8,6 +8,7 @@ maximises the sum of log-likelihood ratios (Page, 1954). A change adds two param
 import math
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -61,8 +62,10 @@ class _Run:
     span: Span
     law: Law
     """Backwards in time, with a damping that drives."""
-    levels: int
-    """Number of torque noises, from the smallest on, that a free joint may have."""
+    levels: slice
+    """Torque noises that a free joint may have."""
+    least: int
+    """Samples of half a swing, which tell the joint's torque noise from a slow hand's; 0 backwards, where swings grow and depart farther."""
 
 
 _Walk = Generator[_Run, tuple[int, int], list[tuple[float, float]]]
@@ -175,7 +178,7 @@ def _together(decays: Sequence[_Walk], noise: float) -> list[list[tuple[float, f
                 found[index] = end.value
         gains = _log_likelihood_ratios(list(asked.values()), noise)
         said = {
-            index: _free_for(gain[:, : run.levels])
+            index: _free_for(gain[:, run.levels], run.least)
             for (index, run), gain in zip(asked.items(), gains, strict=True)
         }
     return [found[index] for index in range(len(decays))]
@@ -190,15 +193,16 @@ def _stretches(time: Array, roll: Array, span: Span, law: Law) -> _Walk:
     first, last = (int(i) for i in np.searchsorted(time, (span.begin, span.end)))
     step = max(1, int(quarter / float(np.median(np.diff(time)))))
     found: list[tuple[float, float]] = []
-    since, begin, levels = first, first, len(ERRORS) - 1
+    since, begin, most = first, first, len(ERRORS) - 1
     while begin < last - 2:
-        count, most = yield _Run(time[begin:last], roll[begin:last], span, law, levels)
+        count, level = yield _Run(time[begin:last], roll[begin:last], span, law, slice(most), 2 * step)
         end = begin + count
         if end - begin > 2 * step or end >= last:
-            levels = most
             back = slice(end - 1, since - 1 if since else None, -1)
             backwards = Law(law.stiffness, -law.damping)
-            begin = end - (yield _Run(-time[back], roll[back], span, backwards, levels))[0]
+            same = slice(level - 1, level)
+            begin = end - (yield _Run(-time[back], roll[back], span, backwards, same, 0))[0]
+            most = level
             start = span.begin if begin == first or (span.let_go and not found) else float(time[begin])
             stop = span.end if last - end <= step / 4 else float(time[end - 1])
             if found and begin - since < step / 2:  # too quick for a hand: the law is nonlinear there
@@ -209,28 +213,38 @@ def _stretches(time: Array, roll: Array, span: Span, law: Law) -> _Walk:
     return found
 
 
-def _free_for(likelihood: Array) -> tuple[int, int]:
+def _free_for(likelihood: Array, least: int) -> tuple[int, int]:
     """Return the number of samples, from the first on, in which the joint moves freely, and the number of its torque noise.
 
     Their log-likelihood ratios are of shape (n, m), for m torque noises.
 
     A hand acts from one sample to another, or to the last. Each change has a BIC penalty.
     """
-    gain = np.cumsum(likelihood, axis=0)
-    count = len(gain)
+    gain = np.pad(
+        np.cumsum(likelihood, axis=0), ((0, 0), (0, 1))
+    )  # the last column is a hand's own torque noise
+    count, price, hand = len(gain), math.log(len(gain)), gain.shape[1] - 1
+    # A slow hand needs ten times the joint's torque noise, two steps of the ladder; any hand the largest one.
+    pairs = [
+        (one, other) for one, other in combinations(range(hand + 1), 2) if other - one > 1 or other == hand
+    ]
     while count > 2:
-        part, price = gain[:count], math.log(len(gain))
-        highest = np.maximum.accumulate(part, axis=0)
-        fall = highest - part
-        touched = part[-1] + fall.max(axis=0) - 2 * price
-        caught = highest[-1] - price
-        scores = np.stack([part[-1], touched, caught])
-        what, which = divmod(int(np.argmax(scores)), part.shape[1])
-        if what == 0:
+        part = gain[:count]
+        best, until = float(part[-1, :-1].max()), 0
+        for one, other in pairs:
+            lead = part[:, one] - part[:, other]
+            if other < hand:
+                lead[:least] = -math.inf
+            highest = np.maximum.accumulate(lead)
+            fall = np.where(np.isfinite(highest), highest - lead, 0.0)
+            caught, touched = highest[-1] + part[-1, other] - price, part[-1, one] + fall.max() - 2 * price
+            if max(caught, touched) > best:
+                best = max(caught, touched)
+                until = int(np.argmax(lead[: int(np.argmax(fall)) + 1 if touched > caught else count])) + 1
+        if until == 0:
             break
-        until = int(np.argmax(fall[:, which])) if what == 1 else count - 1
-        count = int(np.argmax(part[: until + 1, which])) + 1
-    return count, 1 + int(np.argmax(gain[count - 1]))
+        count = until
+    return count, 1 + int(np.argmax(gain[count - 1, :-1]))
 
 
 def _log_likelihood_ratios(runs: Sequence[_Run], noise: float) -> list[Array]:
