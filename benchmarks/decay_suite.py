@@ -177,7 +177,6 @@ def make(kind: str, seed: int) -> Made:
                 x, v = size, 0.0
             x, v = add(span, lambda t: free(t, omega, zeta, x, v, torque))
             if kind == "touched":
-                x, v = x * 0.3, v * 0.3
                 add(2 * period, lambda t: free(t, omega, min(3 * zeta + 0.3, 0.9), x, v))
                 x = pieces[-1][1][-1]
             if kind in ("caught", "touched"):

@@ -128,7 +128,7 @@ def judged(
     half_width = Z95 * np.sqrt(np.diag(to_logs(fit) @ fit.covariance @ to_logs(fit).T))
     apart, moved = unseen(fit, floor.std if ratio > ABOVE_NOISE else 0.0)
     status: Status = "not linear"
-    if scattered(releases, rests):
+    if scattered(releases, rests, wander(fit)):
         show = display(is_rate=False, slides=releases[0].slides)
         levels = ", ".join(f"{show.scale * rest.value:+.2f}{show.unit}" for rest in rests[:6])
         reason = f"the releases come to rest at {levels}, where a spring returns to one angle"
@@ -269,21 +269,44 @@ def _half(one: FittedTrace, fit: TraceFit) -> int:
     return int(np.searchsorted(time, min(heard, float(time[-1])) / 2))
 
 
-def scattered(releases: Sequence[Release], rests: Sequence[Quantity]) -> bool:
-    """Whether the releases come to rest at different angles, beyond a drift of the sensor.
+def wander(fit: TraceFit) -> float:
+    """Return the variance that a random walk of the sensor gains [rad²/s], from the mean residuals of eighths of the releases.
+
+    Neighbouring means over a time T differ by two thirds of what the walk gains in T, and by the noise. T is a period at least:
+    within one, a torque that the law misses differs too.
+    """
+    gains = [0.0]
+    for one in fit.releases:
+        span = float(one.trace.time[-1] - one.trace.time[0])
+        parts = np.array_split(one.residual, min(8, max(1, int(span * fit.omega_n / (2 * math.pi)))))
+        if len(parts) < 3:
+            continue
+        span /= len(parts)
+        noise = 2 * float(np.var(one.residual)) / len(parts[-1])
+        steps = np.diff([part.mean() for part in parts])
+        gains.append(1.5 * (float(np.mean(steps**2)) - noise) / span)
+    return max(float(np.mean(gains[1:] or gains)), 0.0)
+
+
+def scattered(releases: Sequence[Release], rests: Sequence[Quantity], walk: float) -> bool:
+    """Whether the releases come to rest at different angles, beyond a drift or a random walk [rad²/s] of the sensor.
 
     Dry friction F holds a joint anywhere within F/k of its rest. A linear decay with a level for each release then gives a stiffness
     that is wrong by tens of percent, with hardly a larger residual.
     """
     apart = [
         abs(a.value - b.value)
-        > max(SURE * math.hypot(a.std, b.std), LEVELS_APART * min(one.amplitude, other.amplitude))
+        > max(
+            SURE * math.sqrt(a.std**2 + b.std**2 + walk * abs(one.start - other.start)),
+            LEVELS_APART * min(one.amplitude, other.amplitude),
+        )
         for (one, a), (other, b) in combinations(zip(releases, rests, strict=False), 2)
     ]
     if not any(apart) or len(rests) < 3 or len({release.start for release in releases}) < 3:
         return any(apart)
-    value, std = (np.array([getattr(rest, name) for rest in rests]) for name in ("value", "std"))
     time = np.array([release.start for release in releases])
+    value = np.array([rest.value for rest in rests])
+    std = np.sqrt([rest.std**2 + walk * float(np.ptp(time)) / len(rests) for rest in rests])
     left = value - np.polyval(np.polyfit(time, value, 1, w=1 / std), time)
     return bool(np.abs(left / std).max() > SURE or np.abs(left).max() > np.ptp(value) / 5)
 

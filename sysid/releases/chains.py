@@ -236,13 +236,18 @@ def _continues(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle, other: 
     """Whether the next swing is a shorter one back, of about the same pace, and follows without a stay."""
     shorter = other.size < one.size + _room(signal, first, one)
     same = _same_pace(signal, one.duration, other, YIELDS if one is first else PACE)
-    stayed = one.to_plateau or _pause(signal, one, other) > PACE * max(one.duration, other.duration)
+    stayed = one.to_plateau or _stays(signal, one, other, PACE * max(one.duration, other.duration))
     return shorter and same and one.way * other.way < 0 and not stayed
 
 
 def _pause(signal: SmoothedSignal, one: HalfCycle, other: HalfCycle) -> float:
     """Return the time between two swings [s]."""
     return float(signal.time[other.left] - signal.time[one.reached])
+
+
+def _stays(signal: SmoothedSignal, one: HalfCycle, other: HalfCycle, longest: float) -> bool:
+    """Whether a joint stays between two swings for longer than a turning point [s]; noise may delay a small swing."""
+    return _pause(signal, one, other) > longest and other.size > 2.0 * signal.min_movement
 
 
 def _room(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle) -> float:
@@ -277,8 +282,7 @@ def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish
         homeward = (rest - swing.origin) * swing.way > 0.3 * swing.size**2
         shorter = swing.size < chosen[-1].size + _room(signal, chosen[0], chosen[-1])
         back = swing.way * chosen[-1].way < 0 or swing.size < AGAIN * chosen[0].size
-        stayed = _pause(signal, chosen[-1], swing) > longest
-        stayed &= swing.size > 2.0 * signal.min_movement
+        stayed = _stays(signal, chosen[-1], swing, longest)
         goes_on = (
             homeward and back and shorter and not stayed and _same_pace(signal, chosen[0].duration, swing)
         )

@@ -65,7 +65,7 @@ class _Run:
     levels: slice
     """Torque noises that a free joint may have."""
     least: int
-    """Samples of half a swing, which tell the joint's torque noise from a slow hand's; 0 backwards, where swings grow and depart farther."""
+    """Samples of a period: fewer do not tell a torque noise from a larger one."""
 
 
 _Walk = Generator[_Run, tuple[int, int], list[tuple[float, float]]]
@@ -195,13 +195,13 @@ def _stretches(time: Array, roll: Array, span: Span, law: Law) -> _Walk:
     found: list[tuple[float, float]] = []
     since, begin, most = first, first, len(ERRORS) - 1
     while begin < last - 2:
-        count, level = yield _Run(time[begin:last], roll[begin:last], span, law, slice(most), 2 * step)
+        count, level = yield _Run(time[begin:last], roll[begin:last], span, law, slice(most), 4 * step)
         end = begin + count
         if end - begin > 2 * step or end >= last:
             back = slice(end - 1, since - 1 if since else None, -1)
             backwards = Law(law.stiffness, -law.damping)
             same = slice(level - 1, level)
-            begin = end - (yield _Run(-time[back], roll[back], span, backwards, same, 0))[0]
+            begin = end - (yield _Run(-time[back], roll[back], span, backwards, same, 4 * step))[0]
             most = level
             start = span.begin if begin == first or (span.let_go and not found) else float(time[begin])
             stop = span.end if last - end <= step / 4 else float(time[end - 1])
@@ -220,9 +220,7 @@ def _free_for(likelihood: Array, least: int) -> tuple[int, int]:
 
     A hand acts from one sample to another, or to the last. Each change has a BIC penalty.
     """
-    gain = np.pad(
-        np.cumsum(likelihood, axis=0), ((0, 0), (0, 1))
-    )  # the last column is a hand's own torque noise
+    gain = np.pad(np.cumsum(likelihood, axis=0), ((0, 0), (0, 1)))  # the last column: the largest noise
     count, price, hand = len(gain), math.log(len(gain)), gain.shape[1] - 1
     # A slow hand needs ten times the joint's torque noise, two steps of the ladder; any hand the largest one.
     pairs = [
@@ -234,9 +232,9 @@ def _free_for(likelihood: Array, least: int) -> tuple[int, int]:
         for one, other in pairs:
             lead = part[:, one] - part[:, other]
             if other < hand:
-                lead[:least] = -math.inf
+                lead[:least] = -1e300
             highest = np.maximum.accumulate(lead)
-            fall = np.where(np.isfinite(highest), highest - lead, 0.0)
+            fall = highest - lead
             caught, touched = highest[-1] + part[-1, other] - price, part[-1, one] + fall.max() - 2 * price
             if max(caught, touched) > best:
                 best = max(caught, touched)
