@@ -10,6 +10,8 @@ FINE, COARSE = 17, 6
 """Radial functions of g along angle and along rate, and on each side of a grid over both."""
 SENSOR = 0.005
 """Prior deviation of each quadratic and cubic term of the sensor's own distortion, over the widest swing: a lens or an encoder."""
+LAGS = (0.1, 0.3)
+"""Lags of a sensor that filters [rad of swing]."""
 DRIFT = 0.006
 """Random walk of the sensor's zero in the square root of a period, over the widest swing."""
 WANDERS = 8
@@ -62,8 +64,9 @@ def named_functions(x: Array, v: Array) -> Array:
 def sensor(motion: Motion, smoothed: Smoothed) -> tuple[Array, Array]:
     """Return what a sensor may add to a reading [1], shape (n, s), and the prior deviation of each term, shape (s,).
 
-    Its distortion is a polynomial of angle and rate. The zero of an angle wanders as a random walk (Karhunen-Loève functions), that of a
-    rate is off by a constant.
+    Its distortion is a polynomial of angle and rate. A filter with a lag τ follows a release late, by about τ² e^(-t/τ) of the swing
+    beside its steady lag, which the joint's own motion takes up. The zero of an angle wanders as a random walk (Karhunen-Loève
+    functions), that of a rate is off by a constant.
     """
     inside = motion.inside
     x, v = smoothed.angle, smoothed.rate
@@ -75,7 +78,10 @@ def sensor(motion: Motion, smoothed: Smoothed) -> tuple[Array, Array]:
             w, walk = (i + 0.5) * np.pi, np.zeros_like(x)
             walk[row, :n] = np.sqrt(2 * n / motion.nodes_a_period) * np.sin(w * phase) / w
             walks.append(walk[inside])
-    return np.column_stack([*bent, *walks]), np.array([SENSOR] * len(bent) + [DRIFT] * len(walks))
+    rows, time = np.arange(len(inside))[:, None], np.arange(inside.shape[1]) * motion.step
+    fading = [np.where(rows == row, np.exp(-time / lag), 0.0)[inside] for row in rows[:, 0] for lag in LAGS]
+    deviations = [*[SENSOR] * len(bent), *[lag**2 for lag in LAGS] * len(rows), *[DRIFT] * len(walks)]
+    return np.column_stack([*bent, *fading, *walks]), np.array(deviations)
 
 
 BENDS = 4
