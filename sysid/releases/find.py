@@ -134,6 +134,7 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
     period = 2 * half_period_of(float(np.median(later)))
     spans: list[Span] = []
     holds: list[float] = []
+    decays: list[Segment] = []
     moved = 0
     for segment, other in zip(segments, [*segments[1:], None], strict=True):
         begin, hold = (segment.driven_until, 0.0) if segment.driven_until else _let_go(signal, segment, moved)
@@ -144,6 +145,9 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
             stop = min(stop, float(signal.time[other.swings[0].left]) if other.start is None else other.start)
         end = max(begin, _rested(signal, segment, begin, stop))
         let_go = hold > 0 and _pulled(signal, segment, begin, period)
+        if hold > 0 and not let_go and len(segment.swings) == 1 and segment.start is None:
+            continue  # a hand moves it from one stay to another
+        decays.append(segment)
         spans.append(Span(begin, end, segment.rest, segment.size, let_go))
         holds.append(hold)
     if roll.free is None:
@@ -151,7 +155,7 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
     else:  # a column of the log marks the free samples
         stretches = [[(span.begin, span.end)] for span in spans]
     found: list[_Free] = []
-    for segment, span, hold, parts in zip(segments, spans, holds, stretches, strict=True):
+    for segment, span, hold, parts in zip(decays, spans, holds, stretches, strict=True):
         kept = [
             _Free(
                 segment,

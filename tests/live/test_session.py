@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from decay_truth import Recipe, make_roll
 
+from sysid.errors import SysidError
 from sysid.live.session import EACH_SIDE, Session, next_release
 from sysid.recording import Recording
 from sysid.releases import find_releases
@@ -38,8 +39,12 @@ def test_numbers_come_with_each_release_and_their_intervals_shrink(pink, roll):
 
 
 def test_a_hand_that_tilts_the_deck_and_holds_it_is_no_release(pink, roll):
-    """The tool cannot know better from the log alone, before the deck is let go."""
-    held = until(roll, find_releases(roll)[0].start - 0.05)
+    """A smooth hand is told by its slow start; a quick one looks like a release until the deck is let go."""
+    let_go = find_releases(roll)[0].start
+    with pytest.raises(SysidError, match="no stretch swings freely"):
+        until(roll, let_go - 0.05)
+    ramp = np.clip((roll.time - roll.time[0] - 0.8) / 0.1, 0, 1)
+    held = until(replace(roll, roll=0.2 * ramp), let_go - 0.05)
     assert held.releases
     assert not Session(pink, grows=True).take([held])
     assert Session(pink).take([held])  # a log that is whole is taken at its word
