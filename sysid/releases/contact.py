@@ -12,6 +12,7 @@ from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
 
 from sysid.noise.floor import difference_std
 from sysid.noise.sensor import quantisation_step
@@ -64,8 +65,9 @@ class _Run:
     """Backwards in time, with a damping that drives."""
     levels: slice
     """Torque noises that a free joint may have."""
-    least: int
-    """Samples of a period: fewer do not tell a torque noise from a larger one."""
+    swing: Array
+    """Widest angle about rest in the period before, over the widest of all, shape (n,); infinite in the first period, and where no slow
+    hand is looked for."""
 
 
 _Walk = Generator[_Run, tuple[int, int], list[tuple[float, float]]]
@@ -178,7 +180,7 @@ def _together(decays: Sequence[_Walk], noise: float) -> list[list[tuple[float, f
                 found[index] = end.value
         gains = _log_likelihood_ratios(list(asked.values()), noise)
         said = {
-            index: _free_for(gain[:, run.levels], run.least)
+            index: _free_for(gain[:, run.levels], run.swing)
             for (index, run), gain in zip(asked.items(), gains, strict=True)
         }
     return [found[index] for index in range(len(decays))]
@@ -194,14 +196,19 @@ def _stretches(time: Array, roll: Array, span: Span, law: Law) -> _Walk:
     step = max(1, int(quarter / float(np.median(np.diff(time)))))
     found: list[tuple[float, float]] = []
     since, begin, most = first, first, len(ERRORS) - 1
+    widest = np.abs(roll[first:last] - span.rest) / max(span.size, 1e-300)
     while begin < last - 2:
-        count, level = yield _Run(time[begin:last], roll[begin:last], span, law, slice(most), 4 * step)
+        swing = np.full(last - begin, np.inf)
+        if len(swing) > 4 * step:
+            swing[4 * step :] = sliding_window_view(widest[begin - first :], 4 * step + 1).max(axis=1)
+        count, level = yield _Run(time[begin:last], roll[begin:last], span, law, slice(most), swing)
         end = begin + count
         if end - begin > 2 * step or end >= last:
             back = slice(end - 1, since - 1 if since else None, -1)
             backwards = Law(law.stiffness, -law.damping)
             same = slice(level - 1, level)
-            begin = end - (yield _Run(-time[back], roll[back], span, backwards, same, 4 * step))[0]
+            none = np.full(len(time[back]), np.inf)
+            begin = end - (yield _Run(-time[back], roll[back], span, backwards, same, none))[0]
             most = level
             start = span.begin if begin == first or (span.let_go and not found) else float(time[begin])
             stop = span.end if last - end <= step / 4 else float(time[end - 1])
@@ -213,7 +220,7 @@ def _stretches(time: Array, roll: Array, span: Span, law: Law) -> _Walk:
     return found
 
 
-def _free_for(likelihood: Array, least: int) -> tuple[int, int]:
+def _free_for(likelihood: Array, swing: Array) -> tuple[int, int]:
     """Return the number of samples, from the first on, in which the joint moves freely, and the number of its torque noise.
 
     Their log-likelihood ratios are of shape (n, m), for m torque noises.
@@ -222,7 +229,7 @@ def _free_for(likelihood: Array, least: int) -> tuple[int, int]:
     """
     gain = np.pad(np.cumsum(likelihood, axis=0), ((0, 0), (0, 1)))  # the last column: the largest noise
     count, price, hand = len(gain), math.log(len(gain)), gain.shape[1] - 1
-    # A slow hand needs ten times the joint's torque noise, two steps of the ladder; any hand the largest one.
+    # A slow hand needs as much as the joint's own torque at its swing then, and ten times its torque noise: two steps of the ladder.
     pairs = [
         (one, other) for one, other in combinations(range(hand + 1), 2) if other - one > 1 or other == hand
     ]
@@ -232,7 +239,7 @@ def _free_for(likelihood: Array, least: int) -> tuple[int, int]:
         for one, other in pairs:
             lead = part[:, one] - part[:, other]
             if other < hand:
-                lead[:least] = -1e300
+                lead[swing[:count] > ERRORS[other]] = -1e300
             highest = np.maximum.accumulate(lead)
             fall = highest - lead
             caught, touched = highest[-1] + part[-1, other] - price, part[-1, one] + fall.max() - 2 * price
