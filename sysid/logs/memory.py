@@ -3,7 +3,6 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +12,6 @@ from sysid.logs.sources.registry import LENGTHS
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import parse_unit, unit_kind
 from sysid.roll import Array
-
-if TYPE_CHECKING:
-    pass
 
 SI_UNITS = {"angle": "rad", "rate": "rad/s"}
 """Units of arrays that name none."""

@@ -10,7 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from sysid.errors import SysidError
 from sysid.noise.sensor import quantisation_step
 from sysid.noise.whiteness import correlation_length
-from sysid.quantity import Z95
+from sysid.quantity import SURE, Z95
 from sysid.roll import Array, Release, Signal
 
 _ORDERS = (4, 6, 8, 10)
@@ -23,8 +23,6 @@ _FREEDOMS = 8
 """Columns of a linear law in one swing: level and drift, amplitude and phase with their drifts, and twice the frequency."""
 _ENOUGH = 8
 """Fewest differences of a release from which its noise is estimated."""
-BY_CHANCE = 3.0
-"""Standard deviations by which the second half of a rest is quieter by chance in one of 700 logs."""
 FROM_SCATTER = "estimated from the sample-to-sample scatter"
 """How the noise floor was found if it is the scatter of neighbouring samples."""
 
@@ -233,7 +231,7 @@ def _fades(tail: Array, time: Array) -> bool:
     first, second = (max(float(np.mean(half**2)), 1e-300) for half in halves)
     independent = len(tail) / max(correlation_length(halves[1:]), 1.0)
     # The logarithm of a mean of n squares has a deviation of √(2 / n).
-    return bool(np.log(first / second) > BY_CHANCE * np.sqrt(8 / independent))
+    return bool(np.log(first / second) > SURE * np.sqrt(8 / independent))
 
 
 def _signal(release: Signal, *, rate: bool) -> Array:

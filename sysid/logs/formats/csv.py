@@ -14,6 +14,7 @@ from sysid.logs.formats import dialect
 from sysid.logs.formats.long_table import by_sensor, sensor_column
 from sysid.logs.formats.own_clock import with_frame_clock
 from sysid.logs.formats.registry import Format
+from sysid.logs.table.clock import MIN_SAMPLES
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import of_sensor
 from sysid.roll import Array
@@ -164,7 +165,7 @@ class TextTable:
 
 
 def open_csv(path: Path) -> LogFile:
-    """Find a text table's dialect from its first 256 KiB.
+    """Find a text table's dialect from its first 64 KiB.
 
     Raises:
         SysidError: The file is empty, binary, or holds no rows of numbers.
@@ -176,10 +177,9 @@ def open_csv(path: Path) -> LogFile:
     lines = text.splitlines()
     if len(head) == dialect.HEAD_BYTES and len(lines) > 1:
         lines.pop()  # cut in the middle
-    del lines[dialect.HEAD_LINES :]
     if not text.strip("\ufeff \r\n\t\0"):
         raise SysidError(f"{path}: the file is empty. Was the recording saved?")
-    if max(map(len, lines)) > dialect.MAX_LINE:
+    if len(head) == dialect.HEAD_BYTES and len(lines) < MIN_SAMPLES:
         raise SysidError(
             f"{path}: a line of {max(map(len, lines))} characters: no table with a row for each sample. "
             "If the rows are columns in it, transpose it."

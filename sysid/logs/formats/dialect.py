@@ -10,11 +10,8 @@ from typing import BinaryIO
 from sysid.errors import SysidError
 from sysid.logs.table.names import parse_unit
 
-HEAD_BYTES = 1 << 18
-HEAD_LINES = 2000
-MAX_LINE = 20_000
-"""Bytes and lines of the beginning that tell how a file is written, and longest line [characters]: choices, a hundred
-times a logger's header."""
+HEAD_BYTES = 65_536
+"""Bytes of the beginning that tell how a file is written: a choice, a hundred times a logger's header."""
 DIALECTS = (
     (",", "."),
     ("\t", "."),

@@ -26,8 +26,6 @@ _PAIR = re.compile(
 _HEADING = re.compile(r"(\s*)(?:- )?([^\W\d]\w*):\s*$")
 """A line that names what the indented lines below it belong to."""
 _BREAK = "---"
-_SHARE = 0.5
-"""Share of the lines that are of this kind, and of the samples that a column has numbers in: boot messages come once."""
 
 
 @dataclass
@@ -60,7 +58,7 @@ def open_labelled(path: Path) -> LogFile:
     with path.open(encoding=encoding, errors="replace") as file:
         rows, units, left_out = _samples(file)
     count = Counter(name for row in rows for name in row)
-    names = tuple(name for name, times in count.items() if times > _SHARE * len(rows))
+    names = tuple(name for name, times in count.items() if 2 * times > len(rows))
     if not names:
         raise SysidError(f"{path}: no number behind a name.")
     stamps = frozenset({dialect.ARRIVAL} & set(names))
@@ -145,7 +143,7 @@ def _sniff(path: Path, head: bytes) -> bool:
     named = [
         line for line in lines if _HEADING.fullmatch(line) or (_PAIR.search(line) and not _left_over(line))
     ]
-    return any(map(_PAIR.search, named)) and len(named) > _SHARE * len(lines)
+    return any(map(_PAIR.search, named)) and 2 * len(named) > len(lines)
 
 
 def _left_over(line: str) -> bool:

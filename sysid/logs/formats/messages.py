@@ -8,12 +8,9 @@ from typing import Any
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.logs.formats.tables import sensor_tables
+from sysid.logs.formats.tables import MAX_ELEMENTS, sensor_tables
 from sysid.logs.table.file import LogFile
 from sysid.roll import Array
-
-MAX_LENGTH = 32
-"""Longer arrays are pictures, scans or clouds."""
 
 
 def tables_of(path: Path, kind: str, messages: Iterable[tuple[str, float, Any]]) -> LogFile:
@@ -57,7 +54,7 @@ def _numbers(content: Any, prefix: str = "") -> Iterator[tuple[str, float]]:
             continue
         if isinstance(value, int | float):
             yield label, float(value)
-        elif isinstance(value, list | tuple | np.ndarray) and len(value) <= MAX_LENGTH:
+        elif isinstance(value, list | tuple | np.ndarray) and len(value) <= MAX_ELEMENTS:
             for index, item in enumerate(value):
                 if isinstance(item, int | float | np.number):
                     yield f"{label}.{joints[index] if joints and index < len(joints) else index}", float(item)

@@ -10,13 +10,12 @@ import numpy as np
 
 from sysid.errors import SysidError, needs_extra
 from sysid.logs.formats.registry import Format, refuse_larger, undamaged
+from sysid.logs.formats.tables import MAX_ELEMENTS
 from sysid.logs.table.file import LogFile
 from sysid.roll import Array
 
 INFO = "meta/info.json"
 """File of a LeRobot data set with the names of its lists' elements."""
-MAX_ELEMENTS = 256
-"""Elements of a list that is a robot's state; longer ones are pictures."""
 
 
 def open_parquet(path: Path) -> LogFile:

@@ -13,6 +13,8 @@ from sysid.logs.table.names import ACCEL_UNITS, parse_column, sensor_of
 from sysid.roll import Array
 
 TIME = "time (s)"
+MAX_ELEMENTS = 128
+"""Elements of an array that is a robot's state; longer ones are pictures, scans or clouds."""
 VALUE = ("value", "val", "values", "data")
 """Names of the one quantity of a table whose own name says more."""
 PLAIN_VALUE = re.compile(r"(?<=.)[./](values?|data)$", re.I)

@@ -8,10 +8,8 @@ import numpy.typing as npt
 from sysid.logs.table.remarks import Remarks, warning
 from sysid.noise.outliers import lone_outliers
 from sysid.roll import Array, shown
+from sysid.shown import MOST_SHOWN
 from sysid.text import count
-
-MAX_LISTED = 5
-"""Outliers told one by one."""
 
 
 def measured_motion(
@@ -30,8 +28,8 @@ def measured_motion(
         distance = lone_outliers(time, signal, rate=rates)
         rows = np.flatnonzero(distance)
         if rows.size:
-            told = [f"{distance[row]:+.3g} at {shown(float(time[row]))}" for row in rows[:MAX_LISTED]]
-            told += [f"and {rows.size - MAX_LISTED} more"] if rows.size > MAX_LISTED else []
+            told = [f"{distance[row]:+.3g} at {shown(float(time[row]))}" for row in rows[:MOST_SHOWN]]
+            told += [f"and {rows.size - MOST_SHOWN} more"] if rows.size > MOST_SHOWN else []
             remarks += warning(
                 f"{count(rows.size, 'lone sample')} of '{name}' far beside the neighbours "
                 f"({', '.join(told)}{f'; {unit}' if unit else ''}): no motion does that, left out. "

@@ -23,8 +23,6 @@ SAMPLE = 5000
 """As many values tell whether any may lie far from the others."""
 STAND_IN = re.compile("-?9{3,}")
 """Numbers that loggers write where there is no measurement: -999, 99999."""
-EACH_APART = 0.5
-"""Sensors that write rows of their own share fewer than this share of the rows."""
 
 
 def measured_rows(
@@ -67,7 +65,7 @@ def on_common_rows(data: Mapping[str, Array], stamps: Array | None) -> tuple[dic
     finite = {name: np.isfinite(column) for name, column in data.items()}
     together = np.logical_and.reduce(list(finite.values()))
     alone = min(np.count_nonzero(rows) for rows in finite.values())
-    if alone < MIN_SAMPLES or np.count_nonzero(together) >= EACH_APART * alone:
+    if alone < MIN_SAMPLES or 2 * np.count_nonzero(together) >= alone:
         return dict(data), Remarks()
     at = np.arange(together.size, dtype=np.float64) if stamps is None else stamps
     if not np.all(np.diff(at) >= 0):
