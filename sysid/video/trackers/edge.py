@@ -260,24 +260,24 @@ class EdgeFollower:
     def update(self, frame: Frame) -> Array | None:
         """Return the points of the edges [px], shape (N, 2), NaN where one is not seen; None where most are not."""
         turn, shift, shown = self.search(frame)
+        points, self._lost, was_lost = np.zeros(0), True, self._lost
         if shown < self.edges.shown / 3:
-            self._lost = True
             return None
-        points = np.zeros(0)
         for reach in (6.0, 3.0):
             place = self.edges.at(np.array(turn), shift)
             points = find_steps(frame, place, reach, 1.0)
             along, off = _from_line(points, place)
             seen = np.isfinite(off)
             if seen.mean() < 0.4:
-                self._lost = True
                 return None
             line = np.stack([along[seen], off[seen]], axis=1).astype(np.float32)
             across, down, x, y = cv2.fitLine(line, cv2.DIST_WELSCH, 0, 0.01, 0.001).ravel().tolist()
-            turn += down / across
-            height = y - x * down / across
+            slope, height = down / across, y - x * down / across
+            if np.mean(np.abs(off - height - slope * along) < 2.0) < 0.4:
+                return None
+            turn += slope
             shift = shift + height * np.array([-np.sin(turn), np.cos(turn)])
-        self._step = 0.0 if self._lost else turn - self._turn
+        self._step = 0.0 if was_lost else turn - self._turn
         self._turn, self._lost = turn, False
         return points.reshape(-1, 2)
 
