@@ -148,7 +148,7 @@ def _walk(
         growth = Z95 / max(rest + Z95, 1e-3)
         inside, outside = outside, min(outside * float(np.clip(growth, 1.05, 3.0)), most)
     open_ended = rest < 0
-    end = most if open_ended else float(brentq(height, inside, outside, xtol=_CLOSE * Z95))
+    end: float = most if open_ended else brentq(height, inside, outside, xtol=_CLOSE * Z95)  # pyright: ignore[reportAssignmentType]
     for quarter in (1, 2, 3, 5):  # for the picture
         if end and quarter * end / 4 <= most:
             height(quarter * end / 4)

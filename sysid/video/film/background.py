@@ -23,8 +23,8 @@ WINDOW = 15
 """Side of a patch [px of the small picture]."""
 MIN_QUALITY = 1e-4
 """Least eigenvalue of the second moments of brightness at a patch, in OpenCV's unit: sensor noise of 3 grey levels has this."""
-LIKENESS = 0.6
-"""Correlation above which two pictures show the same [1]: neighbouring frames one scene, cells a marker, a patch what it was."""
+LIKENESS = 0.5
+"""Correlation above which two pictures show the same [1]: neighbouring frames one scene, cells a marker."""
 TURN_STD = np.radians(1.0)
 """Standard deviation of the turn of a camera held by hand about its line of sight [rad]; a body turns by several times as much."""
 IDENTITY = np.eye(2, 3)

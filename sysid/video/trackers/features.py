@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.background import LIKENESS, SMALL_SIDE
+from sysid.video.film.background import SMALL_SIDE
 from sysid.video.film.frames import Frame, box_about, halved
 from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
@@ -29,6 +29,8 @@ MAX_FEATURES, MIN_FEATURES = 40, 10
 """Patches that are followed at most, and at least."""
 WINDOW = 21
 """Side of a patch [px]."""
+STATIC_LIKENESS = 0.75
+"""Correlation with the same place in other frames, as a share of the patch's highest, above which a patch stands still [1]."""
 AS_EXPECTED = np.radians(1.0)
 """Difference of turns at which patches look as they did in the reference [rad]."""
 TEXTURE = BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE, any_side=True)
@@ -151,7 +153,7 @@ def _moves(frames: Sequence[Frame], place: Array) -> bool:
     if not likeness:
         return False
     low, high = np.quantile(likeness, [0.1, 0.9])
-    return bool(low < LIKENESS * min(float(high), 1.0))
+    return bool(low < STATIC_LIKENESS * min(float(high), 1.0))
 
 
 def _find(reel: Reel) -> Target | None:
