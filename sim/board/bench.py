@@ -13,10 +13,9 @@ from sim.board.learned import apply, left_out
 from sim.board.scene import add_effects, integrator_value, roll_inertia
 from sysid.board import Board
 from sysid.errors import SysidError
+from sysid.inertia import GRAVITY
 from sysid.roll import Array
 
-GRAVITY = 9.81
-"""MuJoCo's own [m/s²]."""
 AfterStep = Callable[[mujoco.MjModel, mujoco.MjData], None]
 """Called after each step, e.g. to set the trucks of a scene whose coupling is 'direct'."""
 Begin = Callable[[mujoco.MjModel, mujoco.MjData, float, float], None]
@@ -65,7 +64,7 @@ def _deck(board: Board) -> tuple[float, Array, Array]:
         sides = np.array([board.geometry[key].value for key in ("length", "width", "thickness")])
         return board.mass["deck"].value, deck_inertia(board, roll), sides / 2
     moment = max(law_of(board).stiffness_of_effects, 0.0)
-    mass = max(roll / 0.01, 2 * moment**2 / (GRAVITY**2 * roll))
+    mass = max(roll / 0.01, 2 * moment**2 / (GRAVITY.value**2 * roll))
     return mass, np.full(3, roll), np.full(3, math.sqrt(1.5 * roll / mass))
 
 

@@ -5,8 +5,6 @@ from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 from sysid.effects._mjcf import add_passive_motor
 
-BRISTLE_STIFFNESS = 5000.0
-"""Largest stiffness of the LuGre model that replaces hard sticking in MuJoCo [N*m/rad]; it has no damping."""
 _PER_STEP = 0.4
 _PER_STAGE = 0.03
 """Bristle stiffness over inertia / step² [1], for semi-implicit integrators and for the explicit RK4."""
@@ -40,15 +38,15 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
 
 
 def bristle_stiffness(spec: MjSpec, joint: MjsJoint) -> float:
-    """Return the largest stiffness of bristles at this time step [N*m/rad].
+    """Return the largest stiffness of bristles at this time step [N*m/rad]: those of the LuGre model that replaces hard sticking.
 
-    Bristles are a spring on the joint's inertia: with harder ones a long step oscillates or diverges.
+    Bristles are a spring on the joint's inertia: harder ones oscillate or diverge.
     """
     import mujoco
 
     step, inertia = float(spec.option.timestep), float(joint.parent.inertia[0])
     explicit = spec.option.integrator == mujoco.mjtIntegrator.mjINT_RK4
-    return min(BRISTLE_STIFFNESS, (_PER_STAGE if explicit else _PER_STEP) * inertia / step**2)
+    return (_PER_STAGE if explicit else _PER_STEP) * inertia / step**2
 
 
 _SHARES = (0.35, 0.65)

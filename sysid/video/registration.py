@@ -33,8 +33,8 @@ MIN_SPREAD = 4.0
 """Least standard deviation of the body's pixels about their middle, across its narrow side [px]."""
 MIDDLE_GREY = np.float32(128.0)
 """About which brightness is squared, so that single precision does [grey levels]."""
-MAX_ROUNDS, CONVERGED = 5, 0.02
-"""Most rounds, and the motion of the points below which they end [px]: each round removes most of the error."""
+ROUNDS = 3
+"""Rounds of least squares: each removes nine tenths of the error, which begins below a pixel."""
 MAX_CORRECTION = 4.0
 """A picture in which the points end further from where they were followed is not believed [px]."""
 
@@ -184,8 +184,8 @@ def lay_onto(body: BodyPicture, picture: Image, inward: Array, rough: Array) -> 
         rough: The pose roughly, of places along the axis [px], shape (3, 3).
     """
     pose, middle = rough, body.corners.mean(axis=0)
-    start = here = project(rough, body.corners)
-    for _ in range(MAX_ROUNDS):
+    start = project(rough, body.corners)
+    for _ in range(ROUNDS):
         there = (inward @ pose) @ body.places
         x, y = (there[:2] / there[2]).astype(np.float32)[:, None]
         seen = cv2.remap(picture, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
@@ -201,11 +201,8 @@ def lay_onto(body: BodyPicture, picture: Image, inward: Array, rough: Array) -> 
         back[:2, :2] -= change
         back[:2, 2] = change @ middle - shift
         pose = pose @ back
-        before, here = here, project(pose, body.corners)
-        if float(np.abs(here - start).max()) > MAX_CORRECTION:
+        if float(np.abs(project(pose, body.corners) - start).max()) > MAX_CORRECTION:
             return None
-        if float(np.abs(here - before).max()) < CONVERGED:
-            break
     return pose
 
 

@@ -10,7 +10,7 @@ from sysid.roll import Array
 from sysid.video.film.camera import FOCAL_SPREAD, Lens
 from sysid.video.film.track import Track
 
-READOUT = 3
+*_, READOUT = range(4)
 """Index of the read-out among the four unknowns of a `CameraState`."""
 DIFFERENCE_STEP = np.sqrt(np.finfo(float).eps)
 """Step of forward differences with the least error, in the unit of each unknown: rad, rad, 1, s; and focal lengths for the body's points."""
