@@ -33,7 +33,9 @@ STATIC_LIKENESS = 0.75
 """Correlation with the same place in other frames, as a share of the patch's highest, above which a patch stands still [1]."""
 AS_EXPECTED = np.radians(1.0)
 """Difference of turns at which patches look as they did in the reference [rad]."""
-TEXTURE = BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE, any_side=True)
+SAME_ERRORS = 3.0
+"""Motion up to which patches of texture err alike [px]: as the deck turns they are seen at another slant."""
+TEXTURE = BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE, still=SAME_ERRORS, any_side=True)
 """Prior knowledge of patches: they lie on any side of the deck."""
 
 
