@@ -55,7 +55,7 @@ def main() -> None:
         "ride-push", "scripted push on pink, held by a gantry", scripted_push(),
         gantry=Gantry(), start="push", filmed=2.4,
     )  # fmt: skip
-    learned = open_policy(shipped_data() / "policies" / "pink.onnx", force=True)
+    learned = open_policy(shipped_data() / "policies" / "pink-strides.onnx", force=True)
     draw_ride(
         "ride-learned", "learned policy on pink", OnnxPolicy(learned), gantry=None, start="stand", filmed=6.0
     )

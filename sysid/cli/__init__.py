@@ -201,7 +201,7 @@ COMMANDS = {
     ),
     "evaluate": Command(
         "Measure a policy: success, velocity, heading, smoothness, contacts.",
-        ("evaluate data/policies/pink.onnx --board pink",),
+        ("evaluate pink-strides --board pink",),
         "training.md",
         first=(
             "--board",
@@ -218,18 +218,18 @@ COMMANDS = {
     ),
     "play": Command(
         "Show a policy in Rerun or in the MuJoCo viewer.",
-        ("play data/policies/pink.onnx --board pink", "play data/policies/pink.onnx --board pink --viewer"),
+        ("play pink-strides --board pink", "play pink-strides --board pink --viewer"),
         "runtime.md",
         first=(*RIDE, "--terrain", *OUTPUT),
     ),
     "export": Command(
         "Pack scene, policy and board record into one folder that runs by itself.",
-        ("export --board pink --policy data/policies/pink.onnx -o pink_on_g1",),
+        ("export --board pink --policy data/policies/pink-strides.onnx -o pink_on_g1",),
         "runtime.md",
     ),
     "run": Command(
         "Run a policy in real time, in MuJoCo or on the robot.",
-        ("run data/policies/pink.onnx --board pink", "run pink_on_g1 --robot unitree --interface eth0"),
+        ("run pink-strides --board pink", "run pink_on_g1 --robot unitree --interface eth0"),
         "runtime.md",
         first=(*RIDE, "--robot", "--interface", "--dry-run", *OUTPUT),
     ),

@@ -66,8 +66,10 @@ class Worlds:
     def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
         """Draw every world's place."""
         variation: Variation = cfg.params["variation"]
-        if max(variation.action_delay, variation.sensor_delay) > (MEMORY - 1) * CONTROL_PERIOD + 1e-9:
-            raise ValueError(f"delays reach over at most {MEMORY - 1} policy steps of {CONTROL_PERIOD} s")
+        if variation.sensor_delay > (MEMORY - 1) * CONTROL_PERIOD + 1e-9:
+            raise ValueError(
+                f"delays of the sensors reach over at most {MEMORY - 1} policy steps of {CONTROL_PERIOD} s"
+            )
         self.variation = variation
         self.strength = torch.ones((), device=env.device)
         """Share of the variation by which worlds differ, in one place in memory, ()."""
@@ -135,7 +137,7 @@ class Worlds:
         friction = default("geom_friction")[self._wheels, 2] * self.rolling.exp()[:, None]
         model.geom_friction[:, self._wheels, 2] = friction
         lag = strength * variation.action_delay / TIMESTEP * self._action_delay
-        self.action_lag.copy_(lag.round().long())
+        self.action_lag.copy_(lag.round().long().clamp(max=(MEMORY - 1) * DECIMATION))
         self.sensor_lag.copy_(strength * variation.sensor_delay / CONTROL_PERIOD * self._sensor_delay)
         self.bias.copy_(strength * self._bias)
         sim.recompute_constants(RecomputeLevel.set_const)

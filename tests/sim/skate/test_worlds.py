@@ -104,12 +104,12 @@ def test_ground_is_level_sloped_or_goes_down_ahead_for_a_while(env, worlds):
     down = torch.where(upwards, down, math.pi - down)
     assert 0.77 < float(down.max()) <= math.pi / 4 + 1e-4
     steepness = gradient.norm(dim=-1).rad2deg()
-    assert 5.9 < float(steepness[forward > 0].max()) <= 6.0001
+    assert 7.8 < float(steepness[forward > 0].max()) <= 8.0001
     assert 9.8 < float(steepness.max()) <= 10.0001
     short = length < 3  # no long slope is
-    assert float(steepness[~short & (length > 4)].max()) <= 6.0001
+    assert float(steepness[~short & (length > 4)].max()) <= 8.0001
     assert 0.12 < float(short.float().mean()) < 0.2
-    assert 0.4 < float((steepness[forward > 0] > 4.5).float().mean()) < 0.48
+    assert 0.4 < float((steepness[forward > 0] > 6.0).float().mean()) < 0.48
     assert 19 < float(length.max()) <= 20.0001
 
 
