@@ -15,7 +15,7 @@ from sysid.logs.memory import table_of_arrays, table_of_frame
 from sysid.logs.read import read_roll, roll_of_table
 from sysid.logs.table.options import LogOptions
 from sysid.releases.clear import clear_of_noise
-from sysid.releases.extrema import half_cycles_of, smooth_signal
+from sysid.releases.extrema import half_cycles_of, smoothed
 from sysid.releases.find import find_releases
 from sysid.releases.phases import Phase, log_phases
 from sysid.roll import Release, Roll, shown
@@ -249,7 +249,7 @@ class Recording(Shown):
     @property
     def used(self) -> float:
         """Share of the joint's way in the log that is free decay [1]."""
-        signal = smooth_signal(self.roll.time, self.roll.roll, float(np.median(self.roll.std)))
+        signal = smoothed(self.roll)
         free, whole = 0.0, 0.0
         for swing in half_cycles_of(signal):
             middle = float(signal.time[(swing.left + swing.reached) // 2])

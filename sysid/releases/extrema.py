@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.noise.sensor import difference_noise, quantisation_step
-from sysid.roll import Array, Release
+from sysid.roll import Array, Signal
 
 SMOOTHING_REACH = 0.25
 """Half-width of the smoothing window, as phase of the fastest motion [rad]: local parabolas over it
@@ -112,7 +112,7 @@ def smooth_signal(time: Array, roll: Array, std: float, slower: float = 1.0) -> 
     return SmoothedSignal(grid, smooth, noise, step, plateaus, levels)
 
 
-_SMOOTHED: WeakKeyDictionary[Release, SmoothedSignal] = WeakKeyDictionary()
+_SMOOTHED: WeakKeyDictionary[Signal, SmoothedSignal] = WeakKeyDictionary()
 
 
 def _without_pauses(time: Array, interval: float) -> Array:
@@ -124,11 +124,11 @@ def _without_pauses(time: Array, interval: float) -> Array:
     return time - np.concatenate(([0.0], np.cumsum(np.maximum(steps - longest, 0.0))))
 
 
-def smoothed(release: Release) -> SmoothedSignal:
-    """Return a release's roll smoothed; computed once for each release."""
-    if release not in _SMOOTHED:
-        _SMOOTHED[release] = smooth_signal(release.time, release.roll, float(np.median(release.std)))
-    return _SMOOTHED[release]
+def smoothed(signal: Signal) -> SmoothedSignal:
+    """Return the roll of a log or a release smoothed; computed once for each."""
+    if signal not in _SMOOTHED:
+        _SMOOTHED[signal] = smooth_signal(signal.time, signal.roll, float(np.median(signal.std)))
+    return _SMOOTHED[signal]
 
 
 def half_cycles_of(signal: SmoothedSignal) -> list[HalfCycle]:

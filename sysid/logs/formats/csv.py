@@ -92,7 +92,7 @@ class TextTable:
                 ndmin=2,
             )
         order = range(self.width) if len(wanted) == self.width else wanted
-        return dict(zip(order, cells.T, strict=True))
+        return dict(zip(order, np.ascontiguousarray(cells.T), strict=True))
 
     def _require_memory(self, columns: int) -> None:
         """Refuse what would not fit, before the computer starts to swap."""
