@@ -98,7 +98,7 @@ class Judgement:
 def sensor_noise(fit: TraceFit) -> NoiseFloor:
     """Return the noise of the fitted signal: its scatter about a law that may change from swing to swing."""
     stated = max(one.trace.known_std for one in fit.releases)
-    floor = local_noise([(one.trace.time, one.trace.measured) for one in fit.releases], fit.poles)
+    floor = local_noise([(one.trace.time, one.residual) for one in fit.releases], fit.poles)
     timed = [0.0]
     for one in fit.releases:
         interval, step = one.trace.passages

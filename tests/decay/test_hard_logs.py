@@ -1,0 +1,44 @@
+"""Logs that are easily read wrong: each is approved, with the truth in its intervals."""
+
+import numpy as np
+import pytest
+from decay_suite import free, judged
+
+from sysid.free_decay import fit_decay
+from sysid.recording import Recording
+
+HARD = [
+    ("caught", 731800006),  # held beside its rest and put back slowly, as dry friction might hold it
+    ("caught", 731800003),
+    ("geared", 731700003),  # the lift is as long as the return
+    ("critical", 731700004),  # lifts and returns alternate like swings
+    ("wander", 731800003),  # rest levels that a random walk of the sensor moves
+    ("pendulum", 731700000),
+    ("pendulum", 731700003),
+]
+
+
+@pytest.mark.parametrize(("kind", "seed"), HARD)
+def test_a_hard_log_is_approved_with_its_truth(kind, seed):
+    row = judged((kind, seed))
+    assert row["status"] == "linear", row["text"]
+    assert all(row["held"])
+
+
+@pytest.mark.parametrize("rate", [False, True])
+def test_the_noise_of_a_wide_pendulum_stays_out_of_its_numbers(rate):
+    """Its sine is taken of the modelled angle: one measured with noise would drive the model like a torque."""
+    time = np.arange(0, 40, 1 / 30)
+    omega, zeta = 4.833, 0.00414
+    angle, speed = free(time, omega, zeta, 0.75, 0.0, lambda x, v: omega**2 * (np.sin(x) - x))
+    noise = np.random.default_rng(3).normal(0, 1e-3, time.size)
+    log = (
+        Recording.from_arrays(time, rate=speed + omega * noise)
+        if rate
+        else Recording.from_arrays(time, angle=angle + noise)
+    )
+    decay = fit_decay(log)
+    assert decay.trace.law == "pendulum"
+    assert decay.judgement.over_noise == pytest.approx(1, abs=0.1)
+    for found, truth in ((decay.numbers.omega_n, omega), (decay.numbers.damping_ratio, zeta)):
+        assert abs(found.value - truth) < 4 * found.std < 3e-3 * truth
