@@ -262,7 +262,7 @@ shape (n, 2)."""
 
 
 def columns_of(trace: Trace, poles: Array, swing: Swing | None = None, signal: str = "roll") -> Columns:
-    """Return the signal of a law as columns at the samples of a trace: a spring's, or a pendulum's near a swing."""
+    """Return the signal of a law [rad or rad/s] as columns of shape (n,) at a trace's samples: a spring's, or a pendulum's near a swing."""
     ones = np.ones(len(trace.time))
     if swing is not None:
         value, by_start, by_law = swing.seen(trace.time, rate=signal == "rate")
