@@ -66,8 +66,8 @@ class _Run:
     levels: slice
     """Torque noises that a free joint may have."""
     swing: Array
-    """Widest angle about rest in the period before, over the widest of all, shape (n,); infinite in the first period, and where no slow
-    hand is looked for."""
+    """Widest angle about rest in the period before, over the widest of all, shape (n,). Infinite where a slow hand is not looked for, as
+    in the first period."""
 
 
 _Walk = Generator[_Run, tuple[int, int], list[tuple[float, float]]]
