@@ -189,7 +189,8 @@ def _together(decays: Sequence[_Walk], noise: float) -> list[list[tuple[float, f
 def _stretches(time: Array, roll: Array, span: Span, law: Law) -> _Walk:
     """Return the free stretches of one decay [s]; yields runs of samples and is sent for how many the joint moves freely.
 
-    A joint departs from its linear law as far in a later stretch as in the first one, at most: what needs more torque is a hand.
+    A joint departs from its linear law as far in a later stretch as in one of a period before it, at most: what needs more torque is a
+    hand.
     """
     quarter = 0.5 * math.pi / math.sqrt(law.stiffness)
     first, last = (int(i) for i in np.searchsorted(time, (span.begin, span.end)))
@@ -209,7 +210,7 @@ def _stretches(time: Array, roll: Array, span: Span, law: Law) -> _Walk:
             same = slice(level - 1, level)
             none = np.full(len(time[back]), np.inf)
             begin = end - (yield _Run(-time[back], roll[back], span, backwards, same, none))[0]
-            most = level
+            most = level if count > 4 * step else most
             start = span.begin if begin == first or (span.let_go and not found) else float(time[begin])
             stop = span.end if last - end <= step / 4 else float(time[end - 1])
             if found and begin - since < step / 2:  # too quick for a hand: the law is nonlinear there
