@@ -312,17 +312,8 @@ def test_two_synthetic_decays_and_a_known_mass_tell_the_true_inertia(tmp_path: P
     ratio = 1 + 0.8 * 0.08**2 / 8.70e-3
     for name, effect in (("bare", "inertia=1"), ("loaded", f"inertia={ratio}")):
         made = husky(
-            "synth",
-            "--board",
-            "pink",
-            "--releases",
-            "4",
-            "-o",
-            f"{name}.csv",
-            "--effect",
-            effect,
-            cwd=tmp_path,
-        )
+            "synth", "--board", "pink", "--releases", "4", "-o", f"{name}.csv", "--effect", effect, cwd=tmp_path,
+        )  # fmt: skip
         assert made.returncode == 0, made.stderr
         found = husky("decay", f"{name}.csv", "--board", "pink", "--json", f"{name}.json", cwd=tmp_path)
         assert found.returncode == 0, found.stderr

@@ -47,18 +47,8 @@ def test_what_decay_and_compare_print_runs(tmp_path):
     (tmp_path / "a log.csv").write_text("\n".join(["time_s,x", *angles]))
     for name in ("decay", "compare"):
         done = husky(
-            name,
-            "a log.csv",
-            "--board",
-            "pink",
-            "--column",
-            "x",
-            "--unit",
-            "deg",
-            "--workspace",
-            "w",
-            cwd=tmp_path,
-        )
+            name, "a log.csv", "--board", "pink", "--column", "x", "--unit", "deg", "--workspace", "w", cwd=tmp_path,
+        )  # fmt: skip
         assert done.returncode == 0, done.stderr
         (line,) = (line for line in done.stdout.splitlines() if "find the missing effect: " in line)
         assert line.endswith("diagnose 'a log.csv' --board pink --column x --unit deg --workspace w")

@@ -60,16 +60,8 @@ def test_one_table_and_one_page(logs, tmp_path):
         assert abs(middle - STIFFNESS[row["board"]]) < 2 * half
     assert rows[3]["state"] == "failed"
     alone = husky(
-        "decay",
-        logs / "pink-1.csv",
-        "--board",
-        "pink",
-        "--json",
-        "-",
-        "--workspace",
-        tmp_path,
-        "--no-picture",
-    )
+        "decay", logs / "pink-1.csv", "--board", "pink", "--json", "-", "--workspace", tmp_path, "--no-picture",
+    )  # fmt: skip
     assert json.loads(alone.stdout)["stiffness"]["value"] == pytest.approx(float(rows[0]["stiffness_nm_rad"]))
     page = (folder / "page.html").read_text()
     assert page.count("<svg") == 2

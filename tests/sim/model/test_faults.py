@@ -85,17 +85,8 @@ def test_a_pole_whose_zero_is_upright_keeps_its_angles_and_gets_no_spring(tmp_pa
     assert "that zero is the sensor's" not in done.stderr
     assert "stiffness=" not in (tmp_path / "out.xml").read_text()
     checked = husky(
-        "check",
-        log,
-        "--model",
-        tmp_path / "out.xml",
-        "--joint",
-        "h",
-        "--timestep",
-        "0.0005",
-        "--workspace",
-        tmp_path,
-    )
+        "check", log, "--model", tmp_path / "out.xml", "--joint", "h", "--timestep", "0.0005", "--workspace", tmp_path,
+    )  # fmt: skip
     assert checked.returncode == 0, checked.stderr
 
 
