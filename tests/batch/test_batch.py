@@ -169,7 +169,3 @@ def test_a_cluster_of_two_workers_does_the_same(logs, tmp_path):
     tables = [json.loads((w / "reports/batch/week/table.json").read_text()) for w in (here, there)]
     for one, other in zip(*tables, strict=True):
         assert {**one, "seconds": 0} == {**other, "seconds": 0}
-
-
-def square(number):
-    return {"number": number, "square": number**2}
