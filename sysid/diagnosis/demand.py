@@ -41,7 +41,7 @@ class Demand:
         """Return the mean torque in bins of the angle or the rate, with its deviation.
 
         Args:
-            at: `angle` or `rate`.
+            at: `angle` [rad] or `rate` [rad/s], shape (n,).
         """
         edges = np.linspace(at.min(), at.max(), BINS + 1)
         places = np.clip(np.searchsorted(edges, at, side="right") - 1, 0, BINS - 1)

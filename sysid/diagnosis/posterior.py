@@ -202,7 +202,7 @@ def linear_joint(motion: Motion) -> tuple[float, float]:
 
 
 def levels(motion: Motion) -> list[Array]:
-    """Return constant torques: another rest angle, or zero of the sensor."""
+    """Return constant torques, shape (r, n) each [1]: another rest angle, or zero of the sensor."""
     if motion.is_rate:
         return []
     if motion.zero != "drifting":

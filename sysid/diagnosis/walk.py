@@ -22,7 +22,7 @@ GAINS = 6
 
 
 def innovations(residuals: Sequence[Array], gain: float) -> Array:
-    """Return what a residual of each release is off its prediction, over √(1 / (1 - K)), all in one, shape (n,)."""
+    """Return the innovations of residuals, shape (s,) each, over √(1 / (1 - K)), all in one, shape (n,), in their unit [rad or rad/s]."""
     if not gain:
         return np.concatenate(list(residuals))
     # e_k - (1 - K) e_{k-1} = r_k - r_{k-1}; importing scipy.signal takes longer than a fit
@@ -33,7 +33,7 @@ def innovations(residuals: Sequence[Array], gain: float) -> Array:
 
 
 def error_beside(residuals: Sequence[Array], gain: float) -> float:
-    """Return the RMS residual that a walk of the zero does not explain, in the unit of the residuals."""
+    """Return the RMS of residuals, shape (s,) each, beside a walk of the zero [rad or rad/s]."""
     return float(np.sqrt(np.mean(innovations(residuals, gain) ** 2)))
 
 
