@@ -82,7 +82,7 @@ def last_diagnosis(board: Board, space: Workspace) -> LastDiagnosis | None:
         content: Any = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    if not isinstance(content, dict) or not {"verdict", "best", "score_std"} <= set(content):
+    if not isinstance(content, dict) or not {"verdict", "best", "candidates"} <= set(content):
         return None
     return LastDiagnosis(content, content.get("record") == board.digest)
 

@@ -63,9 +63,7 @@ class Ranked:
     effects: tuple[str, ...]
     """Beyond the record's own."""
     score: float
-    """Twice the log-likelihood of held-out motion that the best has more."""
-    std: float | None
-    """Standard deviation of that difference."""
+    """Twice the log evidence that the best has more."""
     chosen: bool
 
     @property
@@ -273,7 +271,7 @@ def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
         heldout=held.get(chosen),
         seen=(demand.over(demand.rate), demand.over(demand.angle)),
     )
-    return replace(story, ranked=ranked([(c.effects, c.score, 0.0) for c in found.candidates], chosen))
+    return replace(story, ranked=ranked([(c.effects, c.score) for c in found.candidates], chosen))
 
 
 def for_report(found: "Diagnosis", board: Board) -> dict[str, Any]:
@@ -286,7 +284,6 @@ def for_report(found: "Diagnosis", board: Board) -> dict[str, Any]:
     return {
         "record": board.digest,
         "best": {"effects": list(found.best.effects), "parameters": parameters},
-        "score_std": [0.0 for _ in found.candidates],
     }
 
 
@@ -309,8 +306,7 @@ def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story
     if diagnosis is not None:
         content = diagnosis.content
         chosen = tuple(content["best"]["effects"])
-        spreads = zip(content["candidates"], content["score_std"], strict=True)
-        models = ranked([(c["effects"], c["score"], std) for c, std in spreads], chosen)
+        models = ranked([(c["effects"], c["score"]) for c in content["candidates"]], chosen)
         law = law_of_candidate(board, content["best"])
         if chosen and diagnosis.is_current and law is not None:
             if last is not None:
@@ -333,20 +329,19 @@ def _added(effects: tuple[str, ...]) -> str:
 
 
 def ranked(
-    candidates: Sequence[tuple[Sequence[str], float | None, float | None]], chosen: Sequence[str]
+    candidates: Sequence[tuple[Sequence[str], float | None]], chosen: Sequence[str]
 ) -> tuple[Ranked, ...]:
     """Return the candidates to draw, best first: the best, the record's own law and the chosen one among them.
 
-    Each has effects, score and the score's standard deviation.
+    Each has effects and score.
     """
     models = [
-        Ranked(tuple(names), score, std, tuple(names) == tuple(chosen))
-        for names, score, std in candidates
+        Ranked(tuple(names), score, tuple(names) == tuple(chosen))
+        for names, score in candidates
         if score is not None and np.isfinite(score)
     ]
-    scored = [model for model in models if model.std is not None]
     return tuple(
-        model for place, model in enumerate(scored) if place < MOST_SHOWN or model.chosen or not model.effects
+        model for place, model in enumerate(models) if place < MOST_SHOWN or model.chosen or not model.effects
     )
 
 

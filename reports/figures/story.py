@@ -15,7 +15,6 @@ from reports.figures.svg import thin
 from reports.story import Missing, Ranked, Story, times
 from sysid.diagnosis.report import TIE as TIED
 from sysid.effects import effect
-from sysid.quantity import Z95
 from sysid.roll import Array
 from sysid.text import Display, display, effort
 
@@ -129,16 +128,14 @@ def draw_missing(axes: "Axes", missing: Missing, show: Display, named: str, *, s
 
 
 def draw_candidates(axes: "Axes", ranked: "tuple[Ranked, ...]") -> None:
-    """Draw the score of each candidate with its interval, the chosen one filled, as models are ranked by expected prediction."""
+    """Draw the score of each candidate, the chosen one filled."""
     from matplotlib.ticker import NullLocator, StrMethodFormatter, SymmetricalLogLocator
 
     axes.axvspan(0, TIED, color=NOISE, alpha=0.25, lw=0)
     axes.axvline(0, color=NOISE, lw=1.2, ls="--")
     for row, model in enumerate(ranked):
-        axes.errorbar(
-            model.score, row, xerr=Z95 * (model.std or 0.0), fmt="o", color=SIM if model.chosen else "black",
-            mfc=SIM if model.chosen else "none", ms=7, capsize=3, elinewidth=1.2,
-        )  # fmt: skip
+        color = SIM if model.chosen else "black"
+        axes.plot(model.score, row, "o", color=color, mfc=SIM if model.chosen else "none", ms=7)
     names = [fill(f"{model.label} (chosen)" if model.chosen else model.label, 22) for model in ranked]
     axes.set_yticks(range(len(ranked)), names)
     axes.set_ylim(len(ranked) - 0.5, -0.5)

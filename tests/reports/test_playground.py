@@ -146,7 +146,7 @@ def test_effects_that_were_tried_get_sliders_and_buttons(pink):
     board = with_effects(pink)
     parameters = {"stiffness": STIFF, "damping": DAMP, "rest_angle": 0.01}
     content = {
-        "verdict": {}, "score_std": [0.0, 0.0, 0.0],
+        "verdict": {},
         "best": {
             "effects": ["coulomb"],
             "parameters": {n: {"value": v} for n, v in {**parameters, "coulomb.torque": 0.12}.items()},

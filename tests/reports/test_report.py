@@ -352,7 +352,7 @@ def diagnosed(board, **changes):
     }  # fmt: skip
     return {
         "verdict": verdict | changes, "candidates": [candidate], "logs": ["rock.csv"], "noise_floor_rad": 1e-3,
-        "record": board.digest, "best": candidate, "score_std": [0.0],
+        "record": board.digest, "best": candidate,
     }  # fmt: skip
 
 
