@@ -97,7 +97,7 @@ def how_sure(board: Board, diagnosis: LastDiagnosis | None) -> str:
         if not effect(part.name).is_known
     }
     shares = [f"{name} to {_share(q)}" for name, q in known.items() if q.value and q.ci95[0] < q.ci95[1]]
-    parts += [f"{', '.join(shares)}, 95 %"] if shares else []
+    parts += [f"95 % intervals: {', '.join(shares)}"] if shares else []
     return f"{'; '.join(parts)}." if parts else UNSURE
 
 

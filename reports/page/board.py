@@ -272,8 +272,7 @@ def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
     pairs = f"{count(len(twins), 'pair')} cannot be told apart" if twins else "no two of them look the same"
     return [
         paragraph(
-            f"{hidden} in these releases, and {pairs} (cosine of their signatures from {ALIKE} on, after a refit of stiffness, damping, "
-            "rest angle and starts)."
+            f"{hidden} in these releases, and {pairs}. Signatures count as the same from a cosine of {ALIKE} on."
         ),
         table(("effect", "weakest that would show here", "looks like", "experiment that tells"), rows),
     ]
