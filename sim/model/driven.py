@@ -345,8 +345,8 @@ def _written(spec: Any, joint: Any, fit: DrivenFit) -> list[str]:
                 )
             remarks += [line for line in said if not isinstance(part, DriveEffect) or "not written" in line]
     remarks += [
-        f"{key} {fit.quantities[key]} is not written: MuJoCo has no attribute for it ({unit})"
-        for key, unit in (("bias", "N·m"), ("zero", "rad"))
+        f"{key} {fit.quantities[key]} is not written: MuJoCo has no attribute for it"
+        for key in ("bias", "zero")
         if key in fit.quantities and abs(fit.values[key]) > Z95 * fit.quantities[key].std
     ]
     return remarks

@@ -40,15 +40,15 @@ class Driven:
     options: Sequence[Any]
     """Option groups that named joint, input and columns."""
 
-    def say_next(self, printer: Printer, verb: str, why: str, *more: str, model: Path | None = None) -> None:
-        """Print the next command; it gets the same options, and `model` in place of the file; a check gets the rest of the log."""
+    def next_step(self, printer: Printer, verb: str, why: str, *more: str, model: Path | None = None) -> str:
+        """Return the next command: with the same options, `model` in place of the file, and for a check the rest of the log."""
         subject, drive, arguments = self.options
         if verb == "check" and arguments.start is None:
             arguments = replace(arguments, start=arguments.stop, stop=None)
         subject = replace(subject, model=model or subject.model)
         words = (*typed(subject), *typed(replace(drive, next_motion=None)), *more)
         command = space_of(printer.common, arguments).command(verb, *words, logs=self.paths)
-        printer.say(f"next: {why}: {command}")
+        return f"{why}: {command}"
 
     @property
     def name(self) -> str:
@@ -98,7 +98,7 @@ def read_driven(
             beside = {name: angles[name] for name in measured}
             logs[joint].append(replace(one, held=drive.input_between != "smooth", beside=beside))
             printer.note(
-                f"joint '{joint}': angle from {motions[joint] or 'the log'}, {kind} from {inputs[joint]}"
+                f"joint '{joint}': position from {motions[joint] or 'the log'}, {kind} from {inputs[joint]}"
             )
         for joint, column in measured.items():
             printer.note(f"joint '{joint}': moves as measured in {column}")
@@ -209,6 +209,7 @@ def run_driven(
     path = common.space.outputs(driven.name) / f"{name}.json"
     write_json(path, content)
     printer.written(path)
+    printer.say(f"next: {content['next']}")
     printer.result(content)
     return 0
 
@@ -217,10 +218,9 @@ def driven_compare(driven: Driven, printer: Printer, tolerance: float) -> dict[s
     """Replay the inputs in the model, print its error, and what to do next."""
     content = _replayed(driven, printer, tolerance)
     if content["passed"]:
-        printer.say(f"the model moves as measured: within {100 * tolerance:g} % of the motion")
-    else:
-        driven.say_next(printer, "fit", "measure armature, damping, friction and delay")
-    return content
+        return {**content, "next": f"the model moves as measured, and is ready to use: {driven.setup.file}"}
+    why = "measure armature, damping, friction and delay"
+    return {**content, "next": driven.next_step(printer, "fit", why)}
 
 
 def _replayed(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
@@ -239,8 +239,9 @@ def _replayed(driven: Driven, printer: Printer, tolerance: float) -> dict[str, A
                           "where": _where(log, error), "passed": beyond <= tolerance, "tolerance": tolerance})  # fmt: skip
     rows = [(f["joint"], Path(f["log"]).name, f"{f['rmse_rad']:.4g}", f"{100 * f['nrmse']:.2f} %", "✓" if f["passed"] else "✗",
              f["where"][0]["text"]) for f in found]  # fmt: skip
+    unit = "m" if driven.logs[driven.joints[0]][0].slides else "rad"
     printer.table(
-        ("joint", "log", "RMS error [rad]", "of the motion", "", "where"),
+        ("joint", "log", f"RMS error [{unit}]", "of the motion", "", "where"),
         rows,
         "replay of the input in plain MuJoCo",
     )
@@ -255,7 +256,7 @@ def _where(log: "DrivenLog", error: Any) -> list[dict[str, Any]]:
     """Return the location of the error, by time and by speed: the third with its largest share."""
     rate = np.abs(np.gradient(log.angle, log.time))
     found: list[dict[str, Any]] = []
-    for axis, values, unit in (("time", log.time, "s"), ("velocity", rate, "rad/s")):
+    for axis, values, unit in (("time", log.time, "s"), ("velocity", rate, "m/s" if log.slides else "rad/s")):
         ends = np.quantile(values, [0, 1 / 3, 2 / 3, 1])
         shares = [
             float((error[(values >= a) & (values <= b)] ** 2).sum() / (error**2).sum())
@@ -293,14 +294,12 @@ def driven_diagnose(driven: Driven, printer: Printer, fix: Sequence[str]) -> dic
     ):
         printer.say(row["text"])
         results.setdefault(row["joint"], []).append(row["verdict"])
-    found = [one["verdict"] for own in results.values() for one in own]
-    if effects := sorted({name for one in found for name in one["effects"]}):
-        more = [word for name in effects for word in ("--effect", name)]
-        driven.say_next(printer, "fit", f"add {' and '.join(effects)} to the model", *more)
-    elif all(one["status"] == "none-missing" for one in found):
-        driven.say_next(printer, "fit", "write the model's numbers")
-    only = results[driven.joints[0]]
-    return only[0] if len(cases) == 1 else {"joints": results}
+    found = [one for own in results.values() for one in own]
+    effects = sorted({name for one in found for name in one["verdict"]["effects"]})
+    more = [word for name in effects for word in ("--effect", name)]
+    why = f"add {' and '.join(effects)} to the model" if effects else "measure what the model has"
+    then = driven.next_step(printer, "fit", why, *more)
+    return {**(found[0] if len(cases) == 1 else {"joints": results}), "next": then}
 
 
 def _diagnosed(
@@ -366,13 +365,12 @@ def driven_fit(
         printer.note(line)
     printer.say(made.diff.rstrip())
     printer.written(*made.save(path))
+    verb, why = "check", "replay it in MuJoCo, best on a stretch that the fit did not see"
     if max(one.nrmse for own in fits.values() for one in own) > TOLERANCE:
-        driven.say_next(printer, "diagnose", "find the missing effect")
-    else:
-        driven.say_next(
-            printer, "check", "replay it in MuJoCo, best on a stretch that the fit did not see", model=path
-        )
-    return {"joints": {joint: one.to_json() for joint, one in merged.items()}, "model": str(path)}
+        verb, why = "diagnose", "find the missing effect"
+    then = driven.next_step(printer, verb, why, model=path if verb == "check" else None)
+    joints = {joint: one.to_json() for joint, one in merged.items()}
+    return {"joints": joints, "model": str(path), "next": then}
 
 
 def driven_export(path: Path, output: Path | None, timestep: float, printer: Printer) -> dict[str, Any]:
@@ -412,5 +410,4 @@ def driven_check(driven: Driven, printer: Printer, tolerance: float) -> dict[str
             "Run diagnose on the same log."
         )
     printer.say(f"passed: NRMSE {100 * content['nrmse']:.2f} %")
-    printer.say(f"next: it is ready to use: {driven.setup.file}")
-    return content
+    return {**content, "next": f"it is ready to use: {driven.setup.file}"}

@@ -15,7 +15,7 @@ from sysid.effects._base import DriveEffect
 from sysid.errors import SysidError
 from sysid.least_squares import Minimum
 from sysid.noise.autoregression import residual_noise
-from sysid.quantity import Quantity
+from sysid.quantity import Quantity, slide_unit
 from sysid.roll import Array
 
 WINDOWS = (128, 32, 8, 1)
@@ -284,7 +284,7 @@ def _result(chain: Sequence[tuple[Problem, Minimum]], *, quick: bool) -> DrivenF
         name: Quantity(
             values[name],
             math.nan if quick else math.sqrt(max(covariance[i, i], 0.0)),
-            structure.parameters[name],
+            slide_unit(structure.parameters[name]) if log.slides else structure.parameters[name],
             method,
         )
         for i, name in enumerate(free)

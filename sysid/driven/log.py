@@ -72,6 +72,8 @@ class DrivenLog:
     load: Load
     held: bool = True
     """Whether a digital controller held the input between samples; else it is smooth."""
+    slides: bool = False
+    """Whether it is the position of a slide [m]; torques are then forces [N]."""
     beside: Mapping[str, Array] = field(default_factory=dict[str, Array])
     """Measured angles of other joints [rad or m], shape (n,) each."""
 
@@ -157,5 +159,5 @@ def log_of(
         )
     return DrivenLog(
         name=roll.log, time=roll.time, angle=roll.roll, std=float(np.median(roll.std)), input=values, kind=kind,
-        load=load or Load.constant(1.0, len(values)),
+        load=load or Load.constant(1.0, len(values)), slides=roll.slides,
     )  # fmt: skip
