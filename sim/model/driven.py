@@ -176,6 +176,62 @@ def load_along(setup: Setup, courses: Mapping[str, Course], time: Array | None =
         courses: Of the joint and of others.
         time: Of the courses [s], shape (n,); the log's if left out.
     """
+    model, data, pose = _inverse_of(setup)
+    dof, where = int(model.joint(setup.joint).dofadr[0]), int(model.joint(setup.joint).qposadr[0])
+    numbers = [setup.named(model, name) for name in courses if name != setup.joint]
+    places, addresses = model.jnt_dofadr[numbers], model.jnt_qposadr[numbers]
+    others, own = [one for name, one in courses.items() if name != setup.joint], courses[setup.joint]
+    for place, one in zip(places, others, strict=True):
+        if one.armature is not None:
+            model.dof_armature[place] = one.armature
+    states = np.array([[one.angle, one.rate, one.acceleration] for one in others]).reshape(len(others), 3, -1)
+    damping = np.array([one.damping for one in others])
+    stepped = own.damping > 0 or damping.any()  # else the others' inertia is not needed
+    mass, rows = np.zeros((model.nv, model.nv)), np.zeros((6, len(own.angle)))
+    data.qpos[:] = pose
+    for i in range(len(own.angle)):
+        data.qpos[addresses], data.qvel[places] = states[:, 0, i], states[:, 1, i]
+        data.qvel[dof] = own.rate[i]
+        for turn in (TURN, -TURN, 0.0):
+            data.qacc[:] = 0.0
+            data.qacc[places], data.qpos[where] = states[:, 2, i], own.angle[i] + turn
+            mujoco.mj_inverse(model, data)
+            torque = -float(data.qfrc_inverse[dof])
+            rows[2, i] += np.sign(turn) * torque / (2 * TURN)
+        mujoco.mj_fullM(model, data, mass)
+        inertia = mass[dof, dof] - model.dof_armature[dof]
+        rows[:2, i], rows[3:5, i] = (inertia, torque), (own.angle[i], inertia)
+        if stepped:
+            gives = np.linalg.solve(mass[np.ix_(places, places)], mass[places, dof])
+            rows[4:, i] = inertia - gives @ mass[places, dof], gives @ (damping * data.qacc[places])
+    return Load.of(rows, time)
+
+
+def coupling_along(setup: Setup, courses: Mapping[str, Course]) -> Array:
+    """Return derivatives of each joint's load by angle, rate and acceleration of each joint in SI, shape (joints, joints, 3, n)."""
+    model, data, pose = _inverse_of(setup)
+    numbers = [setup.named(model, name) for name in courses]
+    places, addresses = model.jnt_dofadr[numbers], model.jnt_qposadr[numbers]
+    states = np.array([[one.angle, one.rate, one.acceleration] for one in courses.values()])
+    found = np.zeros((len(states), *states.shape))
+    data.qpos[:] = pose
+
+    def torques(state: Array) -> Array:
+        data.qpos[addresses], data.qvel[places], data.qacc[places] = state.T
+        mujoco.mj_inverse(model, data)
+        return -data.qfrc_inverse[places]
+
+    for i in range(states.shape[2]):
+        plain = torques(states[:, :, i])
+        for other, kind in np.ndindex(states.shape[:2]):
+            moved = states[:, :, i].copy()
+            moved[other, kind] += TURN
+            found[:, other, kind, i] = (torques(moved) - plain) / TURN
+    return found
+
+
+def _inverse_of(setup: Setup) -> tuple[Any, Any, Array]:
+    """Return a model for inverse dynamics without contacts, limits and loops, its data and the pose of the setup in SI, shape (q,)."""
     spec = setup.load()
     joint = setup.joint_of(spec)
     joint.stiffness, joint.damping, joint.frictionloss = [0.0] * 3, [0.0] * 3, 0.0
@@ -188,33 +244,7 @@ def load_along(setup: Setup, courses: Mapping[str, Course], time: Array | None =
         | bits.mjDSBL_EQUALITY
     )
     model = spec.compile()
-    data = mujoco.MjData(model)
-    pose = setup.posed(model)
-    dof, where = int(model.joint(setup.joint).dofadr[0]), int(model.joint(setup.joint).qposadr[0])
-    numbers = [setup.named(model, name) for name in courses if name != setup.joint]
-    places, addresses = model.jnt_dofadr[numbers], model.jnt_qposadr[numbers]
-    others, own = [one for name, one in courses.items() if name != setup.joint], courses[setup.joint]
-    for place, one in zip(places, others, strict=True):
-        if one.armature is not None:
-            model.dof_armature[place] = one.armature
-    damping = np.array([one.damping for one in others])
-    mass, rows = np.zeros((model.nv, model.nv)), np.zeros((6, len(own.angle)))
-    for i in range(len(own.angle)):
-        for turn in (TURN, -TURN, 0.0):
-            data.qpos[:], data.qvel[:], data.qacc[:] = pose, 0.0, 0.0
-            data.qpos[addresses] = [one.angle[i] for one in others]
-            data.qvel[places] = [one.rate[i] for one in others]
-            data.qacc[places] = [one.acceleration[i] for one in others]
-            data.qpos[where], data.qvel[dof] = own.angle[i] + turn, own.rate[i]
-            mujoco.mj_inverse(model, data)
-            torque = -float(data.qfrc_inverse[dof])
-            rows[2, i] += np.sign(turn) * torque / (2 * TURN)
-        mujoco.mj_fullM(model, data, mass)
-        inertia = mass[dof, dof] - model.dof_armature[dof]
-        gives = np.linalg.solve(mass[np.ix_(places, places)], mass[places, dof])
-        rows[:2, i], rows[3, i] = (inertia, torque), own.angle[i]
-        rows[4:, i] = inertia - gives @ mass[places, dof], gives @ (damping * data.qacc[places])
-    return Load.of(rows, time)
+    return model, mujoco.MjData(model), setup.posed(model)
 
 
 def replay(setup: Setup, logs: Mapping[str, DrivenLog], values: Mapping[str, Stated]) -> dict[str, Array]:

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.linalg import block_diag
 
-from sim.model.driven import TURN, Course, Stated, free_inertia, load_along
+from sim.model.driven import Course, Stated, coupling_along, free_inertia, load_along
 from sim.model.setup import Setup
 from sysid.driven.fit import DrivenFit, fit, free_of
 from sysid.driven.log import DrivenLog
@@ -133,17 +133,6 @@ def _at(time: Array, grid: Array, states: Array, *, middle: bool) -> Array:
     return np.stack([angle[:-1], rate[:-1], acceleration])
 
 
-def _by_motion(setup: Setup, courses: Mapping[str, Course], other: str, plain: Array) -> Array:
-    """Return the derivatives of a joint's load by angle, rate and acceleration of another joint, shape (3, n).
-
-    Args:
-        plain: The load [N*m], shape (n,).
-    """
-    one = courses[other]
-    moved = [replace(one, **{name: getattr(one, name) + TURN}) for name in ("angle", "rate", "acceleration")]
-    return np.stack([(load_along(setup, {**courses, other: m}).torque - plain) / TURN for m in moved])
-
-
 def _coupled(setup: Setup, fits: Fits, number: int) -> list[DrivenFit]:
     """Return the fits of the joints to one log, their intervals with those of the others' motions.
 
@@ -160,14 +149,15 @@ def _coupled(setup: Setup, fits: Fits, number: int) -> list[DrivenFit]:
     ends = np.cumsum([0, *(len(one) for one in alone)])
     taken = np.zeros((ends[-1], ends[-1]))
     paths = [next(problem.paths(one.point, slopes=True)) for problem, one in zip(problems, own, strict=True)]
-    for i, (name, problem) in enumerate(zip(names, problems, strict=True)):
-        beside, time, middle = setup.with_(joint=name), problem.log.load_time, own[i].structure.middle
-        courses = _courses(dict(zip(names, own, strict=True)), problem.log, time, middle=middle)
-        plain = load_along(beside, courses).torque
-        for j, other in enumerate(names):
+    clock = own[0].log.grid(1)
+    courses = _courses(dict(zip(names, own, strict=True)), own[0].log, clock, middle=True)
+    coupling = coupling_along(setup, {name: courses[name] for name in (*names, *courses)})
+    for i, problem in enumerate(problems):
+        time, middle = problem.log.load_time, own[i].structure.middle
+        for j in range(len(names)):
             if i == j:
                 continue
-            derivatives = _by_motion(beside, courses, other, plain)
+            derivatives = np.stack([np.interp(time, clock, one) for one in coupling[i, j]])
             for k, size in enumerate(np.sqrt(np.diag(alone[j]))):
                 wave = _at(time, problems[j].grid, paths[j][:, :2, 1 + k].T, middle=middle)
                 if list(problems[j].free)[k : k + 1] == [ZERO]:
