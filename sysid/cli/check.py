@@ -90,6 +90,11 @@ def check(
     printer.warnings(verdict.warnings)
     if record.model:
         printer.say(f"next: it is ready to use: {record.model['file']}")
-    elif scene_file is None and record.geometry:
-        printer.say(f"next: ready to train: {space_of(common, arguments).command('train', *record.options)}")
+    elif scene_file is None:
+        why, words = (
+            ("ready to train", ("train",))
+            if record.geometry
+            else ("write it as MJCF", ("mjcf", "--bench", "-o", f"{record.name}.xml"))
+        )
+        printer.say(f"next: {why}: {space_of(common, arguments).command(*words, *record.options)}")
     return 0
