@@ -121,35 +121,33 @@ def _columns(
     Raises:
         SysidError: A column is missing.
     """
-    from sysid.driven.columns import (
-        INPUTS,
-        MOTIONS,
-        column_of,
-        columns_of_joints,
-        listed_names,
-        require_columns,
-    )
+    from sysid.driven import columns
     from sysid.logs.formats.registry import open_log
 
     names = open_log(path).names
-    measured = {joint: column for joint in others if (column := column_of(names, joint, MOTIONS))}
+    measured = {
+        joint: column for joint in others if (column := columns.column_of(names, joint, columns.MOTIONS))
+    }
     if len(joints) == 1:
-        found = acted or column_of(names, joints[0], INPUTS[kind])
+        found = acted or columns.column_of(names, joints[0], columns.INPUTS[kind])
         if not found:
             raise UsageError(
                 f"{path}: which column is the {kind}? Name it with --input. Columns: {', '.join(names)}."
             )
-        motions = {joints[0]: motion or column_of(names, joints[0], MOTIONS) or None}
+        motions = {joints[0]: motion or columns.column_of(names, joints[0], columns.MOTIONS) or None}
         return motions, {joints[0]: found}, measured
-    listed = listed_names(path)
+    listed = columns.listed_names(path)
 
     def every(prefixes: Sequence[str], what: str, option: str) -> dict[str, str]:
-        return require_columns(
-            columns_of_joints(names, joints, prefixes, listed), joints, what, names, option
-        )
+        found = columns.columns_of_joints(names, joints, prefixes, listed)
+        return columns.require_columns(found, joints, what, names, option)
 
-    positions = every((motion,) if motion else MOTIONS, "positions", "--column")
-    return dict(positions), every((acted,) if acted else INPUTS[kind], f"the {kind}", "--input"), measured
+    positions = every((motion,) if motion else columns.MOTIONS, "positions", "--column")
+    return (
+        dict(positions),
+        every((acted,) if acted else columns.INPUTS[kind], f"the {kind}", "--input"),
+        measured,
+    )
 
 
 def _joints(setup: "Setup", printer: Printer) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -264,14 +262,8 @@ def _where(log: "DrivenLog", error: Any) -> list[dict[str, Any]]:
         ]
         i = int(np.argmax(shares))
         text = f"{100 * shares[i]:.0f} % of it at {ends[i]:.3g} to {ends[i + 1]:.3g} {unit}"
-        found.append(
-            {
-                "axis": axis,
-                "range": [float(ends[i]), float(ends[i + 1])],
-                "share_of_error": shares[i],
-                "text": text,
-            }
-        )
+        span = [float(ends[i]), float(ends[i + 1])]
+        found.append({"axis": axis, "range": span, "share_of_error": shares[i], "text": text})
     return sorted(found, key=lambda one: -one["share_of_error"])
 
 
@@ -314,7 +306,7 @@ def _diagnosed(
     from sysid.driven.report import verdict_text
 
     verdict = diagnose(
-        log, stated.values, structure=stated.structure, fixed=fixed, simulator=stated.simulator
+        log, stated.values, structure=stated.structure, fixed=fixed, simulator=stated.simulator, told=told
     )
     return {"joint": joint, "text": verdict_text(verdict, joint), "verdict": verdict.to_json()}
 
