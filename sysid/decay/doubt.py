@@ -272,7 +272,7 @@ def _half(one: FittedTrace, fit: TraceFit) -> int:
 def wander(fit: TraceFit) -> float:
     """Return the variance that a random walk of the sensor gains [rad²/s], from the mean residuals of eighths of the releases.
 
-    Neighbouring means over a time T differ by two thirds of what the walk gains in T, and by the noise. T is a period at least:
+    The squared difference of neighbouring means over a time T is two thirds of the walk's gain in T, plus noise. T is a period at least:
     within one, a torque that the law misses differs too.
     """
     gains = [0.0]

@@ -101,7 +101,7 @@ def _ahead(values: Array, q: float) -> Array:
 
 
 def _equations(angle: Array, step: float, stiffness: float, beta: float) -> tuple[Array, Array]:
-    """Return the band matrix of Numerov's equations near a motion, shape (3, m), and what is left of them, shape (m - 2,)."""
+    """Return the band matrix of Numerov's equations near a motion, shape (3, m), and their residual [rad], shape (m - 2,)."""
     q, share = math.exp(beta * step / 2), step**2 / 12
     left = q * angle[2:] - 2 * angle[1:-1] + angle[:-2] / q
     left -= share * _weighed(_torque(angle, stiffness, beta), q)

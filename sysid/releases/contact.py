@@ -71,8 +71,8 @@ class _Run:
 
 
 _Walk = Generator[_Run, tuple[int, int], list[tuple[float, float]]]
-"""What finds the stretches of one decay: yields runs, is sent their free samples and the number of their torque noise, returns
-the stretches [s]."""
+"""Search for the stretches of one decay. It yields runs, is sent their free samples and the number of their torque noise, and
+returns the stretches [s]."""
 
 
 def free_stretches(
@@ -189,8 +189,7 @@ def _together(decays: Sequence[_Walk], noise: float) -> list[list[tuple[float, f
 def _stretches(time: Array, roll: Array, span: Span, law: Law) -> _Walk:
     """Return the free stretches of one decay [s]; yields runs of samples and is sent for how many the joint moves freely.
 
-    A joint departs from its linear law as far in a later stretch as in one of a period before it, at most: what needs more torque is a
-    hand.
+    A later stretch needs no more torque noise than one of a period before it. If it does, a hand acts.
     """
     quarter = 0.5 * math.pi / math.sqrt(law.stiffness)
     first, last = (int(i) for i in np.searchsorted(time, (span.begin, span.end)))
@@ -319,8 +318,8 @@ def _log_likelihood_ratios(runs: Sequence[_Run], noise: float) -> list[Array]:
 def _transition(run: _Run) -> Array:
     """Return what the filter needs of each sample of a run, shape (n, 7).
 
-    The transition of angle and rate from the sample before, row by row; the step [s]; the angle about rest [rad]; and how a hand's
-    choice between moving and holding is forgotten, less one.
+    First the transition of angle and rate from the sample before, row by row. Then the step [s] and the angle about rest [rad]. The last
+    one is the share of a hand's choice between moving and holding that is kept, less one.
     """
     law = run.law
     steps = np.abs(np.diff(run.time, prepend=run.time[:1]))
