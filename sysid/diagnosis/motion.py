@@ -101,8 +101,7 @@ def motion_of(
     zero = releases[0].zero if not rate else "known"
     levels = [rest if zero == "known" else release.rest for release in releases]
     swings = [float(np.abs(r.roll - r.rest).max()) for r in releases]
-    widest = releases[int(np.argmax(swings))]
-    omega = frequency or natural_frequency(widest, rate=rate)
+    omega = frequency or natural_frequency(releases[int(np.argmax(swings))], rate=rate)
     period, amplitude = 2 * np.pi / omega, max(swings)
     unit = amplitude * omega if rate else amplitude
     small = noise / omega if rate else noise
@@ -110,7 +109,7 @@ def motion_of(
     used = [i for i, (a, b, _) in enumerate(cuts) if b - a >= SHORTEST]
     if not used:
         raise SysidError(
-            f"no release has {SHORTEST} samples of free motion above the noise. Record at a higher rate, or start wider."
+            f"no release has {SHORTEST} samples of motion above the noise. Record faster, or start wider."
         )
     seconds = [float(releases[i].time[cuts[i][1] - 1] - releases[i].time[cuts[i][0]]) for i in used]
     nodes = int(np.clip(MOST_NODES * period / sum(seconds), FEWEST, nodes))
@@ -118,12 +117,9 @@ def motion_of(
     count = max(round(s / step) for s in seconds) + 1
     rows: list[_Row] = []
     for i in used:
-        one, part = releases[i], slice(*cuts[i][:2])
-        values, stds = (one.roll - levels[i], one.std)
-        if rate and one.rate is not None and one.rate_std is not None:
-            values, stds = one.rate, one.rate_std
-        stds = stds * (noise / np.median(stds[part]))
-        rows.append(_row(one.time[part], values[part], stds[part], step, count))
+        part = slice(*cuts[i][:2])
+        values, stds = (a[part] for a in _measured(releases[i], levels[i], rate=rate))
+        rows.append(_row(releases[i].time[part], values, stds * (noise / np.median(stds)), step, count))
     angle = np.array([
         np.interp(np.arange(count), row.place, (releases[i].roll[slice(*cuts[i][:2])] - levels[i]) / amplitude)
         for i, row in zip(used, rows, strict=True)
@@ -140,6 +136,13 @@ def motion_of(
         starts=np.array([releases[i].time[cuts[i][0]] for i in used]), releases=np.array(used, dtype=np.intp),
         free=np.array(free, dtype=np.intp),
     )  # fmt: skip
+
+
+def _measured(release: Release, level: float, *, rate: bool) -> tuple[Array, Array]:
+    """Return the rate of a release, or its angle from a level, and the noise of its samples, shape (n,) each."""
+    if rate and release.rate is not None and release.rate_std is not None:
+        return release.rate, release.rate_std
+    return release.roll - level, release.std
 
 
 class _Row(NamedTuple):
