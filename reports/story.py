@@ -15,9 +15,9 @@ import numpy as np
 from reports.evidence import Evidence, LastDiagnosis
 from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
-from sysid.comparison.force_surface import TorqueProfile, missing_torque
+from sysid.comparison.force_surface import TorqueProfile
 from sysid.comparison.release import ComparedRelease
-from sysid.diagnosis.demand import demanded
+from sysid.diagnosis.demand import demand_of
 from sysid.diagnosis.report import TIE as TIED
 from sysid.effects import effect
 from sysid.errors import SysidError
@@ -26,8 +26,8 @@ from sysid.joint import JointLaw
 from sysid.joint.structure import structure_of
 from sysid.joint.torques import effect_torque
 from sysid.noise.whiteness import autocorrelation
-from sysid.recording import Data
-from sysid.roll import Array
+from sysid.recording import Data, unpack
+from sysid.roll import Array, Release
 from sysid.shown import MOST_SHOWN
 
 if TYPE_CHECKING:
@@ -161,7 +161,6 @@ def tell(
     steps: Sequence[Step] = (),
     heldout: float | None = None,
     label: str = "",
-    seen: tuple[TorqueProfile, TorqueProfile] | None = None,
 ) -> Story:
     """Compare two laws of a board with recordings, and describe their difference.
 
@@ -171,7 +170,6 @@ def tell(
         steps: The ladder between the two laws.
         heldout: Error of the law after on releases that were left out, in multiples of the noise.
         label: Of the law after, where its effects do not say it.
-        seen: The missing torque over rate and over angle; that of the differentiated logs, if left out.
 
     Raises:
         SysidError: The law after cannot be compared with these releases.
@@ -184,7 +182,7 @@ def tell(
         former = None
     floor = latter.noise.std
     worst = latter if former is None else former
-    over_rate, over_angle = _missing(latter, effects, seen)
+    over_rate, over_angle = _missing(unpack(data)[1], latter, effects)
     label = label or _added(tuple(effects))
     lags, correlations = _correlations([*([] if former is None else [(STOOD, former)]), (label, latter)])
     stood = [] if former is None else [Step(STOOD, former.rmse / floor)]
@@ -220,22 +218,28 @@ def _correlations(
 
 
 def _missing(
-    after: Comparison, effects: Sequence[str], seen: tuple[TorqueProfile, TorqueProfile] | None
+    releases: Sequence[Release], after: Comparison, effects: Sequence[str]
 ) -> tuple[Missing | None, Missing | None]:
-    """Return the torque of some effects plus the residual torque, over rate and over angle."""
+    """Return the torque that the motion demands beside spring and damper, and that of some effects, over rate and over angle."""
     law = after.law
-    torques = tuple(name for name in effects if effect(name).role == "torque")
-    each = [_torque(law, torques, release) for release in after.releases]
-    if seen is None:
-        missing = missing_torque(after.releases, law, each) if torques else after.missing
-        if missing is None:
-            return None, None
-        seen = missing.over_rate, missing.over_angle
+    torques = [name for name in law.structure.effects if effect(name).role == "torque"]
+    named = tuple(name for name in torques if name in effects)
+    each = [_torque(law, named, release) for release in after.releases]
+    try:
+        demand = demand_of(
+            releases,
+            law,
+            after.noise.std,
+            rate=after.is_rate,
+            beside=[name for name in torques if name not in named],
+        )
+    except SysidError:
+        return None, None
     angle = np.concatenate([r.roll for r in after.releases]) - law.rest_angle
     rate = np.concatenate([r.rate for r in after.releases])
     torque = np.concatenate(each)
-    over_rate = Missing(seen[0], *_averaged(rate, torque))
-    return over_rate, Missing(seen[1], *_averaged(angle, torque))
+    over_rate = Missing(demand.over(demand.rate), *_averaged(rate, torque))
+    return over_rate, Missing(demand.over(demand.angle), *_averaged(angle, torque))
 
 
 def _torque(law: JointLaw, names: Sequence[str], release: ComparedRelease) -> Array:
@@ -260,8 +264,6 @@ def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
     halves = [(name,) for name in chosen if len(chosen) > 1 and (name,) in tried]
     between = [(), *([min(halves, key=lambda names: tried[names].score)] if halves else [])] if chosen else []
     held = {names: c.heldout_rmse / floor for names, c in tried.items()}
-    own = [part.name for part in board.effects if effect(part.name).role == "torque"]
-    demand = demanded(found.posterior, found.best.fit.law, own)
     story = tell(
         found.recordings or found.releases,
         board,
@@ -269,7 +271,6 @@ def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
         effects=chosen,
         steps=[Step(_added(names), tried[names].rmse / floor, held[names]) for names in between],
         heldout=held.get(chosen),
-        seen=(demand.over(demand.rate), demand.over(demand.angle)),
     )
     return replace(story, ranked=ranked([(c.effects, c.score) for c in found.candidates], chosen))
 

@@ -53,9 +53,7 @@ class MissingTorque:
     over_rate: TorqueProfile
 
 
-def missing_torque(
-    compared: Sequence[ComparedRelease], law: JointLaw, component: Sequence[Array] = ()
-) -> MissingTorque | None:
+def missing_torque(compared: Sequence[ComparedRelease], law: JointLaw) -> MissingTorque | None:
     """Return the difference of the torques of measured and simulated motion, averaged over tilt and rate.
 
     A local quartic over a sixth of the measured period differentiates the signal; with too few samples, a local
@@ -65,8 +63,6 @@ def missing_torque(
     Args:
         compared: Releases, measured and simulated by the law.
         law: The law.
-        component: Torque of a part of the law along each simulated release [N*m], shape (n,) each, to add to the residual.
-            The result is a component-plus-residual plot (Larsen and McCleary, Technometrics 14, 1972).
 
     Returns:
         The surface, or None if the sampling is too slow to differentiate.
@@ -75,7 +71,7 @@ def missing_torque(
     rates: list[Array] = []
     torques: list[Array] = []
     windows: list[int] = []
-    for number, release in enumerate(steps(compared)):
+    for release in steps(compared):
         window = filter_length(release, law)
         if window is None:
             continue
@@ -86,7 +82,7 @@ def missing_torque(
         inner = slice(3, -3)
         tilts.append(measured[0][inner] - law.rest_angle)
         rates.append(measured[1][inner])
-        torques.append(demanded[inner] + (component[number][inner] if component else 0.0))
+        torques.append(demanded[inner])
     if not tilts:
         return None
     tilt, rate, torque = (np.concatenate(part) for part in (tilts, rates, torques))

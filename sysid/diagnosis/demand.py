@@ -1,27 +1,32 @@
 """The torque that a motion demands beside spring and damper, without any law: a Gaussian process of angle and rate.
 
 The regression of the posterior with functions of angle and rate alone gives the torque at each node and its covariance. No log is
-differentiated. Friction enters as a sign of the rate, powers as powers, all else as radial functions.
+differentiated. Friction enters as a sign of the rate, powers as powers, all else as radial functions. The share ε of torque noise is the
+likeliest one.
 
 Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, section 2.1 (a linear model with Gaussian weights).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from sysid.comparison.force_surface import TorqueProfile
-from sysid.diagnosis.evidence import STRENGTH
+from sysid.diagnosis.evidence import STRENGTH, marginalised
+from sysid.diagnosis.motion import Motion, motion_of
 from sysid.diagnosis.nuisances import named_functions, nameless, sensor
-from sysid.diagnosis.posterior import NAMELESS, SHARES, Posterior, levels
-from sysid.diagnosis.smoother import Smoother
+from sysid.diagnosis.posterior import NAMELESS, SHARES, levels, linear_joint, until_still
+from sysid.diagnosis.smoother import Smoothed, Smoother
 from sysid.joint.law import JointLaw
 from sysid.joint.torques import effect_torque
-from sysid.roll import Array
+from sysid.roll import Array, Release
 
 BINS = 25
 """Bins of a profile, of equal width."""
+PASSES = 3
+"""Passes of smoothing and regression, as in the posterior."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,44 +56,109 @@ class Demand:
         return TorqueProfile(np.array([float(at[b].mean()) for b in bins]), np.array(mean), np.array(std))
 
 
-def demanded(found: Posterior, law: JointLaw, beside: Sequence[str] = ()) -> Demand:
-    """Return the torque that the motion of a posterior demands beside spring and damper of a law, and beside some of its effects."""
-    motion, smoothed, inside = found.motion, found.smoothed, found.motion.inside
-    x, v = smoothed.angle[inside], smoothed.rate[inside]
-    linear = float(np.sqrt(np.mean((found.stiffness * x) ** 2)))
-    base = np.column_stack([x, v, *(level[inside] for level in levels(motion))])
-    known = named_functions(x, v)[:, 3:]
-    known = known * (linear / np.maximum(np.sqrt(np.mean(known**2, axis=0)), 1e-12))
-    free = nameless(motion, smoothed, linear, found.damping)
-    table = np.column_stack([base, known, free])
-    sensed, loose = sensor(motion, smoothed)
-    smoother = Smoother(motion, found.stiffness, found.damping, motion.envelope)
-    smoother.prepare(table, sensed)
-    gram, _ = smoother.gram(max(found.share, SHARES[0]))
-    prior = np.r_[
-        np.ones(base.shape[1]), np.full(known.shape[1], STRENGTH), np.full(free.shape[1], NAMELESS[-1]), loose
-    ]
-    inner = gram[1:, 1:] + np.diag(prior**-2.0)
-    kept = table.shape[1]
-    means = np.linalg.solve(inner, gram[1:, 0])[:kept]
-    root = np.linalg.cholesky(np.linalg.inv(inner)[:kept, :kept])
+def demand_of(
+    releases: Sequence[Release], law: JointLaw, noise: float, *, rate: bool, beside: Sequence[str] = ()
+) -> Demand:
+    """Return the torque that releases demand beside spring and damper of a law.
+
+    Args:
+        releases: Free decays.
+        law: The law.
+        noise: Noise of a sample [rad or rad/s].
+        rate: Whether to use the measured rate.
+        beside: Effects of the law whose torque is taken off too.
+
+    Raises:
+        SysidError: No release holds enough motion.
+    """
+    motion = motion_of(releases, law.rest_angle, noise, rate=rate)
+    stiffness, damping = linear_joint(motion)
+    motion = until_still(motion, stiffness, damping)
+    found = _regressed(motion, stiffness, damping, SHARES[-2], None)
+    for _ in range(PASSES - 1):
+        found = _regressed(motion, stiffness, damping, found.share, found.torque)
+    table, inside = found.table, motion.inside
+    if motion.zero != "known":  # a constant torque is the zero of the sensor
+        table[:, 2 : 2 + len(levels(motion))] = 0.0
     unit = (
         law.inertia * motion.frequency**2 * motion.amplitude
     )  # torque of a spring with ω₀ at the widest swing
-    spring, damper = (
-        law.stiffness / (law.inertia * motion.frequency**2), law.damping / (law.inertia * motion.frequency)
-    )  # fmt: skip
-    moved = (
-        (law.rest_angle - motion.rest) / motion.amplitude
-        if motion.zero == "known" and not motion.is_rate
-        else 0.0
+    x, v = found.smoothed.angle[inside], found.smoothed.rate[inside]
+    spring = law.stiffness / (law.inertia * motion.frequency**2)
+    damper = law.damping / (law.inertia * motion.frequency)
+    angle, speed = motion.amplitude * x, motion.amplitude * motion.frequency * v
+    opposing = table @ found.means + (stiffness - spring) * x + (damping - damper) * v
+    known = _torque_of(law, beside, motion, angle, speed)
+    return Demand(
+        angle=angle, rate=speed, torque=-unit * opposing - known, spread=unit * (table @ found.root)
     )
-    torque = table @ means + found.stiffness * x - spring * (x - moved) + (found.damping - damper) * v
-    angle, rate = motion.amplitude * x, motion.amplitude * motion.frequency * v
-    explained = np.zeros_like(torque)
-    for row in np.unique(rows := np.nonzero(inside)[0]):
+
+
+class _Regressed(NamedTuple):
+    """One pass of smoothing and regression."""
+
+    smoothed: Smoothed
+    table: Array
+    """Functions of angle and rate [1], shape (n, f)."""
+    means: Array
+    """Their strengths [1], shape (f,)."""
+    root: Array
+    """Square root of the strengths' covariance [1], shape (f, f)."""
+    share: float
+    """The likeliest ε [1]."""
+    torque: Array
+    """Their torque on the grid [1], shape (r, n)."""
+
+
+def _regressed(
+    motion: Motion, stiffness: float, damping: float, share: float, torque: Array | None
+) -> _Regressed:
+    """Smooth the motion under a torque, shape (r, n) [1], and return the regression of the log on the smoothed motion."""
+    smoother = Smoother(motion, stiffness, damping, motion.envelope)
+    smoothed = smoother.smooth(share, torque)
+    table, prior = _functions(motion, smoothed, stiffness, damping)
+    sensed, loose = sensor(motion, smoothed)
+    smoother.prepare(table, sensed)
+    wide = np.concatenate([prior, loose])
+    likeliest = max(SHARES, key=lambda one: _log_evidence(smoother, one, wide))
+    gram, _ = smoother.gram(likeliest)
+    covariance = np.asarray(np.linalg.inv(gram[1:, 1:] + np.diag(wide**-2.0)), dtype=np.float64)
+    kept = len(prior)
+    means = (covariance @ gram[1:, 0])[:kept]
+    root = np.asarray(np.linalg.cholesky(covariance[:kept, :kept]), dtype=np.float64)
+    return _Regressed(smoothed, table, means, root, likeliest, smoother.grid(table @ means))
+
+
+def _log_evidence(smoother: Smoother, share: float, wide: Array) -> float:
+    """Return the log evidence of ε, with all functions of these prior deviations marginalised, shape (f,) [1]."""
+    gram, spread = smoother.gram(share)
+    left, factor = marginalised(gram, 1, wide)
+    return factor - 0.5 * spread - 0.5 * float(left[0, 0])
+
+
+def _functions(motion: Motion, smoothed: Smoothed, stiffness: float, damping: float) -> tuple[Array, Array]:
+    """Return functions of angle and rate [1], shape (n, f), and their prior deviations [1], shape (f,)."""
+    inside = motion.inside
+    x, v = smoothed.angle[inside], smoothed.rate[inside]
+    linear = float(np.sqrt(np.mean((stiffness * x) ** 2)))
+    base = np.column_stack([x, v, *(level[inside] for level in levels(motion))])
+    known = named_functions(x, v)[:, 3:]
+    known = known * (linear / np.maximum(np.sqrt(np.mean(known**2, axis=0)), 1e-12))
+    free = nameless(motion, smoothed, linear, damping)
+    deviations = (
+        np.ones(base.shape[1]),
+        np.full(known.shape[1], STRENGTH),
+        np.full(free.shape[1], NAMELESS[-1]),
+    )
+    return np.column_stack([base, known, free]), np.concatenate(deviations)
+
+
+def _torque_of(law: JointLaw, names: Sequence[str], motion: Motion, angle: Array, rate: Array) -> Array:
+    """Return the torque of some effects of a law along a motion [N*m], shape (n,)."""
+    total, rows = np.zeros_like(angle), np.nonzero(motion.inside)[0]
+    for row in np.unique(rows):
         one = rows == row
         time = np.arange(np.count_nonzero(one), dtype=np.float64) * (motion.step / motion.frequency)
-        for name in beside:
-            explained[one] += effect_torque(law, name, time, motion.rest + angle[one], rate[one])
-    return Demand(angle=angle, rate=rate, torque=-unit * torque - explained, spread=unit * (table @ root))
+        for name in names:
+            total[one] += effect_torque(law, name, time, motion.rest + angle[one], rate[one])
+    return total

@@ -157,7 +157,7 @@ def posterior(motion: Motion, subject: Subject, grids: Mapping[str, list[Shape]]
         grids: Shapes of the laws to begin with, from an earlier posterior.
     """
     stiffness, damping = linear_joint(motion)
-    motion = moving = _until_still(motion, stiffness, damping)
+    motion = moving = until_still(motion, stiffness, damping)
     state, envelope = State(stiffness, damping, grids=grids or {}), motion.envelope
     plan = [False, False, True]
     while True:
@@ -211,7 +211,7 @@ def levels(motion: Motion) -> list[Array]:
     return [np.repeat(np.eye(rows)[:, [r]], motion.reading.shape[1], axis=1) for r in range(rows)]
 
 
-def _until_still(motion: Motion, stiffness: float, damping: float) -> Motion:
+def until_still(motion: Motion, stiffness: float, damping: float) -> Motion:
     """End each release where the joint first stands still for a third of a period: friction holds it with any torque.
 
     A joint that leaves this place later is moved by a hand.

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from sysid.board import load_board
-from sysid.diagnosis.demand import demanded
-from sysid.diagnosis.diagnose import judge
+from sysid.diagnosis.demand import demand_of
 from sysid.joint import JointLaw
 from sysid.noise.floor import noise_floor
 from sysid.quantity import Quantity
@@ -30,9 +29,8 @@ def seen(law, seed, sensor="plain"):
     board = replace(board, inertia=Quantity(1.0, 0.0, "kg*m^2"))
     is_rate = sensor == "gyro"
     noise = noise_floor(recording.releases, rate=is_rate)
-    return demanded(
-        judge(recording.releases, board, noise.std, rate=is_rate), JointLaw.from_board(board)
-    ), OMEGA**2 * WIDE
+    demand = demand_of(recording.releases, JointLaw.from_board(board), noise.std, rate=is_rate)
+    return demand, OMEGA**2 * WIDE
 
 
 @pytest.mark.parametrize(("sensor", "share"), [("plain", 0.9), ("gyro", 0.7)])
