@@ -252,7 +252,8 @@ def fit_joint(
         minimum, evaluations = near, near.evaluations
     else:
         minimum, evaluations = search(problem, starts)
-        minimum = min([minimum, *([near] if near else [])], key=lambda m: m.normal.cost)
+        if near is not None and near.normal.cost < minimum.normal.cost:
+            minimum = near
     problem, minimum, more = _plainest(problem, minimum)
     warnings: list[str] = []
     if not (board.stiffness and (board.fit or board.decay)):
