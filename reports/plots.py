@@ -168,7 +168,7 @@ def _draw_diagnosis(found: Any, axes: "Axes") -> None:
     from reports.figures.story import draw_candidates
     from reports.story import ranked
 
-    draw_candidates(axes, ranked([(c.effects, c.score, 0.0) for c in found.candidates], found.best.effects))
+    draw_candidates(axes, ranked([(c.effects, c.score) for c in found.candidates], found.best.effects))
 
 
 def _story(fit: Fit) -> "Figure | None":

@@ -79,7 +79,8 @@ def read_driven(
         raise UsageError("no log was given.")
     refuse_overwriting_logs(paths, arguments, printer)
     joints, others = _joints(setup, printer)
-    setup = setup.with_(joint=joints[0])
+    first, several = joints[0], len(joints) > 1
+    setup = setup.with_(joint=first)
     logs: dict[str, list[DrivenLog]] = {joint: [] for joint in joints}
     for path in paths:
         motions, inputs, measured = _columns(path, joints, others, kind, arguments.column, drive.input)
@@ -87,12 +88,12 @@ def read_driven(
             joint: _roll(path, column, inputs.get(joint), arguments)
             for joint, column in (motions | measured).items()
         }
-        say_notes(path, rolls[joints[0]], printer)
-        clock = rolls[joints[0]].time
+        say_notes(path, rolls[first], printer)
+        clock = rolls[first].time
         angles = {joint: np.interp(clock, roll.time, roll.roll) for joint, roll in rolls.items()}
         courses = {joint: Course.measured(clock, angle) for joint, angle in angles.items()}
         for joint in joints:
-            roll = replace(rolls[joint], time=clock, roll=angles[joint]) if len(joints) > 1 else rolls[joint]
+            roll = replace(rolls[joint], time=clock, roll=angles[joint]) if several else rolls[joint]
             load, scale = load_along(setup.with_(joint=joint), courses), _scale(inputs[joint], drive)
             one = log_of(roll, inputs[joint], kind, scale=scale, load=load)
             beside = {name: angles[name] for name in measured}
