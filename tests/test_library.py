@@ -253,7 +253,7 @@ def test_every_result_prints_short_and_draws(swing):
     fit = sysid.fit(log, pink)
     results = [
         log, pink, fit, sysid.fit_decay(log, board=pink), sysid.compare(log, pink), pink.check(log),
-        sysid.simulate(pink, np.linspace(0, 0.5, 50), 0.1), sysid.Joint.new("rig", 0.01),
+        sysid.simulate(pink, np.linspace(0, 0.5, 50), 0.1), sysid.Joint.new("rig", 0.01), sysid.diagnose(log, pink),
     ]  # fmt: skip
     for result in results:
         axes = Figure().subplots()

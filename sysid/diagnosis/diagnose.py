@@ -35,6 +35,7 @@ from sysid.progress import Listener, listening, stage
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Release
+from sysid.shown import Shown
 from sysid.text import WIDTH
 from sysid.workspace import Workspace
 
@@ -99,8 +100,8 @@ class Candidate:
         return self.fit.quantities
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Diagnosis:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Diagnosis(Shown):
     """All that was found."""
 
     verdict: Verdict
@@ -186,15 +187,10 @@ class Diagnosis:
             for c in self.candidates
         )
 
-    def __repr__(self) -> str:
+    def brief(self) -> str:
         """Return the report, or its first lines where it is long."""
         text = self.report()
         return text if len(text) < LONGEST else text[: text.rfind("\n", 0, LONGEST - 2)] + "\n…"
-
-    def _repr_html_(self) -> str:
-        from html import escape
-
-        return f"<pre>{escape(self.report())}</pre>"
 
 
 def fittable(names: Sequence[str]) -> tuple[str, ...]:
