@@ -40,10 +40,10 @@ def error_beside(residuals: Sequence[Array], gain: float) -> float:
 def likeliest_gain(fits: Sequence[JointFit]) -> float:
     """Return the gain K that makes the residuals of the best of some fits of the same releases the likeliest.
 
-    It is 0 for a rate. It is also 0 unless a walk and a law explain the log to its noise: a missing law is no walk.
+    It is 0 for a rate, and for a sensor that counts steps: a counter keeps its zero. It is also 0 unless a walk and a law explain the log to its noise: a missing law is no walk.
     """
     fit = fits[0]
-    if fit.records[0].is_rate:
+    if fit.records[0].is_rate or fit.noise.counts:
         return 0.0
     noise, frequency = fit.noise.std, fit.law.frequency
     step = float(np.median(np.diff(fit.records[0].time)))

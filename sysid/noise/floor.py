@@ -25,6 +25,8 @@ _ENOUGH = 8
 """Fewest differences of a release from which its noise is estimated."""
 FROM_SCATTER = "estimated from the sample-to-sample scatter"
 """How the noise floor was found if it is the scatter of neighbouring samples."""
+FROM_STEPS = "from the sensor's steps"
+"""How it was found if the sensor counts steps that are coarser than its noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +38,11 @@ class NoiseFloor:
     how: str
     relative_std: float = 0.0
     """Standard deviation of `std` itself, as a share of it."""
+
+    @property
+    def counts(self) -> bool:
+        """Whether the sensor counts steps that are coarser than its noise."""
+        return self.how.startswith(FROM_STEPS)
 
     @property
     def highest(self) -> float:
@@ -131,7 +138,7 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
     unit = "rad/s" if rate else "rad"
     level = pooled_step(releases, rate=rate)
     if level / np.sqrt(12) > std:
-        return NoiseFloor(level / float(np.sqrt(12)), f"from the sensor's steps of {level:.3g} {unit}")
+        return NoiseFloor(level / float(np.sqrt(12)), f"{FROM_STEPS} of {level:.3g} {unit}")
     spread = float(np.sqrt(still / resting)) if resting > 50 else 0.0
     if spread > 1.2 * std:
         return NoiseFloor(

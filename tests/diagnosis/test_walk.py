@@ -11,7 +11,7 @@ from sysid.diagnosis.walk import error_beside, likeliest_gain
 NOISE, WIDE, FREQUENCY, STEP = 1e-3, 0.4, 6.0, 0.01
 
 
-def fit(residuals, *, is_rate=False):
+def fit(residuals, *, is_rate=False, counts=False):
     """Return what the walk asks of a fit."""
     time = STEP * np.arange(len(residuals[0]))
     signal = WIDE * np.cos(FREQUENCY * time)
@@ -19,7 +19,7 @@ def fit(residuals, *, is_rate=False):
     return SimpleNamespace(
         residuals=residuals,
         records=[record],
-        noise=SimpleNamespace(std=NOISE, highest=1.03 * NOISE),
+        noise=SimpleNamespace(std=NOISE, highest=1.03 * NOISE, counts=counts),
         law=SimpleNamespace(frequency=FREQUENCY),
     )
 
@@ -52,5 +52,7 @@ def test_a_missing_law_is_no_walk():
     assert likeliest_gain([fit(residuals(0.0, 6, wave=0.05))]) == 0.0
 
 
-def test_the_zero_of_a_rate_does_not_wander():
-    assert likeliest_gain([fit(residuals(0.5 * DRIFT * WIDE, 7), is_rate=True)]) == 0.0
+def test_the_zero_of_a_rate_or_a_counter_does_not_wander():
+    walked = residuals(0.5 * DRIFT * WIDE, 7)
+    assert likeliest_gain([fit(walked, is_rate=True)]) == 0.0
+    assert likeliest_gain([fit(walked, counts=True)]) == 0.0
