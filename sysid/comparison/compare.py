@@ -5,7 +5,7 @@ Only roll and rate at each release are fitted here; the law is that of the board
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Comparison(Shown):
     """Result of `compare`: the difference of simulated and measured releases, and its location."""
 
@@ -55,7 +55,6 @@ class Comparison(Shown):
     """Largest share first."""
     summary: str
     """In words."""
-    missing: MissingTorque | None
     measured_backbone: Backbone
     simulated_backbone: Backbone
     tolerance: float
@@ -69,6 +68,11 @@ class Comparison(Shown):
     """Problems of the logs, and of the logs for this board."""
     recordings: tuple[Recording, ...] = ()
     """The logs; empty if only releases were given."""
+
+    @cached_property
+    def missing(self) -> MissingTorque | None:
+        """The missing torque over angle and rate, made when it is asked for; None if the sampling is too slow to differentiate."""
+        return missing_torque(self.releases, self.law)
 
     @property
     def show(self) -> Display:
@@ -145,15 +149,13 @@ def compare(
     noise = noise_floor(releases, rate=chosen["use_rate"])
     records = make_records(releases, noise.std, rate=chosen["use_rate"])
     _, bias = held_parameters(law.structure, board, FitOptions(**chosen))
-    with stage(0.0, 0.4):
+    with stage(0.0, 1.0):
         residuals, starts = fit_initial_states(law, records, bias=bias)
     compared = tuple(map(partial(_compared, law), records, residuals, starts))
     rmse = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
     size = _motion(law, records, bias)
     least, excess, most = (part / size for part in noise.excess(rmse))
     where = locate_error(compared, law, noise, board)
-    with stage(0.4, 1.0):
-        missing = missing_torque(compared, law)
     return Comparison(
         board=board.name,
         law=law,
@@ -165,7 +167,6 @@ def compare(
         noise=noise,
         where=where,
         summary=describe_error(where, rmse, noise.std),
-        missing=missing,
         measured_backbone=backbone_of(compared, law, [c.measured for c in compared], noise.std),
         simulated_backbone=backbone_of(compared, law, [c.simulated for c in compared], 0.0),
         tolerance=tolerance,

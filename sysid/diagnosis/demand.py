@@ -17,7 +17,7 @@ from sysid.comparison.force_surface import TorqueProfile
 from sysid.diagnosis.evidence import STRENGTH, marginalised
 from sysid.diagnosis.motion import Motion, motion_of
 from sysid.diagnosis.nuisances import named_functions, nameless, sensor
-from sysid.diagnosis.posterior import NAMELESS, SHARES, levels, linear_joint, until_still
+from sysid.diagnosis.posterior import NAMELESS, PASSES, SHARES, levels, linear_joint, until_still
 from sysid.diagnosis.smoother import Smoothed, Smoother
 from sysid.joint.law import JointLaw
 from sysid.joint.torques import effect_torque
@@ -25,8 +25,6 @@ from sysid.roll import Array, Release
 
 BINS = 25
 """Bins of a profile, of equal width."""
-PASSES = 3
-"""Passes of smoothing and regression, as in the posterior."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +78,8 @@ def demand_of(
     table, inside = found.table, motion.inside
     if motion.zero != "known":  # a constant torque is the zero of the sensor
         table[:, 2 : 2 + len(levels(motion))] = 0.0
-    unit = (
-        law.inertia * motion.frequency**2 * motion.amplitude
-    )  # torque of a spring with ω₀ at the widest swing
+    # Torque of a spring with ω₀ at the widest swing.
+    unit = law.inertia * motion.frequency**2 * motion.amplitude
     x, v = found.smoothed.angle[inside], found.smoothed.rate[inside]
     spring = law.stiffness / (law.inertia * motion.frequency**2)
     damper = law.damping / (law.inertia * motion.frequency)

@@ -343,6 +343,7 @@ def _parts(best: Found) -> list[Found]:
 
 def _variants(best: Found, own: Sequence[str]) -> list[Found]:
     """Return a set with each of its laws replaced by each other one of its family."""
+    others = candidates(own)
     return [
         _set(
             best.families,
@@ -351,7 +352,7 @@ def _variants(best: Found, own: Sequence[str]) -> list[Found]:
             best.parameters,
         )
         for i, family in enumerate(best.families)
-        for name, part in candidates(own).items()
+        for name, part in others.items()
         if part.family == family and name != best.effects[i]
     ]
 
@@ -470,8 +471,8 @@ class Fits:
     def explore(self, found: Posterior) -> None:
         """Fit the likeliest set, the record's law, and of all that compete with these the best in a trial.
 
-        Parts of the likeliest sets compete. Other laws of its families, all single laws, and pairs with the best of these compete if the
-        best set misses the noise and the equations do not decide. A short motion says more as a whole than its equations do.
+        Parts of the likeliest sets compete. More laws compete if the best set misses the noise and the equations do not decide: others
+        of its families, all single laws, and pairs with the best of these. A short motion says more as a whole than its equations do.
         """
         best, top = found.sets[0], found.sets[0].probability
         self.add(best, top)

@@ -48,7 +48,8 @@ def _spring(fit: JointFit, path: Trajectory) -> Array:
 def weigh(fits: Sequence[tuple[Found, JointFit]], errors: Sequence[float]) -> list[float]:
     """Return the probability of each set among some fitted ones, of which the best reaches the noise.
 
-    For ε = 0 Laplace's method with a unit-information prior gives the log evidence -χ²/2 - p/2 ln n, for p parameters and n samples.
+    The log evidence is -χ²/2 - p/2 ln n for p parameters and n samples: Laplace's method with a unit-information prior, at ε = 0.
+
     χ² is in units of the error of the best fit. Source: Schwarz 1978; Kass and Raftery, JASA 90, 1995.
 
     Args:

@@ -21,7 +21,7 @@ from sysid.diagnosis.evidence import STRENGTH, closed, marginalised
 from sysid.diagnosis.laws import Laws
 from sysid.diagnosis.motion import Motion, motion_of
 from sysid.diagnosis.nuisances import sensor
-from sysid.diagnosis.posterior import SHARES, linear_joint
+from sysid.diagnosis.posterior import PASSES, SHARES, linear_joint
 from sysid.diagnosis.shapes import SHAPES, Formula, Shape
 from sysid.diagnosis.smoother import Smoothed, Smoother
 from sysid.effects.learned import EFFECT, SUPPORT, basis, smoothness
@@ -43,8 +43,6 @@ NOISY, COLOURED = 1.15, 1.5
 """Residual over the noise, and its correlation length [samples], from which it is more than noise."""
 DRIFTS = (1.0, 0.1, 0.01, 1e-6)
 """Prior deviations of a drift that are tried, over those of a law: from as strong as a law to none."""
-PASSES = 3
-"""Passes of smoothing and regression, and of output error and weights: each starts nearer to the torque."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,6 +37,8 @@ SHARES = (0.0015, 0.005, 0.015, 0.05, 0.15)
 """ε: torque noise over the local torque, a factor of about 3 apart, from an exact law to one that says little."""
 NAMELESS = (0.0, 0.04, 0.15)
 """τ: RMS of g over that of the spring's torque."""
+PASSES = 3
+"""Passes of smoothing and regression: each starts nearer to the torque."""
 BEND = 0.05
 """No law is exact: prior deviation of each of the functions that bend a law, as a share of its strength; all four make a tenth."""
 REACH = 12.0
@@ -159,7 +161,7 @@ def posterior(motion: Motion, subject: Subject, grids: Mapping[str, list[Shape]]
     stiffness, damping = linear_joint(motion)
     motion = moving = until_still(motion, stiffness, damping)
     state, envelope = State(stiffness, damping, grids=grids or {}), motion.envelope
-    plan = [False, False, True]
+    plan = [False] * (PASSES - 1) + [True]
     while True:
         bend = plan.pop(0)
         smoother = Smoother(motion, state.stiffness, state.damping, envelope, state.contact)

@@ -10,7 +10,7 @@ from sysid.effects import catalogue, drives, effect
 from sysid.effects._base import Scales, TorqueEffect
 from sysid.errors import SysidError, did_you_mean
 from sysid.fitting.problem import Problem, starts_unknown
-from sysid.fitting.records import Bias, make_records
+from sysid.fitting.records import Bias, Record, make_records
 from sysid.fitting.result import JointFit, summarise
 from sysid.fitting.search import scales_of, search, starting_points
 from sysid.joint.structure import Structure, structure_of
@@ -237,15 +237,10 @@ def fit_joint(
     records = make_records(releases, noise.std, rate=options.use_rate)
     scales = scales or scales_of(records, board)
     structure = structure_of(effects)
-    fixed, bias = held_parameters(structure, board, options)
     fine = options.steps_per_period * (3 if structure.nonsmooth else 1)
-    first = starting_points(structure, scales, fixed)
+    problem = _problem(structure, records, scales, board, options, fine)
+    first = starting_points(structure, scales, problem.fixed)
     starts = first if start is None else [{**first[0], **start}, *first[:BESIDE]]
-    problem = Problem(
-        structure, records, scales, bias=bias, fixed=fixed, bounded=options.bounds, steps_per_period=fine,
-        priors={**record_priors(structure, board, options, fixed), **priors_of(board, options)},
-        free_states=starts_unknown(structure, records),
-    )  # fmt: skip
     near = None if start is None else problem.fitted(problem.start(starts[0]), tolerance=1e-7)
     at_noise = problem.samples * (noise.highest / noise.std) ** 2
     if near is not None and 2 * near.normal.cost <= at_noise:  # there is nothing to search for
@@ -260,6 +255,27 @@ def fit_joint(
         problem, minimum, warnings = _springless(problem, minimum, board)
     found = finished(problem, minimum, board, options, noise, evaluations + more)
     return replace(found, warnings=(*warnings, *found.warnings))
+
+
+def _problem(
+    structure: Structure,
+    records: Sequence[Record],
+    scales: Scales,
+    board: Board,
+    options: FitOptions,
+    steps: int,
+) -> Problem:
+    """Return the least squares of a structure on records, with all that options and the record say of it.
+
+    Args:
+        steps: Of the integrator a period.
+    """
+    fixed, bias = held_parameters(structure, board, options)
+    return Problem(
+        structure, records, scales, bias=bias, fixed=fixed, bounded=options.bounds, steps_per_period=steps,
+        priors={**record_priors(structure, board, options, fixed), **priors_of(board, options)},
+        free_states=starts_unknown(structure, records),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,15 +304,9 @@ def trial_fit(
         SysidError: Effects that free decays cannot identify, or a motion without bound.
     """
     check_effects(effects, [part.name for part in board.effects])
-    structure, records, scales = structure_of(effects), fit.records, fit.problem.scales
-    fixed, bias = held_parameters(structure, board, options)
-    problem = Problem(
-        structure, records, scales, bias=bias, fixed=fixed, bounded=dict(options.bounds),
-        free_states=starts_unknown(structure, records),
-        priors={**record_priors(structure, board, options, fixed), **priors_of(board, options)},
-        steps_per_period=options.steps_per_period,
-    )  # fmt: skip
-    first = starting_points(structure, scales, fixed)[0]
+    structure, scales = structure_of(effects), fit.problem.scales
+    problem = _problem(structure, fit.records, scales, board, options, options.steps_per_period)
+    first = starting_points(structure, scales, problem.fixed)[0]
     found = problem.fitted(problem.start({**first, **start}), tolerance=1e-4)
     if not np.isfinite(found.normal.cost):
         raise SysidError("from this start the motion has no bound.")
