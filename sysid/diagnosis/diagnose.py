@@ -362,15 +362,15 @@ def _weighed(
 ) -> tuple[Posterior, list[tuple[Found, Candidate]]]:
     """Return the posterior and the fits by output error, where one of these reaches the noise; else as they are.
 
-    Sure equations decide alone if they explain the log to its noise without torque noise. A fit also sees the first moments of a release,
+    Sure equations rule out all other families if they explain the log to its noise without torque noise. A fit also sees the first moments of a release,
     where a hand may act and a sensor's filter lags. Each fit has a rest angle of its own. So the equations alone speak of another rest
-    angle.
+    angle. A part of the equations' set still wins if its fit reaches the noise with less.
     """
-    if _decided(found):
-        return found, fits
-    once = {c.effects: (one, c) for one, c in reversed(fits)}
+    decided, likeliest = _decided(found), set(found.sets[0].families)
+    rivals = [(one, c) for one, c in fits if not decided or set(one.families) <= likeliest]
+    once = {c.effects: (one, c) for one, c in reversed(rivals)}
     if not any(c.reaches_noise for _, c in once.values()):
-        return _by_fits(found, fits), fits
+        return (found if decided else _by_fits(found, fits)), fits
     chances = weigh([(one, c.fit) for one, c in once.values()], [c.judged for _, c in once.values()])
     both = sorted(zip(chances, once.values(), strict=True), key=lambda item: -item[0])
     top, moved = both[0][0], found.inclusion.get("rest", 0.0)
