@@ -184,7 +184,8 @@ def load_along(setup: Setup, courses: Mapping[str, Course], time: Array | None =
     for place, one in zip(places, others, strict=True):
         if one.armature is not None:
             model.dof_armature[place] = one.armature
-    states = np.array([[one.angle, one.rate, one.acceleration] for one in others]).reshape(len(others), 3, -1)
+    states = np.array([[one.angle, one.rate, one.acceleration] for one in others])
+    states = states.reshape(len(others), 3, len(own.angle))
     damping = np.array([one.damping for one in others])
     stepped = own.damping > 0 or damping.any()  # else the others' inertia is not needed
     mass, rows = np.zeros((model.nv, model.nv)), np.zeros((6, len(own.angle)))

@@ -92,20 +92,28 @@ class Setup:
             payload=tuple(Payload.parse(text) for text in entry.get("payload", ())),
         )  # fmt: skip
 
+    def read(self) -> mujoco.MjSpec:
+        """Read the model without the payload.
+
+        Raises:
+            SysidError: The file cannot be read.
+        """
+        if not self.file.is_file():
+            raise SysidError(f"{self.file}: there is no such model.")
+        try:
+            return mujoco.MjSpec.from_file(str(self.file))
+        except (OSError, ValueError) as error:
+            raise SysidError(
+                f"{self.file}: MuJoCo cannot read it ({str(error).strip().splitlines()[0]})."
+            ) from error
+
     def load(self) -> mujoco.MjSpec:
         """Read the model, with the payload on it.
 
         Raises:
             SysidError: The file cannot be read, or lacks the joint or a site.
         """
-        if not self.file.is_file():
-            raise SysidError(f"{self.file}: there is no such model.")
-        try:
-            spec = mujoco.MjSpec.from_file(str(self.file))
-        except (OSError, ValueError) as error:
-            raise SysidError(
-                f"{self.file}: MuJoCo cannot read it ({str(error).strip().splitlines()[0]})."
-            ) from error
+        spec = self.read()
         joint = self.joint_of(spec)
         if np.all(np.asarray(joint.springdamper) > 0):
             raise SysidError(

@@ -155,7 +155,7 @@ def _joints(setup: "Setup", printer: Printer) -> tuple[tuple[str, ...], tuple[st
     """Return the driven joints of a setup, and the other hinges and slides of the model."""
     import mujoco
 
-    model = mujoco.MjSpec.from_file(str(setup.file)).compile()
+    model = setup.read().compile()
     acted = {
         int(model.actuator_trnid[i, 0])
         for i in range(model.nu)

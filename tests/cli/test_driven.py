@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import mujoco
+import numpy as np
 import pytest
 from command_line import called
 
@@ -64,3 +66,24 @@ def test_all_joints_of_a_log_are_replayed_together(tmp_path, capsys):
     called("compare", LOG, "--model", MODEL, *every, "--to", 4, "--workspace", tmp_path, "--json", "-")
     found = json.loads(capsys.readouterr().out)
     assert [one["joint"] for one in found["joints"]] == ["shoulder", "elbow"]
+
+
+def test_a_model_of_one_joint_and_one_that_is_missing(tmp_path, capsys):
+    """A cart under forces in steps: its mass alone, in millimetres."""
+    cart = tmp_path / "cart.xml"
+    cart.write_text(
+        '<mujoco><worldbody><body><joint name="rail" type="slide" damping="9"/><geom size=".1" mass="2"/></body></worldbody></mujoco>'
+    )
+    model = mujoco.MjModel.from_xml_path(str(cart))
+    data, rows = mujoco.MjData(model), []
+    for i in range(1500):
+        data.qfrc_applied[0] = 5 * np.sign(np.sin(i / 40) + 0.3 * np.sin(i / 17))
+        rows.append((i * 0.002, 1e3 * data.qpos[0], data.qfrc_applied[0]))
+        mujoco.mj_step(model, data)
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header="time_s,pos_mm,force_N", comments="")
+    asked = ("compare", tmp_path / "log.csv", "--joint", "rail", "--input", "force_N", "--input-is", "force")
+    end = ("--workspace", tmp_path, "--json", "-")
+    assert called(*asked, "--model", cart, *end) == 0
+    assert json.loads(capsys.readouterr().out)["nrmse"] < 0.01
+    with pytest.raises(SysidError, match="no such model"):
+        called(*asked, "--model", tmp_path / "lost.xml", *end)
