@@ -148,7 +148,8 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
         if hold > 0 and not let_go and len(segment.swings) == 1 and segment.start is None:
             continue  # a hand moves it from one stay to another
         decays.append(segment)
-        spans.append(Span(begin, end, segment.rest, segment.size, let_go))
+        caught = segment.after is not None and not segment.settles
+        spans.append(Span(begin, end, segment.rest, segment.size, let_go, caught))
         holds.append(hold)
     if roll.free is None:
         stretches = free_stretches(roll.time, roll.roll, spans, period)

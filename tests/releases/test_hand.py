@@ -73,7 +73,7 @@ def test_a_decay_is_what_lies_between_the_hand_that_lets_go_and_the_one_that_cat
 def test_between_two_hands_a_linear_decay_is_linear_to_the_noise(push):
     roll, _ = handled(LAWS["linear"], push=push, swings=6.3)
     fit = fit_traces(find_releases(roll))
-    assert fit.noise < 1.05 * 0.03 * DEGREE
+    assert fit.noise < 1.1 * 0.03 * DEGREE
     assert fit.omega_n == pytest.approx(OMEGA, rel=5e-4)
     assert fit.damping_ratio == pytest.approx(0.04, rel=0.02)
 
