@@ -9,7 +9,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -20,7 +19,6 @@ from sysid.decay.linear_fit import (
     columns_of,
     motion,
     project,
-    refitted,
     response,
 )
 from sysid.noise.floor import NoiseFloor, local_noise
@@ -38,8 +36,6 @@ USUAL = 0.1
 """Prior of a second law, over the spring's torque: joints of public logs have 3 to 30 %."""
 ABOVE_NOISE = 1.15
 """Residual over noise from which the residual is more than noise; the noise itself is known to 5 %."""
-ONE_RATE = 0.7
-"""Damping ratio from which a late half is one exponential: it overshoots by less than 5 %."""
 LEVELS_APART = 0.01
 """Least difference of rest levels, over the first amplitude: sensors wander by less between releases."""
 
@@ -52,6 +48,13 @@ TORQUES: dict[str, Callable[[Array, Array], Array]] = {
     "asymmetry": lambda x, v: x * x,
 }
 """Torques of angle and rate, both over their widest [1]."""
+CHANGES: dict[str, Callable[[Array, Array], Array]] = {
+    "a stiffness that changes": lambda x, v: x,
+    "a damping that changes": lambda x, v: v,
+}
+"""Torques of the late half alone: without one, the early half predicts the late one."""
+SIGNED = ("asymmetry", *CHANGES)
+"""Torques that may have either sign."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +129,7 @@ def judged(
     which = slice(None) if fit.damping_ratio < 1 else slice(1, None)  # an overdamped return fixes d/k alone
     seen = sorted((one for one in others if one.seen(which)), key=lambda one: -one.share / one.std)
     half_width = Z95 * np.sqrt(np.diag(to_logs(fit) @ fit.covariance @ to_logs(fit).T))
-    apart, moved = unseen(fit, floor.std if ratio > ABOVE_NOISE else 0.0)
+    hidden = [one.name for one in others if one.name in TORQUES and one.hides(which)]
     status: Status = "not linear"
     if scattered(releases, rests, wander(fit)):
         show = display(is_rate=False, slides=releases[0].slides)
@@ -138,14 +141,9 @@ def judged(
             f"{' or '.join(one.name for one in seen)} is significant, and moves ω_n by {100 * moves[0]:+.2g} %, "
             f"ζ by {100 * moves[1]:+.2g} %"
         )
-    elif apart > SURE and bool((np.abs(moved) > MATTERS)[which].any()):
-        reason = (
-            f"the early half of each release does not predict the late one: ω_n differs by {100 * moved[0]:+.2g} %, "
-            f"ζ by {100 * moved[1]:+.2g} %"
-        )
-    elif ratio > ABOVE_NOISE and bool((half_width > OPEN)[which].any()):
+    elif ratio > ABOVE_NOISE and (hidden or bool((half_width > OPEN)[which].any())):
         reason = "the residual has a shape, see the picture"
-    elif hidden := [one.name for one in others if one.hides(which)]:
+    elif hidden:
         status = "cannot tell"
         reason = f"as much {' or '.join(hidden)} as moves k by 20 % or d by 30 % would look the same"
     elif bool((half_width > 2 * OPEN).any()) and fit.damping_ratio < 1:
@@ -155,7 +153,7 @@ def judged(
     if (
         fit.damping_ratio >= 1
     ):  # without a swing, dry friction and a nonlinear law look like another rest angle
-        open_ones = sum((one.left_open**2 for one in others), np.zeros(2))
+        open_ones = sum((one.left_open**2 for one in others if one.name in TORQUES), np.zeros(2))
         fit = replace(fit, covariance=fit.covariance + np.diag(open_ones * [4.0, float(fit.poles[1]) ** 2]))
     return fit, Judgement(status, reason, ratio, wider, tuple(seen))
 
@@ -189,10 +187,11 @@ def second_laws(fit: TraceFit) -> list[SecondLaw]:
     inverse = (right.T / np.maximum(values, 1e-9 * values[0])) @ left.T
     cuts = np.cumsum([len(one) for one in residuals])[:-1]
     found: list[SecondLaw] = []
-    for name, torque in TORQUES.items():
+    lates = [t > t[0] + _half(one, fit) for one, (t, _, _) in zip(fit.releases, moves, strict=True)]
+    for name, torque in (TORQUES | CHANGES).items():
         answers = [
-            (t, _answer(one, fit, t, -widest * torque(x / widest, v / fastest)))
-            for one, (t, x, v) in zip(fit.releases, moves, strict=True)
+            (t, _answer(one, fit, t, -widest * torque(x / widest, v / fastest) * (late if name in CHANGES else 1)))
+            for one, (t, x, v), late in zip(fit.releases, moves, lates, strict=True)
         ]
         column = np.concatenate(
             [_without_start(one, fit, *two) for one, two in zip(fit.releases, answers, strict=True)]
@@ -205,9 +204,7 @@ def second_laws(fit: TraceFit) -> list[SecondLaw]:
         rest = residual - share * own
         rho = lag_one(np.split(rest, cuts))
         variance = float(rest @ rest) / max(len(rest) - 3 - 3 * len(parts), 1) * (1 + rho) / (1 - rho)
-        if name == "asymmetry":  # of either sign
-            share = abs(share)
-        found.append(SecondLaw(name, share, math.sqrt(variance / power), to_logs(fit) @ beside))
+        found.append(SecondLaw(name, abs(share) if name in SIGNED else share, math.sqrt(variance / power), to_logs(fit) @ beside))
     return found
 
 
@@ -224,49 +221,11 @@ def _without_start(one: FittedTrace, fit: TraceFit, grid: Array, answer: Array) 
     return column - orthogonal @ (orthogonal.T @ column)
 
 
-def unseen(fit: TraceFit, noise: float = 0.0) -> tuple[float, Array]:
-    """Compare the law of the early half of each release with that of the late half.
-
-    Args:
-        noise: Of the sensor, if the residual is larger than the noise.
-
-    Returns:
-        Their distance in standard deviations [1], and the shift of ln ω_n and ln ζ [1], shape (2,); 0 if a half is too short.
-    """
-    cuts = [_half(one, fit) for one in fit.releases]
-    early = refitted(fit, [slice(0, cut) for cut in cuts])
-    late = refitted(fit, [slice(cut, None) for cut in cuts])
-    # A half that is all noise may grow.
-    if early is None or late is None or min(early.decay_rate, late.decay_rate) <= 0:
-        return 0.0, np.zeros(2)
-    if fit.damping_ratio > ONE_RATE:
-        moved = math.log(late.decay_rate / early.decay_rate)
-        return abs(moved) / math.hypot(*(_rate_std(half) for half in (early, late))), np.array([0.0, moved])
-    apart = late.poles - early.poles
-    spread = early.covariance + late.covariance
-    if noise:
-        spread = sum(
-            ((noise / half.noise) ** 2 * half.white_covariance for half in (early, late)), np.zeros((2, 2))
-        )
-    deviations = math.sqrt(max(float(apart @ np.linalg.pinv(spread) @ apart), 0.0))
-    return deviations, to_logs(fit) @ apart
-
-
-def _rate_std(fit: TraceFit) -> float:
-    """Return the standard deviation of the logarithm of the decay rate."""
-    steps = np.diag([1e-4, 1e-4 * float(fit.poles[1])])
-    slope = [
-        (replace(fit, poles=fit.poles + step).decay_rate / fit.decay_rate - 1) / step.sum() for step in steps
-    ]
-    return math.sqrt(max(float(np.array(slope) @ fit.covariance @ np.array(slope)), 1e-30))
-
-
-def _half(one: FittedTrace, fit: TraceFit) -> int:
-    """Return the sample that halves the log of the amplitude above the noise."""
-    time = one.trace.time - one.trace.time[0]
+def _half(one: FittedTrace, fit: TraceFit) -> float:
+    """Return the time after the release that halves the log of the amplitude above the noise [s]."""
     size = float(np.abs(one.modelled - one.level).max())
     heard = math.log(max(size / max(fit.noise, 1e-300), math.e)) / max(fit.decay_rate, 1e-9)
-    return int(np.searchsorted(time, min(heard, float(time[-1])) / 2))
+    return min(heard, float(one.trace.time[-1] - one.trace.time[0])) / 2
 
 
 def wander(fit: TraceFit) -> float:
@@ -294,21 +253,15 @@ def scattered(releases: Sequence[Release], rests: Sequence[Quantity], walk: floa
     Dry friction F holds a joint anywhere within F/k of its rest. A linear decay with a level for each release then gives a stiffness
     that is wrong by tens of percent, with hardly a larger residual.
     """
-    apart = [
-        abs(a.value - b.value)
-        > max(
-            SURE * math.sqrt(a.std**2 + b.std**2 + walk * abs(one.start - other.start)),
-            LEVELS_APART * min(one.amplitude, other.amplitude),
-        )
-        for (one, a), (other, b) in combinations(zip(releases, rests, strict=False), 2)
-    ]
-    if not any(apart) or len(rests) < 3 or len({release.start for release in releases}) < 3:
-        return any(apart)
+    if len(rests) < 2:
+        return False
     time = np.array([release.start for release in releases])
     value = np.array([rest.value for rest in rests])
     std = np.sqrt([rest.std**2 + walk * float(np.ptp(time)) / len(rests) for rest in rests])
-    left = value - np.polyval(np.polyfit(time, value, 1, w=1 / std), time)
-    return bool(np.abs(left / std).max() > SURE or np.abs(left).max() > np.ptp(value) / 5)
+    line = int(len(set(time)) > 2)
+    left = value - np.polyval(np.polyfit(time - time[0], value, line, w=1 / std), time - time[0])
+    deviations = float(np.linalg.norm(left / std)) / math.sqrt(len(left) - 1 - line)
+    return deviations > SURE and bool(np.ptp(left) > LEVELS_APART * min(one.amplitude for one in releases))
 
 
 def _widened(fit: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, float]:

@@ -172,16 +172,6 @@ def fit_traces(releases: Sequence[Release], law: Law = "spring", near: TraceFit 
     return _with_uncertainty(traces, poles, signal)
 
 
-def refitted(fit: TraceFit, parts: Sequence[slice]) -> TraceFit | None:
-    """Fit the same law to a part of each release; None if the parts are too short."""
-    pairs = [(one.trace[rows], one.swing) for one, rows in zip(fit.releases, parts, strict=True)]
-    pairs = [pair for pair in pairs if len(pair[0].time) >= FEWEST_SAMPLES]
-    traces, swings = [trace for trace, _ in pairs], [swing for _, swing in pairs]
-    if sum(len(trace.time) for trace in traces) < 3 * len(traces) + FEWEST_SAMPLES or not traces:
-        return None
-    return _with_uncertainty(traces, _search(traces, fit.poles, swings, fit.signal), fit.signal, swings)
-
-
 def _pendulum(near: TraceFit, releases: Sequence[Release]) -> TraceFit:
     """Fit a pendulum's law, from a spring's fit and the measured angles on."""
     fit, traces, rate = near, [one.trace for one in near.releases], near.signal == "rate"
@@ -362,11 +352,6 @@ def _with_uncertainty(
     rho = lag_one(residuals)
     # Correlated residuals weigh less (Bartlett, 1935): the variance of a mean grows by (1+ρ)/(1-ρ).
     covariance: Array = bread * (variance * (1 + rho) / (1 - rho))
-    if rho > 0:
-        robust: Array = bread @ _newey_west(residuals, jacobians, poles, traces) @ bread * count / free
-        covariance = max(
-            covariance, robust, key=lambda matrix: float(np.sum(np.diag(matrix) / np.diag(bread)))
-        )
     spread = sum(float(np.var(trace.measured)) * len(trace.measured) for trace in traces)
     inflation = variance * (1 + rho) / (1 - rho)
     return TraceFit(
@@ -383,23 +368,3 @@ def _with_uncertainty(
             for trace, model, part, one in zip(traces, fitted, parts, near, strict=True)
         ),
     )
-
-
-def _newey_west(
-    residuals: Sequence[Array], jacobians: Sequence[Array], poles: Array, traces: Sequence[Trace]
-) -> Array:
-    """Return the long-run covariance of the scores over one period (Newey and West, 1987), shape (2, 2)."""
-    interval = float(np.median(np.diff(traces[0].time)))
-    period = 2 * math.pi * math.exp(poles[0] / 2)
-    total = np.zeros((2, 2))
-    for residual, jacobian in zip(residuals, jacobians, strict=True):
-        score = jacobian * residual[:, None]
-        lags = min(round(period / interval), len(score) // 3)
-        sums = np.cumsum(np.vstack([np.zeros(2), score]), axis=0)
-        # Bartlett's kernel is the mean of squared sums over all windows of that length.
-        width = lags + 1
-        ends = np.clip(np.arange(1, len(score) + width), 0, len(score))
-        begins = np.clip(np.arange(1, len(score) + width) - width, 0, len(score))
-        windows = sums[ends] - sums[begins]
-        total += windows.T @ windows / width
-    return total

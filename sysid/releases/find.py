@@ -139,7 +139,10 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
     for segment, other in zip(segments, [*segments[1:], None], strict=True):
         begin, hold = (segment.driven_until, 0.0) if segment.driven_until else _let_go(signal, segment, moved)
         moved = segment.swings[-1].left
-        last = len(signal.time) - 1 if segment.after is None else segment.after.left
+        caught = segment.after is not None and not segment.settles
+        last = len(signal.time) - 1
+        if segment.after is not None:  # the model tells a hand's motion from the joint's
+            last = segment.after.reached if caught else segment.after.left
         stop = float(signal.time[last])
         if other is not None:
             stop = min(stop, float(signal.time[other.swings[0].left]) if other.start is None else other.start)
@@ -148,7 +151,6 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
         if hold > 0 and not let_go and len(segment.swings) == 1 and segment.start is None:
             continue  # a hand moves it from one stay to another
         decays.append(segment)
-        caught = segment.after is not None and not segment.settles
         spans.append(Span(begin, end, segment.rest, segment.size, let_go, caught))
         holds.append(hold)
     if roll.free is None:
