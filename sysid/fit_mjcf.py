@@ -229,7 +229,7 @@ def fit(
     Raises:
         SysidError: A free decay cannot identify an effect, the search does not converge, or the period is impossible.
     """
-    recordings, releases, weak = unpack(data, whole=True)
+    recordings, releases, weak = unpack(data)
     require_record(board)
     check_effects(effects, [part.name for part in board.effects])
     kept = tuple(part.name for part in board.effects if not plain or effect(part.name).is_known)

@@ -290,20 +290,18 @@ class Recording(Shown):
 
 
 def _moved(release: Release, by: float, **changes: Any) -> Release:
-    whole = None if release.whole is None else _moved(release.whole, by, **changes)
-    return replace(release, roll=release.roll + by, rest=release.rest + by, whole=whole, **changes)
+    return replace(release, roll=release.roll + by, rest=release.rest + by, **changes)
 
 
 Data = Recording | Release | str | Path | Iterable[Recording | Release | str | Path]
 """Measured decays, as input of every verb: a recording, a release, the path of a log, or several of these."""
 
 
-def unpack(data: Data, *, whole: bool = False) -> tuple[tuple[Recording, ...], list[Release], list[str]]:
+def unpack(data: Data) -> tuple[tuple[Recording, ...], list[Release], list[str]]:
     """Return the recordings of given data, all releases well above their noise, and a warning for each other one.
 
     Args:
         data: Input of a verb.
-        whole: Whether releases begin at the hold, even if their start is not linear.
 
     Raises:
         SysidError: The data are empty, contain a measurement twice, or something other than a measurement.
@@ -314,8 +312,6 @@ def unpack(data: Data, *, whole: bool = False) -> tuple[tuple[Recording, ...], l
     releases: list[Release] = []
     for item in items:
         releases += item.releases if isinstance(item, Recording) else [item]
-    if whole:
-        releases = [release.whole or release for release in releases]
     if not releases:
         raise SysidError("no release was given. Let the deck go and record until it rests.")
     return recordings, *clear_of_noise(releases)

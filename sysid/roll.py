@@ -111,8 +111,6 @@ class Release(Signal):
 
     driven_until: float | None = None
     """End of a driven motion before this release [s]; None without one."""
-    whole: "Release | None" = None
-    """The same decay from the hold on, if a hand or a nonlinear law affects its start, else None."""
 
     @classmethod
     def of(

@@ -139,7 +139,7 @@ def compare(
     Raises:
         SysidError: The law's motion grows without bound.
     """
-    recordings, releases, weak = unpack(data, whole=True)
+    recordings, releases, weak = unpack(data)
     require_record(board)
     chosen = signal_of(releases, signal)
     odd = amplitude_warnings(releases, board)

@@ -190,7 +190,12 @@ def second_laws(fit: TraceFit) -> list[SecondLaw]:
     lates = [t > t[0] + _half(one, fit) for one, (t, _, _) in zip(fit.releases, moves, strict=True)]
     for name, torque in (TORQUES | CHANGES).items():
         answers = [
-            (t, _answer(one, fit, t, -widest * torque(x / widest, v / fastest) * (late if name in CHANGES else 1)))
+            (
+                t,
+                _answer(
+                    one, fit, t, -widest * torque(x / widest, v / fastest) * (late if name in CHANGES else 1)
+                ),
+            )
             for one, (t, x, v), late in zip(fit.releases, moves, lates, strict=True)
         ]
         column = np.concatenate(
@@ -204,7 +209,14 @@ def second_laws(fit: TraceFit) -> list[SecondLaw]:
         rest = residual - share * own
         rho = lag_one(np.split(rest, cuts))
         variance = float(rest @ rest) / max(len(rest) - 3 - 3 * len(parts), 1) * (1 + rho) / (1 - rho)
-        found.append(SecondLaw(name, abs(share) if name in SIGNED else share, math.sqrt(variance / power), to_logs(fit) @ beside))
+        found.append(
+            SecondLaw(
+                name,
+                abs(share) if name in SIGNED else share,
+                math.sqrt(variance / power),
+                to_logs(fit) @ beside,
+            )
+        )
     return found
 
 

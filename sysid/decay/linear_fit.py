@@ -24,7 +24,6 @@ from sysid.least_squares import Normal, minimise
 from sysid.noise.sensor import BEST_SENSOR
 from sysid.noise.whiteness import lag_one
 from sysid.releases.extrema import half_cycles_of, smoothed
-from sysid.releases.find import FEWEST_SAMPLES
 from sysid.roll import Array, Release
 
 GRID = 40

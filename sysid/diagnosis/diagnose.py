@@ -226,7 +226,7 @@ def diagnose(
 
 
 def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, float]) -> Diagnosis:
-    recordings, releases, weak = unpack(data, whole=True)
+    recordings, releases, weak = unpack(data)
     chosen = signal_of(releases, signal)
     options = FitOptions(fixed=fixed, bounds_friction=False, **chosen)
     own = tuple(part.name for part in board.effects)

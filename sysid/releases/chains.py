@@ -13,7 +13,6 @@ from itertools import compress, pairwise
 import numpy as np
 import numpy.typing as npt
 
-from sysid.errors import SysidError
 from sysid.quantity import SURE
 from sysid.releases.extrema import HalfCycle, SmoothedSignal
 from sysid.roll import Array
@@ -45,8 +44,6 @@ class Segment:
     """Whether the deck stays at rest after the last swing."""
     after: HalfCycle | None
     """The swing that ends the segment: a hand moves the deck again."""
-    start: float | None = None
-    """Time of the release [s] if the user gave it."""
     driven_until: float | None = None
     """End of the driven motion before [s]."""
 
@@ -57,8 +54,8 @@ class Segment:
 
     @property
     def size(self) -> float:
-        """First amplitude about rest [rad]."""
-        return abs(self.swings[0].origin - self.rest)
+        """Widest amplitude of the first swing about rest [rad]."""
+        return max(abs(self.swings[0].origin - self.rest), abs(self.swings[0].target - self.rest))
 
     @property
     def wide(self) -> list[HalfCycle]:
@@ -69,14 +66,6 @@ class Segment:
     def half_period(self) -> float:
         """Half a period, lightly damped [s]."""
         return half_period_of(self.pace)
-
-    @property
-    def sizes(self) -> list[float]:
-        """Amplitudes about rest at the turning points [rad]."""
-        return [
-            abs(self.swings[0].origin - self.rest),
-            *(abs(swing.target - self.rest) for swing in self.swings),
-        ]
 
 
 def half_period_of(duration: float) -> float:
@@ -187,7 +176,7 @@ def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list
 def _begins_at_rest(signal: SmoothedSignal, segment: Segment) -> bool:
     """Whether its first swing leaves the rest, where a joint stays unless a hand lifts or kicks it."""
     first = segment.swings[0]
-    return len(segment.swings) > 1 and segment.size < _room(signal, first, first)
+    return len(segment.swings) > 1 and abs(first.origin - segment.rest) < _room(signal, first, first)
 
 
 def _without_hitches(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[HalfCycle]:
@@ -310,43 +299,3 @@ def _rest_angle(swings: list[HalfCycle]) -> float:
     a, b, c = turns[:-2], turns[1:-1], turns[2:]
     bend = a + c - 2 * b
     return float(np.sum(bend * (a * c - b * b)) / np.sum(bend**2))
-
-
-def given_segment(signal: SmoothedSignal, swings: list[HalfCycle], time: float, log: str) -> Segment:
-    """Return the segment that begins at a given time; if the deck is still held then, the segment begins when it leaves."""
-    later = [swing for swing in swings if signal.time[swing.reached] > time]
-    if not later or time < signal.time[0]:
-        raise SysidError(
-            f"{log}: nothing moves after a release at {time:.6g} s; the log runs from {signal.time[0]:.6g} s "
-            f"to {signal.time[-1]:.6g} s."
-        )
-    index = int(np.searchsorted(signal.time, time))
-    found = free_segments(signal, swings)
-    for segment in found:
-        first = segment.swings[0]
-        off = np.abs(signal.roll[: first.left] - first.origin) > max(
-            5.0 * signal.noise, 2 * WANDER * first.size
-        )
-        held = int(np.flatnonzero(off)[-1]) + 1 if off.any() else 0
-        if held <= index < segment.swings[-1].finish:
-            left = tuple(swing for swing in segment.swings if signal.time[swing.reached] > time)
-            return (
-                segment
-                if index < first.left
-                else replace(segment, swings=left or segment.swings[-1:], start=time)
-            )
-    if later[0].left < index:
-        later[0] = replace(later[0], begin=index, left=index, origin=float(signal.roll[index]))
-    finish = 1
-    while finish < len(later) and _continues(signal, later[0], later[finish - 1], later[finish]):
-        finish += 1
-    segment = _segment(signal, later, 0, finish)
-    if segment is None:
-        segment = Segment((later[0],), later[0].target, False, later[1] if len(later) > 1 else None)
-    if found and not _same_board([segment], found[:1], signal).all():
-        seen = ", ".join(f"{signal.time[one.swings[0].left]:.4g}" for one in found)
-        raise SysidError(
-            f"{log}: nobody let the deck go at {time:.6g} s: it rests then, or a hand moves it. It leaves a hand at about "
-            f"{seen} s; give such a time, or leave --release away."
-        )
-    return replace(segment, start=time)

@@ -112,11 +112,7 @@ def _learned(decays: Sequence[tuple[Array, npt.NDArray[np.bool_], float]], noise
         left = rows @ (1.0, -alpha, -minus)
         weights = 1 / np.hypot(1, left / (4.5 * float(np.median(np.abs(left))) or 1e-300))
     spring = 1 - alpha - minus
-    return (
-        _Law(alpha, -minus, noise * math.hypot(1, alpha, minus) / spring)
-        if minus < 0 < spring
-        else None
-    )
+    return _Law(alpha, -minus, noise * math.hypot(1, alpha, minus) / spring) if minus < 0 < spring else None
 
 
 def _free(

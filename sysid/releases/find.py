@@ -6,14 +6,14 @@ stretch in which only the joint acts (`sysid.releases.contact`).
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.releases.chains import MANY, Segment, free_segments, given_segment, half_period_of
+from sysid.releases.chains import MANY, Segment, free_segments, half_period_of
 from sysid.releases.contact import Span, free_stretches
 from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
 from sysid.roll import Array, Release, Roll
@@ -49,40 +49,38 @@ def find_releases(
         SysidError: There is no free decay, or a time lies outside the log.
     """
     part = _cut(roll, start, stop)
-    if part.free is not None and not part.free.all() and not releases:
-        return _where_free(part)
-    std = float(np.median(part.std))
-    signal = smooth_signal(part.time, part.roll, std if math.isfinite(std) else 0.0)
-    swings = half_cycles_of(signal)
-    if not swings:
-        show = display(is_rate=False, slides=roll.slides)
-        raise SysidError(
-            f"{roll.log}: nothing moves by more than {show(signal.min_movement, 2)} "
-            f"(noise {show(signal.noise, 2)}), so there is no decay. {_coarse(part)}"
-            "Is it the right column (--column) and the right stretch of the log (--from, --to)?"
-        )
-    segments = _given(signal, swings, releases, roll.log) if releases else free_segments(signal, swings)
-    for slower in () if releases or any(len(one.wide) > 1 for one in segments) else SLOWER:
-        other = smooth_signal(part.time, part.roll, std if math.isfinite(std) else 0.0, slower)
-        again = free_segments(other, half_cycles_of(other))
-        if any(len(one.wide) >= MANY for one in again):
-            signal, segments = other, again
-            break
+    if releases:
+        found = _let_go_at(part, sorted(releases))
+    elif part.free is not None and not part.free.all():
+        found = _where_free(part)
+    else:
+        found = _found(part)
+    return [replace(one, number=number) for number, one in enumerate(found, 1)]
+
+
+def _let_go_at(roll: Roll, times: Sequence[float]) -> list[Release]:
+    """Return the first decay from each given time on [s], up to the next."""
     found: list[Release] = []
-    for free in _free(part, signal, segments):
-        release = _release(part, signal, free, len(found) + 1)
-        if releases or len(release.time) >= FEWEST_SAMPLES:  # else hands touched all of it
-            found.append(release)
-    if not found:
-        raise SysidError(
-            f"{roll.log}: it moves, but no stretch swings freely to rest. Give the times at which the deck "
-            "was let go (--release), or the stretch to look at (--from, --to)."
-        )
+    for time, until in pairwise((*times, math.inf)):
+        inside = (roll.time >= time) & (roll.time < until)
+        if time < roll.time[0] or np.count_nonzero(inside) < FEWEST_SAMPLES:
+            raise SysidError(
+                f"{roll.log}: nothing moves after a release at {time:.6g} s for {FEWEST_SAMPLES} samples; the log runs from "
+                f"{roll.time[0]:.6g} s to {roll.time[-1]:.6g} s."
+            )
+        part = replace(roll[inside], free=None)
+        first = _found(part, begins_free=True)[0]
+        if first.start - first.hold > float(part.time[FEWEST_SAMPLES]):
+            raise SysidError(
+                f"{roll.log}: nobody let the deck go at {time:.6g} s: it rests then, or a hand moves it. It leaves a hand at about "
+                f"{first.start:.4g} s; give such a time, or leave --release away."
+            )
+        found.append(first)
     return found
 
 
 def _where_free(roll: Roll) -> list[Release]:
-    """Find the free decays in the parts of a log that a column marks as free."""
+    """Return the free decays in the parts of a log that a column marks as free."""
     assert roll.free is not None
     edges = np.flatnonzero(np.diff(np.concatenate(([False], roll.free, [False])).astype(np.int8)))
     found: list[Release] = []
@@ -93,40 +91,57 @@ def _where_free(roll: Roll) -> list[Release]:
     for first, last in edges.reshape(-1, 2).tolist():
         if last - first < FEWEST_SAMPLES:
             continue
-        part = roll[first:last]
-        # A decay that the end of the part cuts off has no rest: its start is given then.
-        for given in ((), (float(part.time[0]),)):
-            try:
-                found += find_releases(part, releases=given)
-                break
-            except SysidError as error:  # it stands still, or swings in another part
-                trouble = error
+        try:
+            found += _found(roll[first:last], begins_free=True)
+        except SysidError as error:  # it stands still, or swings in another part
+            trouble = error
     if not found:
         raise trouble
-    return [replace(one, number=number) for number, one in enumerate(found, 1)]
+    return found
 
 
-@dataclass(frozen=True, slots=True)
-class _Free:
-    """A free stretch of a log."""
+def _found(roll: Roll, *, begins_free: bool = False) -> list[Release]:
+    """Return the free decays of a log, at least one.
 
-    segment: Segment
-    begin: float
-    """[s]"""
-    hold: float
-    """Duration of the hold before [s]."""
-    end: float
-    """[s]"""
-    settles: bool
-    """Whether it comes to rest by itself before."""
-    held_until: float
-    """End of the hold [s]; `begin` without one."""
-    held_for: float
-    """Duration of the hold that ends then [s]."""
+    Args:
+        begins_free: Whether the log begins with the joint free; else a single swing without a rest is a hand's.
+    """
+    std = float(np.median(roll.std))
+    signal = smooth_signal(roll.time, roll.roll, std if math.isfinite(std) else 0.0)
+    swings = half_cycles_of(signal)
+    if not swings:
+        show = display(is_rate=False, slides=roll.slides)
+        raise SysidError(
+            f"{roll.log}: nothing moves by more than {show(signal.min_movement, 2)} "
+            f"(noise {show(signal.noise, 2)}), so there is no decay. {_coarse(roll)}"
+            "Is it the right column (--column) and the right stretch of the log (--from, --to)?"
+        )
+    segments = free_segments(signal, swings)
+    for slower in () if any(len(one.wide) > 1 for one in segments) else SLOWER:
+        other = smooth_signal(roll.time, roll.roll, std if math.isfinite(std) else 0.0, slower)
+        again = free_segments(other, half_cycles_of(other))
+        if any(len(one.wide) >= MANY for one in again):
+            signal, segments = other, again
+            break
+    if begins_free and not segments:
+        segments = [
+            Segment(tuple(swings[:1]), swings[0].target, False, swings[1] if len(swings) > 1 else None)
+        ]
+    elif begins_free and segments[0].swings[0] in swings[1:2] and not swings[0].to_plateau:
+        segments[0] = replace(
+            segments[0], swings=(swings[0], *segments[0].swings)
+        )  # a swing that a late time cuts
+    found = [one for one in _free(roll, signal, segments) if len(one.time) >= FEWEST_SAMPLES]
+    if not found:
+        raise SysidError(
+            f"{roll.log}: it moves, but no stretch swings freely to rest. Give the times at which the deck "
+            "was let go (--release), or the stretch to look at (--from, --to)."
+        )
+    return found
 
 
-def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> list[_Free]:
-    """Return the free stretches of all segments, in order of time."""
+def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> list[Release]:
+    """Return the decays of all segments, in order of time."""
     if not segments:
         return []
     # A push makes the first swing longer.
@@ -143,12 +158,10 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
         last = len(signal.time) - 1
         if segment.after is not None:  # the model tells a hand's motion from the joint's
             last = segment.after.reached if caught else segment.after.left
-        stop = float(signal.time[last])
-        if other is not None:
-            stop = min(stop, float(signal.time[other.swings[0].left]) if other.start is None else other.start)
+        stop = float(signal.time[last if other is None else min(last, other.swings[0].left)])
         end = max(begin, _rested(signal, segment, begin, stop))
         let_go = hold > 0 and _pulled(signal, segment, begin, period)
-        if hold > 0 and not let_go and len(segment.swings) == 1 and segment.start is None:
+        if hold > 0 and not let_go and len(segment.swings) == 1:
             continue  # a hand moves it from one stay to another
         decays.append(segment)
         spans.append(Span(begin, end, segment.rest, segment.size, let_go, caught))
@@ -157,23 +170,16 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
         stretches = free_stretches(roll.time, roll.roll, spans, period)
     else:  # a column of the log marks the free samples
         stretches = [[(span.begin, span.end)] for span in spans]
-    found: list[_Free] = []
+    found: list[Release] = []
     for segment, span, hold, parts in zip(decays, spans, holds, stretches, strict=True):
-        kept = [
-            _Free(
-                segment,
-                begin,
-                hold if begin == span.begin else 0.0,
-                end,
-                segment.settles and end == span.end,
-                span.begin if span.let_go and i == 0 else begin,
-                hold,
+        kept = [(b, e) for b, e in parts if b == span.begin or _swings_in(signal, segment, b, e)]
+        for begin, end in kept or [
+            (span.begin, span.end)
+        ]:  # in one swing a hand and a nonlinear joint look alike
+            rests = segment.settles and end == span.end
+            found.append(
+                _release(roll, signal, segment, (begin, end), hold if begin == span.begin else 0.0, rests)
             )
-            for i, (begin, end) in enumerate(parts)
-            if begin == span.begin or (segment.start is None and _swings_in(signal, segment, begin, end))
-        ]
-        # In one swing a hand and a nonlinear joint look alike.
-        found += kept or [_Free(segment, span.begin, hold, span.end, segment.settles, span.begin, hold)]
     return found
 
 
@@ -208,21 +214,6 @@ def _rested(signal: SmoothedSignal, segment: Segment, begin: float, stop: float)
     return max(settled, min(settled + tail, leaves))
 
 
-def _given(
-    signal: SmoothedSignal, swings: list[HalfCycle], releases: Sequence[float], log: str
-) -> list[Segment]:
-    """Return the segments that begin at given times [s]."""
-    times = sorted(releases)
-    segments = [given_segment(signal, swings, time, log) for time in times]
-    for (one, a), (other, b) in pairwise(zip(segments, times, strict=True)):
-        if one.swings[0] == other.swings[0]:
-            raise SysidError(
-                f"{log}: {a:.6g} and {b:.6g} s are times of one release: the deck has left the hold by "
-                f"{signal.time[one.swings[0].left]:.4g} s. Give one of them."
-            )
-    return segments
-
-
 def _coarse(roll: Roll) -> str:
     """Return a warning if a roll is sampled too slowly, else ''."""
     step = float(np.abs(np.diff(roll.roll)).max())
@@ -248,19 +239,24 @@ def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
     return roll if inside.all() else roll[inside]
 
 
-def _release(roll: Roll, signal: SmoothedSignal, free: _Free, number: int) -> Release:
-    """Cut one free decay out of the log."""
-    segment, begin, hold, finish = free.segment, free.begin, free.hold, free.end
+def _release(
+    roll: Roll, signal: SmoothedSignal, segment: Segment, span: tuple[float, float], hold: float, rests: bool
+) -> Release:
+    """Cut one free decay out of the log, between two times [s].
+
+    Args:
+        hold: Duration of the hold before [s].
+        rests: Whether it comes to rest by itself before its end.
+    """
+    begin, finish = span
     last = signal.roll[_within(signal.time, finish - segment.half_period, finish)]
-    still = free.settles or (
+    still = rests or (
         bool(len(last)) and float(np.std(last)) < max(STILL * segment.size / 2, 2.5 * signal.noise)
     )
     end: Literal["rest", "caught", "log"] = "rest" if still else "caught"
     if not still and finish >= signal.time[-1] - 1e-9:
         end = "log"
     inside = _within(roll.time, begin - 1e-9, finish + 1e-9)
-    if inside.start == inside.stop:
-        inside = slice(inside.start, inside.start + 1)
     kept = min(hold, finish - begin)  # no more of the hold than of the decay
     before = _within(roll.time, begin - kept, begin - SETS_OFF * kept)
     rest = segment.rest
@@ -268,14 +264,8 @@ def _release(roll: Roll, signal: SmoothedSignal, free: _Free, number: int) -> Re
         late = signal.roll[_within(signal.time, finish - segment.pace, finish)]
         rest = float(np.median(late)) if late.size else rest  # empty if a sample lasts longer than a swing
     held = roll[before] if kept > 0 else None
-    release = Release.of(roll[inside], number=number, rest=rest, hold=hold, end=end, held=held)
-    whole = None
-    if free.held_until < begin:  # a strongly nonlinear law and a hand look alike there
-        until, held_for = free.held_until, free.held_for
-        whole = _release(
-            roll, signal, _Free(segment, until, held_for, finish, free.settles, until, held_for), number
-        )
-    return replace(release, driven_until=segment.driven_until, whole=whole)
+    release = Release.of(roll[inside], number=1, rest=rest, hold=hold, end=end, held=held)
+    return replace(release, driven_until=segment.driven_until)
 
 
 def _within(time: Array, begin: float, end: float) -> slice:
@@ -300,12 +290,9 @@ def _let_go(signal: SmoothedSignal, segment: Segment, moved: int) -> tuple[float
     since, last = moved + (int(moving[-1]) + 1 if len(moving) else 0), moved + last
     # With dry friction later swings are small and quick: the first one gives the duration of a turning point.
     if signal.time[last] - signal.time[since] < 0.5 * max(segment.pace, swing.duration):
-        found = _onset(signal, swing, swing.origin) if swing.begin else float(signal.time[0])
-        return found if segment.start is None else segment.start, 0.0
-    found = _onset(signal, swing, float(np.median(before[since - moved : last + 1 - moved])))
-    begin = found if segment.start is None else segment.start
-    moving = begin > found + signal.time[1] - signal.time[0]
-    return begin, 0.0 if moving else begin - float(signal.time[since])
+        return _onset(signal, swing, swing.origin) if swing.begin else float(signal.time[0]), 0.0
+    begin = _onset(signal, swing, float(np.median(before[since - moved : last + 1 - moved])))
+    return begin, begin - float(signal.time[since])
 
 
 def _onset(signal: SmoothedSignal, swing: HalfCycle, level: float) -> float:
