@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 KINDS = (
     "plain", "one release", "kick", "driven then free", "caught", "touched", "wander", "jitter and loss", "coarse", "gyro", "imu",
@@ -212,7 +213,9 @@ def measured(made: Made):
         if made.kind == "jitter and loss":
             kept = rng.random(n) > 0.03
             true = time + rng.uniform(-0.3, 0.3, n) * (time[1] - time[0])
-            angle, time = np.interp(true, made.time, angle)[kept], true[kept]
+            # A cubic: a straight line between samples would cut off the turning points.
+            angle = CubicSpline(made.time, made.angle)(true) + angle - made.angle
+            angle, time = angle[kept], true[kept]
         if made.kind == "coarse":
             step = float(np.ptp(made.angle)) / rng.uniform(15, 100)
             angle = np.round((made.angle + rng.normal(0, 0.1 * step, n)) / step) * step
