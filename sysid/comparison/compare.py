@@ -14,9 +14,9 @@ from sysid.board import Board, require_record
 from sysid.comparison import report as comparison_report
 from sysid.comparison.backbone import Backbone, backbone_of
 from sysid.comparison.error_map import Place, describe_error, locate_error
-from sysid.comparison.force_surface import MissingTorque, missing_torque
 from sysid.comparison.release import ComparedRelease
 from sysid.decay.plausibility import amplitude_warnings
+from sysid.diagnosis.demand import Demand, demand_of
 from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.fitting.initial_state import fit_initial_states
@@ -70,9 +70,14 @@ class Comparison(Shown):
     """The logs; empty if only releases were given."""
 
     @cached_property
-    def missing(self) -> MissingTorque | None:
-        """The missing torque over angle and rate, made when it is asked for; None if the sampling is too slow to differentiate."""
-        return missing_torque(self.releases, self.law)
+    def missing(self) -> Demand | None:
+        """The torque that the measured motion demands beyond the law; None if too little of the motion is above the noise."""
+        effects = [name for name, _ in self.law.effects]
+        releases = [release.record.release for release in self.releases]
+        try:
+            return demand_of(releases, self.law, self.noise.std, rate=self.is_rate, beside=effects)
+        except SysidError:
+            return None
 
     @property
     def show(self) -> Display:
@@ -216,14 +221,4 @@ def _compared(law: JointLaw, record: Record, residual: Array, start: tuple[float
     path = simulate(
         law.posed(known), record.time, *start, hold=max(record.release.hold, 0.0), begin=record.release.start
     )
-    return ComparedRelease(
-        log=record.release.log,
-        number=record.release.number,
-        time=record.time,
-        measured=record.signal,
-        simulated=record.signal + residual,
-        roll=path.roll,
-        rate=path.rate,
-        rmse=float(np.sqrt(np.mean(residual**2))),
-        measures_rate=record.is_rate,
-    )
+    return ComparedRelease(record=record, simulated=record.signal + residual, roll=path.roll, rate=path.rate)
