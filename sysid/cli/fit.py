@@ -39,7 +39,6 @@ def fit(
     bound: FitTexts = (),
     prior: FitTexts = (),
     plain: FitFlag = False,
-    robust: FitFlag = False,
     in_scene: FitFlag = False,
     profile: FitFlag = False,
     bootstrap: Annotated[int, Parameter(group=FIT)] = 0,
@@ -61,7 +60,6 @@ def fit(
         bound: Keep a parameter within NAME=LOW:HIGH.
         prior: Use the record's value and standard deviation of a parameter as a prior; repeat it for several.
         plain: Drop the effects of the record.
-        robust: Reduce the weight of outliers.
         in_scene: Compensate the training scene too, so that it decays like the board. It has implicitfast at 5 ms,
             wheels on the ground, and equality coupling.
         profile: Compute profile-likelihood intervals too; they may be asymmetric.
@@ -109,7 +107,6 @@ def fit(
             record,
             effect,
             plain=plain,
-            robust=robust,
             fixed=fixed,
             bounds=bounds,
             priors=[SHORT.get(name, name) for name in prior],

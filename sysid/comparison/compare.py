@@ -21,7 +21,7 @@ from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.fitting.initial_state import fit_initial_states
 from sysid.fitting.joint import FitOptions, held_parameters
-from sysid.fitting.records import Bias, Record, Signal, make_records, read_at_rest, signal_of
+from sysid.fitting.records import Bias, Record, make_records, read_at_rest, signal_of
 from sysid.fitting.result import TOLERANCE
 from sysid.joint import JointLaw, simulate
 from sysid.noise.floor import NoiseFloor, noise_floor
@@ -131,7 +131,6 @@ def compare(
     board: Board,
     *,
     law: JointLaw | None = None,
-    signal: Signal = "auto",
     tolerance: float = TOLERANCE,
 ) -> Comparison:
     """Simulate each release with a board's law and compare.
@@ -146,7 +145,7 @@ def compare(
     """
     recordings, releases, weak = unpack(data)
     require_record(board)
-    chosen = signal_of(releases, signal)
+    chosen = signal_of(releases)
     odd = amplitude_warnings(releases, board)
     law = law or JointLaw.from_board(board)
     if law.stiffness + law.stiffness_of_effects <= 0:

@@ -51,10 +51,9 @@ def scale_shift(problem: Problem, minimum: Minimum) -> Array:
     if not any(stds):
         return np.zeros(shared)
     sensitivity = sensitivity_of(problem, minimum)
-    counted = problem.weights or [np.ones(len(row)) for row in sensitivity.rows]
     pull = np.zeros(shared)
-    for row, std, signal, weight in zip(sensitivity.rows, stds, problem.observed, counted, strict=True):
-        pull += row.T @ (std * signal * (weight >= 1))
+    for row, std, record in zip(sensitivity.rows, stds, problem.records, strict=True):
+        pull += row.T @ (std * record.signal)
     return sensitivity.root @ (sensitivity.root.T @ pull) * problem.sizes()[:shared]
 
 
@@ -137,8 +136,7 @@ def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence
     """Return the covariance of the free parameters, with residuals that may be correlated.
 
     The sandwich H⁻¹ (Jᵀ R J) H⁻¹, where R is the covariance of the noise behind the residuals
-    (`sysid.noise.autoregression`); for white noise R = σ² 1. Under a robust loss the influence of each residual is
-    bounded, in both layers. A film states slow errors, which a fit takes for motion: the stated deviation is the least.
+    (`sysid.noise.autoregression`); for white noise R = σ² 1. A film states slow errors, which a fit takes for motion: the stated deviation is the least.
 
     Returns:
         Covariance, shape (free, free), in the parameters' units.
@@ -191,8 +189,6 @@ class Sensitivity:
     """Of each record, shape (n, free); zero in columns of parameters at a bound."""
     own: tuple[Array, ...]
     """Orthonormal columns that span the record's own unknowns, shape (n, own)."""
-    counted: tuple[Array, ...]
-    """JᵀJ of each record's rows that a robust loss does not limit, shape (free, free)."""
     root: Array
     """A root of H⁻¹ = (JᵀJ + prior)⁻¹, which is root rootᵀ, shape (free, free); zero for parameters at a bound."""
     lent: Array
@@ -208,22 +204,19 @@ def sensitivity_of(problem: Problem, minimum: Minimum) -> Sensitivity:
     free = ~minimum.at_bound
     rows: list[Array] = []
     own: list[Array] = []
-    counted: list[Array] = []
     squares = np.zeros(shared)
     for index, (_, jacobian) in enumerate(problem.linearise(minimum.point)):
         where, _ = problem.places[index]
         scaled = jacobian * (sizes * free)[where]
         slopes, mine = scaled[:, :shared], scaled[:, shared:]
-        inside = slice(None) if problem.weights is None else problem.weights[index] >= 1
-        mine = mine @ _root(mine[inside].T @ mine[inside])[0]
-        squares += np.sum(slopes[inside] ** 2, axis=0)
-        rows.append(slopes - mine @ (mine[inside].T @ slopes[inside]))
+        mine = mine @ _root(mine.T @ mine)[0]
+        squares += np.sum(slopes**2, axis=0)
+        rows.append(slopes - mine @ (mine.T @ slopes))
         own.append(mine)
-        counted.append(rows[-1][inside].T @ rows[-1][inside])
-    square = sum(counted, np.zeros((shared, shared)))
+    square = sum((row.T @ row for row in rows), np.zeros((shared, shared)))
     prior = problem.records[0].std ** 2 * problem.prior
     root, lent = _free_root(square + prior, squares + prior.diagonal(), free[:shared])
-    return Sensitivity(tuple(rows), tuple(own), tuple(counted), root, lent)
+    return Sensitivity(tuple(rows), tuple(own), root, lent)
 
 
 def _free_root(matrix: Array, sizes: Array, free: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
@@ -245,10 +238,10 @@ def known_together(problem: Problem, minimum: Minimum) -> dict[str, tuple[float,
     if len(set(poses)) < 2:
         return {}
     sensitivity = sensitivity_of(problem, minimum)
-    shared, sizes, noise = len(problem.names), problem.sizes(), problem.records[0].std
+    rows, shared, sizes, noise = sensitivity.rows, len(problem.names), problem.sizes(), problem.records[0].std
 
     def spread(chosen: Sequence[int]) -> Array:
-        square = sum((sensitivity.counted[i] for i in chosen), np.zeros_like(sensitivity.root))
+        square = sum((rows[i].T @ rows[i] for i in chosen), np.zeros_like(sensitivity.root))
         used = np.flatnonzero(np.diag(square) > 0)
         found = np.full(len(square), np.inf)
         found[used] = np.linalg.norm(_root(square[np.ix_(used, used)])[0], axis=1)
@@ -264,8 +257,6 @@ def noise_behind(
 ) -> ResidualNoise:
     """Return the noise behind the residuals [rad or rad/s], shape (n,) each, of a minimum with this sensitivity."""
     sensitivity = sensitivity or sensitivity_of(problem, minimum)
-    if problem.weights is not None:
-        residuals = [r * w for r, w in zip(residuals, problem.weights, strict=True)]
     directions = [
         np.column_stack((row @ sensitivity.root, own))
         for row, own in zip(sensitivity.rows, sensitivity.own, strict=True)

@@ -30,8 +30,6 @@ class FitOptions:
 
     bias: Bias = "shared"
     """One sensor zero for all releases, or one each (for integrated gyros)."""
-    robust: bool = False
-    """Huber's loss, against outliers of the sensor."""
     use_rate: bool = False
     """Fit the measured rate instead of the roll."""
     fixed: Mapping[str, float] = field(default_factory=dict[str, float])
@@ -316,7 +314,7 @@ def trial_fit(
 def finished(
     problem: Problem, minimum: Minimum, board: Board, options: FitOptions, noise: NoiseFloor, evaluations: int
 ) -> JointFit:
-    """Return a fit from its minimum: no damper that drives, outliers down-weighted on request.
+    """Return a fit from its minimum: no damper that drives.
 
     Raises:
         SysidError: The motion has no bound.
@@ -324,8 +322,6 @@ def finished(
     free = {*problem.names} - {*problem.bounded}
     if "damping" in free and problem.parameters(minimum.point)["damping"] <= 0:
         problem, minimum = _without_damper(problem, minimum)
-    if options.robust:
-        problem, minimum = _robust(problem, minimum)
     if not np.isfinite(minimum.normal.cost):
         raise SysidError("the fit found no parameters with a bounded motion. Check the unit of the log.")
     found = summarise(problem, minimum, board, noise, evaluations)
@@ -436,18 +432,3 @@ def _without_damper(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimu
     simpler = problem.with_(fixed={**problem.fixed, "damping": 0.0})
     start = np.delete(minimum.point, problem.names.index("damping"))
     return simpler, simpler.fitted(start, tolerance=1e-7)
-
-
-def _robust(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum]:
-    """Refit with Huber's weights (1.345 standard deviations), iterated to a standstill."""
-    for _ in range(8):
-        residuals = problem.residuals(minimum.point)
-        spread = 1.4826 * float(np.median(np.abs(np.concatenate(residuals))))
-        weights = [np.minimum(1.0, 1.345 * spread / np.maximum(np.abs(r), 1e-300)) for r in residuals]
-        problem.weights = weights
-        following = problem.fitted(minimum.point, tolerance=1e-7)
-        done = float(np.max(np.abs(following.point - minimum.point))) < 1e-6
-        minimum = following
-        if done:
-            break
-    return problem, minimum

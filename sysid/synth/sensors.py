@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.files import write_atomically
+from sysid.quantity import GRAVITY
 
 Array = npt.NDArray[np.float64]
 
@@ -22,8 +23,6 @@ a CSV, a phyphox or a Sensor Logger export."""
 ANGLES: tuple[Dialect, ...] = ("angle", "angle-deg", "position")
 """Dialects with the position of the joint."""
 DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
-GRAVITY = 9.80665
-"""Standard gravity [m/s²], the unit g of accelerometers."""
 _EPOCH_NS = 1_780_000_000_000_000_000
 """Sensor Logger stamps samples with nanoseconds since 1970."""
 
@@ -90,8 +89,8 @@ def measure(time: Array, motion: Array, sensor: Sensor, dialect: Dialect, rng: n
 def _specific_force(roll: Array, rate: Array, acceleration: Array, sensor: Sensor) -> Array:
     """Return the specific force on the deck [m/s^2], shape (n, 3): gravity, tangential, centripetal."""
     _, left, up = sensor.lever_arm
-    y = GRAVITY * np.sin(roll) - acceleration * up - rate**2 * left
-    z = GRAVITY * np.cos(roll) + acceleration * left - rate**2 * up
+    y = GRAVITY.value * np.sin(roll) - acceleration * up - rate**2 * left
+    z = GRAVITY.value * np.cos(roll) + acceleration * left - rate**2 * up
     c, s = math.cos(sensor.bias), math.sin(sensor.bias)
     return np.column_stack((np.zeros_like(roll), c * y + s * z, c * z - s * y))
 
