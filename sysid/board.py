@@ -159,6 +159,12 @@ class Board(Shown):
         return self.tilt["rest_angle"].value
 
     @property
+    def quantities(self) -> dict[str, Quantity]:
+        """Quantities of the joint by name: those of the tilt joint, and 'effect.parameter'."""
+        of_effects = {f"{part.name}.{n}": q for part in self.effects for n, q in part.parameters.items()}
+        return {**self.tilt, **of_effects}
+
+    @property
     def is_unmeasured(self) -> bool:
         """Whether no parameter of the joint has been measured."""
         return self.stiffness == 0 == self.damping and not self.fit

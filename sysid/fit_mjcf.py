@@ -168,10 +168,10 @@ def _leaning_on_record(
     """
     wanting = {name.split(".")[0] for name in left_open(joint) if "." in name}
     known = [
-        f"{part.name}.{name}"
-        for part in board.effects if part.name in wanting
-        for name, q in part.parameters.items() if 0 < q.std < math.inf and f"{part.name}.{name}" in joint.quantities
-    ]  # fmt: skip
+        name
+        for name, quantity in board.quantities.items()
+        if name.split(".")[0] in wanting and name in joint.quantities and 0 < quantity.std < math.inf
+    ]
     if not known:
         return options, joint, []
     richer = replace(options, priors=tuple(dict.fromkeys((*options.priors, *known))))

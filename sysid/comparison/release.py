@@ -65,7 +65,7 @@ class ComparedRelease:
     def window(self) -> int | None:
         """Samples in a sixth of the measured period, an odd number; None if that needs more than a third of one.
 
-        A parabola over a sixth of a period reduces a swing by 0.03 % and its rate by 3 %, over a third by 0.4 and 11 %.
+        A parabola over a sixth of a period reduces a swing by 0.03 % and its rate by 3 %. Over a third it takes 0.4 and 11 %.
         """
         period = 2 * np.pi / natural_frequency(self.record.release, rate=self.record.is_rate)
         samples = period / float(np.median(np.diff(self.time)))

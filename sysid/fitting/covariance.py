@@ -21,25 +21,13 @@ from sysid.roll import Array
 UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad"}
 
 
-def total_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
-    """Return the covariance of the free parameters in their units, with the errors common to all releases, shape (free, free)."""
-    own = parameter_covariance(problem, minimum, problem.residuals(minimum.point))
-    return own + common_covariance(problem, minimum, board)
-
-
 def common_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
     """Return the covariance of the free parameters from errors common to all releases, shape (free, free), in their units.
 
     These are the errors of the inertia, of a known weight, and of the sensor's scale: more releases leave them as they are.
     """
-    known = inertia_covariance(problem, minimum, board) + weight_covariance(problem, minimum, board)
-    return known + scale_covariance(problem, minimum)
-
-
-def scale_covariance(problem: Problem, minimum: Minimum) -> Array:
-    """Return the covariance of the free parameters from the sensor's scale alone, shape (free, free), in their units."""
-    shift = scale_shift(problem, minimum)
-    return np.outer(shift, shift)
+    shifts = (*torque_shifts(problem, minimum, board), scale_shift(problem, minimum))
+    return sum((np.outer(shift, shift) for shift in shifts), np.zeros((len(problem.names),) * 2))
 
 
 def scale_shift(problem: Problem, minimum: Minimum) -> Array:
@@ -57,33 +45,23 @@ def scale_shift(problem: Problem, minimum: Minimum) -> Array:
     return sensitivity.root @ (sensitivity.root.T @ pull) * problem.sizes()[:shared]
 
 
-def inertia_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
-    """Return the covariance of the free parameters from the inertia's uncertainty alone, shape (free, free), in their units."""
-    parameters = problem.parameters(minimum.point)
-    by_inertia = np.array(
-        [parameters[n] / board.inertia.value if torque_like(problem, n) else 0.0 for n in problem.names]
-    )
-    return np.outer(by_inertia, by_inertia) * board.inertia.std**2
+def torque_shifts(problem: Problem, minimum: Minimum, board: Board) -> tuple[Array, Array]:
+    """Return how far one deviation of the inertia, and of a held weight, move the free parameters, shape (free,) each, in their units.
 
-
-def weight_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
-    """Return the covariance of the free parameters by the uncertainty of a held torque, shape (free, free), in their units.
-
-    A fitted inertia scales with the weight, as all torques do.
+    All torques scale with the inertia. A fitted inertia scales with the weight, as all torques do.
     """
-    parameters = problem.parameters(minimum.point)
+    parameters, inertia = problem.parameters(minimum.point), board.inertia
+    torques = np.array([parameters[n] if torque_like(problem, n) else 0.0 for n in problem.names])
+    added = {f"{part.name}.{part.adds_inertia}" for part in problem.structure.torques if part.adds_inertia}
     shares = [
         q.std / abs(q.value)
         for part in board.effects for p in effect(part.name).parameters
         if p.assumed and f"{part.name}.{p.name}" in problem.fixed and (q := part.parameters[p.name]).value
     ]  # fmt: skip
-    inertia = {f"{part.name}.{part.adds_inertia}": board.inertia.value for part in problem.structure.torques}
-    scaled = np.array(
-        [parameters[n] + inertia.get(n, 0.0) if torque_like(problem, n) else 0.0 for n in problem.names]
-    )
-    return np.outer(scaled, scaled) * (
-        sum(share**2 for share in shares) if {*inertia} & {*problem.names} else 0.0
-    )
+    if not added & {*problem.names}:
+        shares = []
+    scaled = torques + np.array([inertia.value if name in added else 0.0 for name in problem.names])
+    return torques * (inertia.std / inertia.value), scaled * float(np.linalg.norm(shares))
 
 
 def torque_like(problem: Problem, name: str) -> bool:
@@ -92,26 +70,14 @@ def torque_like(problem: Problem, name: str) -> bool:
 
 
 def parameter_quantities(
-    problem: Problem, minimum: Minimum, board: Board, covariance: Array | None = None, *, certain: bool = True
+    problem: Problem, minimum: Minimum, covariance: Array, *, slides: bool
 ) -> dict[str, Quantity]:
-    """Return the free parameters as quantities.
-
-    Args:
-        board: Gives the inertia's uncertainty.
-        covariance: Of the free parameters, shape (free, free), in their units; None to compute it.
-        certain: False leaves the deviations unknown, where no covariance is given, and is quick.
-    """
+    """Return the free parameters with their covariance, shape (free, free), in their units, as quantities."""
     units = {**UNITS, **_effect_units(problem.structure)}
-    if board.slides:
+    if slides:
         units = {name: slide_unit(unit) for name, unit in units.items()}
     parameters = problem.parameters(minimum.point)
-    if certain and covariance is None:
-        covariance = total_covariance(problem, minimum, board)
-    deviation = (
-        np.full(len(problem.names), np.nan)
-        if covariance is None
-        else np.sqrt(np.maximum(np.diag(covariance), 0))
-    )
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0))
     return {
         name: Quantity(parameters[name], float(std), units[name], "least squares of the decay")
         for name, std in zip(problem.names, deviation, strict=True)

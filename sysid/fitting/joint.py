@@ -105,18 +105,11 @@ def check_parameters(names: Sequence[str], options: FitOptions, board: Board) ->
 
 def pulls_back(structure: Structure, board: Board) -> bool:
     """Whether something else than a spring may, or, where that is known, does pull the joint to its rest."""
-    values = record_values(board)
+    values = {name: quantity.value for name, quantity in board.quantities.items()}
     slopes = (
-        part.slope({p: values[f"{part.name}.{p}"] for p in part.parameter_names}, board.rest_angle)
-        for part in structure.torques
-        if part.slope is not None
+        part.slope(part.of(values), board.rest_angle) for part in structure.torques if part.slope is not None
     )
     return any(part.adds_stiffness for part in structure.torques) or sum(slopes) > 0
-
-
-def record_values(board: Board) -> dict[str, float]:
-    """Return the parameters of the record's effects by 'effect.parameter'."""
-    return {f"{part.name}.{name}": q.value for part in board.effects for name, q in part.parameters.items()}
 
 
 def held_parameters(structure: Structure, board: Board, options: FitOptions) -> tuple[dict[str, float], Bias]:
@@ -125,7 +118,8 @@ def held_parameters(structure: Structure, board: Board, options: FitOptions) -> 
     The user holds some of them. The record holds others: known parameters, the spring of a joint without one, and the rest angle where
     the sensor's zero replaces it. The weight of a joint without a spring has a prior instead (`record_priors`).
     """
-    values, fixed, bias = record_values(board), dict(options.fixed), options.bias
+    values = {name: quantity.value for name, quantity in board.quantities.items()}
+    fixed, bias = dict(options.fixed), options.bias
     for part in structure.parts:
         table = isinstance(part, TorqueEffect) and part.smoothness is not None
         names = [f"{part.name}.{p.name}" for p in part.parameters if p.held or table]
@@ -181,9 +175,9 @@ def prior_in_words(board: Board, name: str, prior: tuple[float, float]) -> str:
     Args:
         prior: Its value and standard deviation, in its unit.
     """
-    known = {**board.tilt, **{f"{p.name}.{n}": q for p in board.effects for n, q in p.parameters.items()}}
-    said = "from the record" if known[name].std else "assumed, for the record says nothing of it"
-    return f"prior of {name}, {said}: {replace(known[name], value=prior[0], std=prior[1])}"
+    known = board.quantities[name]
+    said = "from the record" if known.std else "assumed, for the record says nothing of it"
+    return f"prior of {name}, {said}: {replace(known, value=prior[0], std=prior[1])}"
 
 
 def priors_of(board: Board, options: FitOptions) -> dict[str, tuple[float, float]]:
@@ -192,7 +186,7 @@ def priors_of(board: Board, options: FitOptions) -> dict[str, tuple[float, float
     Raises:
         SysidError: It knows nothing of one, or knows it exactly.
     """
-    known = {**board.tilt, **{f"{p.name}.{n}": q for p in board.effects for n, q in p.parameters.items()}}
+    known = board.quantities
     for name in options.priors:
         if name not in known or not 0 < known[name].std < np.inf:
             raise SysidError(

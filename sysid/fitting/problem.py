@@ -20,14 +20,13 @@ from sysid.joint.integrator import Buffered, Rollout, block_of, build_initial, b
 from sysid.joint.sensor import at_samples, clock_ratio, reader
 from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, Normal, minimise
+from sysid.quantity import SURE
 from sysid.roll import Array, Release
 
 ZERO_TABLE_WEIGHT = 1e12
 """Weight of a table that is zero, and of the part that spring and damper hold."""
 _ROUGH = 1e-3
 """Relative fall of the cost that is not noticed far above the noise: of a dozen independent values, 0.006 nats."""
-_WIDE = 6.0
-"""Standard deviations of a prior within which a parameter stays, if its own bounds are nearer: a choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,7 +283,7 @@ class Problem:
         for index, name in enumerate(self.names):
             if name in self.priors:  # small swings are no bound for a stop that wide ones have met
                 value, std = self.priors[name]
-                low, high = np.array([value, value + _WIDE * std]) / self.sizes()[index]
+                low, high = np.array([value, value + SURE * std]) / self.sizes()[index]
                 pairs[index] = min(pairs[index, 0], low), max(pairs[index, 1], high)
             if name in self.bounded:
                 pairs[index] = np.array(self.bounded[name]) / self.sizes()[index]
