@@ -48,7 +48,7 @@ class ComparedRelease:
 
     @property
     def measured(self) -> Array:
-        """[rad], or [rad/s] if the rate was compared."""
+        """[rad], or [rad/s] if the rate was compared, shape (n,)."""
         return self.record.signal
 
     @property
@@ -74,7 +74,7 @@ class ComparedRelease:
 
 
 def smoothed(time: Array, signal: Array, window: int) -> tuple[Array, Array]:
-    """Return a signal and its rate by a local parabola over an odd number of samples, shape (n,) each.
+    """Return a signal [rad] and its rate [rad/s] by a local parabola over an odd number of samples, shape (n,) each.
 
     Savitzky and Golay, Analytical Chemistry 36 (1964). Each end is continued by its reflection in the last sample.
     """

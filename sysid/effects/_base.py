@@ -140,19 +140,15 @@ class State:
 
     name: str
     start: Callable[[Algebra, Value, Value, Value, Values], Value] = at_zero
-    """`start(m, tilt, hold, stiffness, parameters)`: its value at release, after a hold of that length; for a sensor
-    `tilt` is the absolute roll."""
+    """`start(m, tilt, hold, stiffness, parameters)`: its value at release, after a hold of that length."""
     size: Callable[[Scales], float]
     """Its typical size, to scale a fit."""
     most: float = 10.0
     """Its largest size at a release, after any motion before, in units of `size`."""
     rate: Callable[[Algebra, JointState, Sequence[Value], Values], Value] | None = None
     """`rate(m, motion, states, parameters)`: its time derivative, from all states of its effect."""
-    late_release: Callable[[Algebra, Value, Value, Value, Values], Value] | None = None
-    """Of a sensor: `late_release(m, roll, rate, acceleration, parameters)`, its value at a release that was detected late, at that
-    rate."""
-    in_motion: Callable[[Value, Value, LinearJoint, Values], Value] | None = None
-    """Of a sensor: `in_motion(roll, rate, joint, parameters)`, its value amid a decay, without a hold before."""
+    sensed: Callable[[Algebra, Value, Value, Value, LinearJoint, Values], Value] | None = None
+    """Of a sensor, instead of `start`: `sensed(m, roll, rate, hold, joint, parameters)`, with that roll and rate of the joint."""
     detection_delay: Callable[[float, float, Numbers], float] | None = None
     """Of a sensor: `detection_delay(acceleration, noise, parameters)`, the time until a release shows in its reading [s]."""
     settles: Callable[[Numbers], float] | None = None

@@ -31,8 +31,8 @@ def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Val
     return slip(m, 0.0, tilt, parameters)
 
 
-_SHARE, _DAMPING_RATIO = 3e-4, 0.7
-"""Inertia of the slider's body, as a share of the joint's own, and its damping ratio on its spring [1]."""
+_SHARE = 3e-4
+"""Inertia of the slider's body, as a share of the joint's own [1]."""
 
 
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
@@ -44,11 +44,11 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
         tendon = add_tendon(spec, joint, "hysteresis", stiffness, (rest, rest))
         tendon.springyield = limit / stiffness
         return (f"hysteresis: tendon of {stiffness:.6g} N*m/rad that yields at {limit:.6g} N*m",)
-    # The lightest body that the friction constraint and the time step allow; damped, it is at rest soon after it slips.
+    # The lightest body that the friction constraint and the time step allow. Its damping ratio of 1/√2 stops it soonest.
     inertia = max(_SHARE * float(joint.parent.inertia[0]), stiffness * float(spec.option.timestep) ** 2)
     hinge = add_hinged_body(
         joint.parent.parent, joint, "slider", joint.parent.pos, inertia=inertia, stiffness=stiffness,
-        damping=2 * _DAMPING_RATIO * (stiffness * inertia) ** 0.5,
+        damping=(2 * stiffness * inertia) ** 0.5,
     )  # fmt: skip
     tendon = spec.add_tendon(name=f"{joint.name}_on_slider")
     tendon.wrap_joint(joint.name, 1.0)

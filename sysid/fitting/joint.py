@@ -105,11 +105,16 @@ def check_parameters(names: Sequence[str], options: FitOptions, board: Board) ->
 
 def pulls_back(structure: Structure, board: Board) -> bool:
     """Whether something else than a spring may, or, where that is known, does pull the joint to its rest."""
-    values = {name: quantity.value for name, quantity in board.quantities.items()}
+    values = record_values(board)
     slopes = (
         part.slope(part.of(values), board.rest_angle) for part in structure.torques if part.slope is not None
     )
     return any(part.adds_stiffness for part in structure.torques) or sum(slopes) > 0
+
+
+def record_values(board: Board) -> dict[str, float]:
+    """Return the parameters of the record's effects by 'effect.parameter'."""
+    return {name: quantity.value for name, quantity in board.quantities.items() if "." in name}
 
 
 def held_parameters(structure: Structure, board: Board, options: FitOptions) -> tuple[dict[str, float], Bias]:
@@ -118,8 +123,7 @@ def held_parameters(structure: Structure, board: Board, options: FitOptions) -> 
     The user holds some of them. The record holds others: known parameters, the spring of a joint without one, and the rest angle where
     the sensor's zero replaces it. The weight of a joint without a spring has a prior instead (`record_priors`).
     """
-    values = {name: quantity.value for name, quantity in board.quantities.items()}
-    fixed, bias = dict(options.fixed), options.bias
+    values, fixed, bias = record_values(board), dict(options.fixed), options.bias
     for part in structure.parts:
         table = isinstance(part, TorqueEffect) and part.smoothness is not None
         names = [f"{part.name}.{p.name}" for p in part.parameters if p.held or table]
