@@ -79,7 +79,7 @@ def smoothed(time: Array, signal: Array, window: int) -> tuple[Array, Array]:
     Savitzky and Golay, Analytical Chemistry 36 (1964). Each end is continued by its reflection in the last sample.
     """
     half = window // 2
-    fit = np.linalg.pinv(np.vander(np.arange(-half, half + 1) / half, 3))
+    fit = np.asarray(np.linalg.pinv(np.vander(np.arange(-half, half + 1) / half, 3)), dtype=np.float64)
     longer = np.pad(signal, half, mode="reflect", reflect_type="odd")
     _, slope, level = (np.convolve(longer, row[::-1], "valid") for row in fit)
     return level, slope / (half * float(np.median(np.diff(time))))

@@ -140,7 +140,8 @@ class State:
 
     name: str
     start: Callable[[Algebra, Value, Value, Value, Values], Value] = at_zero
-    """`start(m, tilt, hold, stiffness, parameters)`: its value at release, after a hold of that length."""
+    """`start(m, tilt, hold, stiffness, parameters)`: its value at release, after a hold of that length; for a sensor `tilt` is the
+    absolute roll."""
     size: Callable[[Scales], float]
     """Its typical size, to scale a fit."""
     most: float = 10.0
@@ -148,7 +149,7 @@ class State:
     rate: Callable[[Algebra, JointState, Sequence[Value], Values], Value] | None = None
     """`rate(m, motion, states, parameters)`: its time derivative, from all states of its effect."""
     sensed: Callable[[Algebra, Value, Value, Value, LinearJoint, Values], Value] | None = None
-    """Of a sensor, instead of `start`: `sensed(m, roll, rate, hold, joint, parameters)`, with that roll and rate of the joint."""
+    """Of a sensor, where a fit begins: `sensed(m, roll, rate, hold, joint, parameters)`, with that roll and rate of the joint."""
     detection_delay: Callable[[float, float, Numbers], float] | None = None
     """Of a sensor: `detection_delay(acceleration, noise, parameters)`, the time until a release shows in its reading [s]."""
     settles: Callable[[Numbers], float] | None = None

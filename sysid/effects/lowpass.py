@@ -17,6 +17,11 @@ def observe(m: Algebra, reading: Reading, parameters: Values, states: Sequence[V
     return Reading(states[0], (reading.angle - states[0]) / time_constant, reading.time)
 
 
+def settled(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
+    """Return the reading after a hold: the angle itself [rad]."""
+    return tilt
+
+
 def at_release(
     m: Algebra, roll: Value, rate: Value, hold: Value, joint: LinearJoint, parameters: Values
 ) -> Value:
@@ -61,6 +66,7 @@ EFFECT = SensorEffect(
     states=(
         State(
             name="reading",
+            start=settled,
             size=lambda s: s.amplitude,
             rate=reading_rate,
             sensed=at_release,
