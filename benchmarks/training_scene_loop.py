@@ -74,34 +74,33 @@ def true_board(case: Case) -> Board:
 
 def run(case: Case) -> dict[str, Any]:
     """Run the four commands in a folder of their own."""
-    from sysid.cli.check import check
-    from sysid.cli.console import Common
-    from sysid.cli.fit import fit
-    from sysid.cli.mjcf import mjcf
-    from sysid.cli.subject import Subject
-    from sysid.cli.synth import synth
+    from sysid.cli import build_app
+
+    def called(*words: object) -> None:
+        options = {"result_action": "return_value", "exit_on_error": False, "print_error": False}
+        build_app()([*map(str, words), "--workspace", folder, "--json", f"{folder}/answer.json"], **options)
 
     with TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
         space = Path(folder)
-        log, answers = space / "log.csv", Common(json=str(space / "answer.json"), workspace=space)
-        subject = Subject(board=case.board)
+        log, board = space / "log.csv", ("--board", case.board)
 
         def answer() -> dict[str, Any]:
             return json.loads((space / "answer.json").read_text())
 
         hidden = (f"{case.effect}={','.join(map(str, case.values))}",) if case.effect else ()
-        made = {"releases": 4, "seed": 1, "noise_deg": NOISE_DEG, "common": Common(workspace=space)}
-        synth(subject=Subject(board=case.board), output=log, effect=hidden, **made)
+        effects = [word for text in hidden for word in ("--effect", text)]
+        noise = f"{NOISE_DEG}deg"
+        called("synth", *board, "-o", log, *effects, "--releases", 4, "--seed", 1, "--noise", noise)
         row: dict[str, Any] = {"case": case}
         try:
-            fit([log], subject=subject, effect=(case.effect,) if case.effect else (), common=answers)
+            called("fit", log, *board, *(("--effect", case.effect) if case.effect else ()))
             row["fit"] = answer()
-            mjcf(board=case.board, output=space / "bench.xml", bench=True, timestep=TIMESTEP, common=answers)
+            called("mjcf", *board, "-o", space / "bench.xml", "--bench", "--timestep", TIMESTEP)
             row["bench"] = bench_error(case, space / "bench.xml")
             row["uncompensated"] = answer()["decay_nrmse_uncompensated"]
             row["step"] = answer()["decay_nrmse"]
             with contextlib.suppress(SysidError):  # the gate's no is a result too
-                check([log], subject=subject, tolerance=0.01, common=answers)
+                called("check", log, *board, "--tolerance", 0.01)
             row["scene"] = answer()["nrmse"]
         except SysidError as error:
             row["refused"] = str(error)

@@ -3,15 +3,15 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
+from reports.log_files import LogFile
 from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
 from sysid.diagnosis.signatures import LookAlikes, Start, look_alikes
 from sysid.effects import effect
 from sysid.errors import SysidError
-from sysid.files import regular, sha256
+from sysid.files import regular
 from sysid.fitting.joint import FitOptions
 from sysid.fitting.ladder import Rung, ladder, rung_name
 from sysid.fitting.records import signal_of
@@ -22,22 +22,6 @@ from sysid.recording import Recording
 from sysid.releases import Phase
 from sysid.roll import Release, Roll
 from sysid.workspace import Workspace
-
-
-@dataclass(frozen=True, slots=True)
-class LogFile:
-    """A log that the record names, or that was given."""
-
-    path: str
-    """As it was named."""
-    found: Path | None
-    """Present path; None if it is gone."""
-    digest: str
-    """SHA-256 of the present file, or the recorded one if it is gone."""
-    state: str
-    """In words: as fitted, changed, gone, or not part of the fit."""
-    truth: dict[str, Any] | None = None
-    """Truth of a synthetic log, from the file beside it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,50 +69,6 @@ def last_diagnosis(board: Board, space: Workspace) -> LastDiagnosis | None:
     if not isinstance(content, dict) or not {"verdict", "best", "candidates"} <= set(content):
         return None
     return LastDiagnosis(content, content.get("record") == board.digest)
-
-
-def find_logs(board: Board, given: Sequence[Path], space: Workspace) -> list[LogFile]:
-    """Return the logs to look at: those given, or else those that the record was fitted to.
-
-    A recorded path counts from the workspace; one of an older record from the folder in which it was written.
-    """
-    entries = list(board.fit.get("logs", []))
-    if given:
-        known = {str(entry.get("sha256")) for entry in entries}
-        files: list[LogFile] = []
-        for path in given:
-            if not path.exists():
-                raise SysidError(f"{path}: there is no such file.")
-            digest = _digest(path)
-            state = "as fitted" if digest in known else "not part of the recorded fit"
-            files.append(LogFile(str(path), path, digest, state, _truth(path)))
-        return files
-    return [_recorded(str(entry.get("path", "")), str(entry.get("sha256", "")), space) for entry in entries]
-
-
-def _recorded(name: str, digest: str, space: Workspace) -> LogFile:
-    there = [path for path in (space.recorded(name), Path(name)) if name and path.exists()]
-    digests = [_digest(path) for path in there]
-    if digest in digests:
-        path = there[digests.index(digest)]
-        return LogFile(name, path, digest, "as fitted", _truth(path))
-    if there:
-        return LogFile(name, None, digests[0], "changed since the fit: not used")
-    return LogFile(name, None, digest, "gone: only the record speaks of it")
-
-
-def _digest(path: Path) -> str:
-    return sha256(path) if path.is_file() else ""
-
-
-def _truth(path: Path) -> dict[str, Any] | None:
-    """Return the truth that lies beside a synthetic log."""
-    beside = path.with_suffix(".truth.json")
-    try:
-        content: Any = json.loads(regular(beside).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return content if isinstance(content, dict) and content.get("synthetic") is True else None
 
 
 def gather(

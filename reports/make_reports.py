@@ -1,8 +1,7 @@
 """Make the finished reports beside this file, as a user would: `python -m reports.make_reports`.
 
 The boards are fitted to the synthetic logs of data/decays in a workspace of their own, diagnosed,
-checked and reported; nothing was measured. Chromium and a Vulkan driver, where there are any, draw the
-pictures for the front page.
+checked and reported; nothing was measured.
 """
 
 import shutil
@@ -11,7 +10,6 @@ import sys
 import tempfile
 from pathlib import Path
 
-from reports.screenshots import headless_viewer, page_picture, recording_picture
 from sysid.errors import SysidError
 
 HERE = Path(__file__).resolve().parent
@@ -34,17 +32,16 @@ STORIES = {
 
 
 def make_reports() -> None:
-    """Write reports/BOARD/report.html and its pictures for each story."""
+    """Write reports/BOARD/report.html for each story."""
     with tempfile.TemporaryDirectory() as folder:
         workspace = Path(folder)
         shutil.copytree(DECAYS, workspace / "data" / "decays")
         for board, commands in STORIES.items():
-            for command in (*commands, f"report --board {board}", f"view --board {board} -o {board}.rrd"):
+            for command in (*commands, f"report --board {board}"):
                 _run(command, workspace)
             target = HERE / board
             target.mkdir(exist_ok=True)
             shutil.copy(workspace / "reports" / board / "report.html", target / "report.html")
-            _pictures(board, workspace, target)
 
 
 def _run(command: str, workspace: Path) -> None:
@@ -57,16 +54,6 @@ def _run(command: str, workspace: Path) -> None:
     )
     if done.returncode not in (0, 3):  # 3: the gate said no, and the report says why
         raise SysidError(f"husky-sysid {command} ended with exit code {done.returncode}")
-
-
-def _pictures(board: str, workspace: Path, target: Path) -> None:
-    try:
-        page_picture(target / "report.html", target / "report.png")
-        with headless_viewer() as viewer:
-            png = recording_picture(viewer, workspace / f"{board}.rrd", 0.02)
-        (target / "recording.png").write_bytes(png)
-    except SysidError as error:
-        sys.stderr.write(f"no picture: {error}\n")
 
 
 if __name__ == "__main__":

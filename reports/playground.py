@@ -35,8 +35,6 @@ from sysid.text import display
 
 MOST_SAMPLES = 12_000
 """Samples in a page; longer logs are averaged over neighbours."""
-MOST_TRIED = 4
-"""Single effects of a diagnosis, the best first, that get a slider."""
 AMOUNT = Parameter(name="amount", unit="1", size=lambda s: 1.0, low=0.0, high=2.0)
 
 
@@ -187,7 +185,7 @@ def _laws(
             c for c in diagnosis.content["candidates"]
             if len(c["effects"]) == 1 and c["heldout_rmse_rad"] is not None and c["effects"] != best["effects"]
         ]  # fmt: skip
-        for candidate in [*([best] if best["effects"] else []), *singles[:MOST_TRIED]]:
+        for candidate in [*([best] if best["effects"] else []), *singles[:MOST_SHOWN]]:
             law = law_of_candidate(evidence.board, candidate)
             if law is not None:
                 laws.append((f"+ {' + '.join(candidate['effects'])}", law))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from reports.figures.compare import draw_pair
 from reports.figures.palette import NOISE, REAL, SIM
 from reports.figures.style import STYLE
 from reports.figures.svg import thin
@@ -18,7 +19,8 @@ from sysid.free_decay import FreeDecay
 from sysid.joint import JointLaw, simulate
 from sysid.joint.trajectory import Trajectory
 from sysid.recording import Recording
-from sysid.text import display
+from sysid.roll import Array
+from sysid.text import Display, display
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -105,12 +107,8 @@ def _draw_recording(recording: Recording, axes: "Axes") -> None:
 def _draw_comparison(result: Comparison, axes: "Axes") -> None:
     """Draw the release with the largest error, measured and simulated."""
     release = max(result.releases, key=lambda one: one.rmse)
-    scale = result.show.scale
-    time, measured, simulated = thin(release.time, release.measured, release.simulated)
-    _draw_pair(axes, time, scale * measured, scale * simulated, result.show.axis)
-    axes.set_title(
-        f"{release.log}, release {release.number}: error {release.rmse / result.noise.std:.3g} × noise"
-    )
+    _draw_pair(axes, release.time, (release.measured, release.simulated), result.show)
+    axes.set_title(_title(release.log, release.number, release.rmse / result.noise.std))
 
 
 def _draw_fit(fit: Fit, axes: "Axes") -> None:
@@ -118,11 +116,8 @@ def _draw_fit(fit: Fit, axes: "Axes") -> None:
     pairs = zip(fit.joint.records, fit.joint.residuals, strict=True)
     record, residual = max(pairs, key=lambda pair: float(np.mean(pair[1] ** 2)))
     show = display(is_rate=record.is_rate, slides=fit.before.slides)
-    time, measured, fitted = thin(record.time, record.signal, record.signal + residual)
-    _draw_pair(axes, time, show.scale * measured, show.scale * fitted, show.axis, "fitted")
-    axes.set_title(
-        f"{record.release.log}, release {record.release.number}: error {fit.rmse / fit.noise.std:.3g} × noise"
-    )
+    _draw_pair(axes, record.time, (record.signal, record.signal + residual), show, "fitted")
+    axes.set_title(_title(record.release.log, record.release.number, fit.rmse / fit.noise.std))
 
 
 def _draw_check(verdict: Any, axes: "Axes") -> None:
@@ -130,23 +125,20 @@ def _draw_check(verdict: Any, axes: "Axes") -> None:
     one = max(verdict.case.decays.releases, key=lambda release: release.nrmse)
     show = display(is_rate=False, slides=verdict.case.board.slides)
     time = one.release.time - one.release.time[0]
-    time, measured, simulated = thin(time, one.release.roll, one.simulated)
-    _draw_pair(axes, time, show.scale * measured, show.scale * simulated, show.axis, "in the scene")
+    _draw_pair(axes, time, (one.release.roll, one.simulated), show, "in the scene")
     axes.set_title(f"{one.release.log}, release {one.release.number}: NRMSE {100 * one.nrmse:.2f} %")
 
 
 def _draw_pair(
-    axes: "Axes",
-    time: np.ndarray,
-    measured: np.ndarray,
-    simulated: np.ndarray,
-    label: str,
-    name: str = "simulated",
+    axes: "Axes", time: Array, motions: tuple[Array, Array], show: Display, name: str = "sim"
 ) -> None:
-    axes.plot(time, measured, color=REAL, lw=2.4, label="measured")
-    axes.plot(time, simulated, color=SIM, lw=1.1, label=name)
-    axes.set(xlabel="time since release [s]", ylabel=label)
+    draw_pair(axes, time, show.scale * motions[0], show.scale * motions[1], name)
+    axes.set(xlabel="time since release [s]", ylabel=show.axis)
     axes.legend(loc="best")
+
+
+def _title(log: str, number: int, error: float) -> str:
+    return f"{log}, release {number}: error {error:.3g} × noise"
 
 
 def _draw_record(record: Board, axes: "Axes") -> None:

@@ -15,8 +15,9 @@ import numpy as np
 from reports.evidence import Evidence, LastDiagnosis
 from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
+from sysid.comparison.force_surface import TorqueProfile
 from sysid.comparison.release import ComparedRelease
-from sysid.diagnosis.demand import TorqueProfile, demand_of
+from sysid.diagnosis.demand import demand_of
 from sysid.diagnosis.report import TIE as TIED
 from sysid.effects import effect
 from sysid.errors import SysidError
@@ -38,10 +39,8 @@ RECORD = "the record"
 """A law that was fitted to other logs."""
 MOST_NAMED = 2
 """Most effects named in a label."""
-MOST_LAGS = 150
-"""Lags of the autocorrelation drawn."""
-FINE = 60
-"""Points of a law drawn over a torque."""
+MOST_POINTS = 150
+"""Most points of an autocorrelation or of a law that are drawn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +210,7 @@ def _correlations(
     step = float(np.median(np.diff(last.releases[0].time)))
     period = int(2 * np.pi / last.law.frequency / step)  # in samples
     longest = max(2, min(min(len(r.residual) for r in last.releases) // 2, period))
-    lags = np.unique(np.linspace(1, longest, min(longest, MOST_LAGS)).astype(int))
+    lags = np.unique(np.linspace(1, longest, min(longest, MOST_POINTS)).astype(int))
     residuals = [(name, [release.residual for release in law.releases]) for name, law in laws]
     return lags * step, tuple((name, autocorrelation(each, longest)[lags]) for name, each in residuals)
 
@@ -251,7 +250,7 @@ def _averaged(at: Array, torque: Array) -> tuple[Array, Array]:
     """Average a torque over bins of equal count; empty without a named effect."""
     if np.isnan(torque).any():
         return np.zeros(0), np.zeros(0)
-    parts = np.array_split(np.argsort(at), min(FINE, len(at)))
+    parts = np.array_split(np.argsort(at), min(MOST_POINTS, len(at)))
     return np.array([at[p].mean() for p in parts]), np.array([torque[p].mean() for p in parts])
 
 

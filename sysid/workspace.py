@@ -10,7 +10,9 @@ from sysid.board import Board, boards_folder, find_record, load_board, load_name
 from sysid.errors import SysidError
 from sysid.files import locked, write_atomically
 from sysid.files import shipped_data as shipped_data
-from sysid.shown import MOST_SHOWN
+
+MOST_NAMED = 4
+"""Most logs in a printed command."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +36,7 @@ class Workspace:
             logs: Its logs; no logs or many are written as 'LOG...'. None: a command without logs.
         """
         named = [] if logs is None else [str(log) for log in logs]
-        if logs is not None and not 0 < len(named) <= MOST_SHOWN:
+        if logs is not None and not 0 < len(named) <= MOST_NAMED:
             named = ["LOG..."]
         where = [] if self.root.resolve() == Path.cwd() else ["--workspace", str(self.root)]
         reading = [] if logs is None else self.reading

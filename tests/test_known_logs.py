@@ -15,7 +15,7 @@ LOGS = {
     "angle": ("", "--seed 11 --releases 3"),
     "black": ("", "--board black --seed 12 --releases 3 --rate 500"),
     "gaps": ("", "--seed 14 --releases 3 --rate 300 --jitter 0.2 --dropout 0.05"),
-    "quantised": ("", "--seed 13 --releases 3 --rate 500 --noise-deg 0 --quantisation-deg 0.1"),
+    "quantised": ("", "--seed 13 --releases 3 --rate 500 --noise 0 --quantisation 0.1"),
     "degrees": ("", "--seed 17 --releases 2 --rate 400 --dialect angle-deg"),
     "gyro": ("", "--seed 21 --releases 3 --rate 400 --dialect gyro"),
     "imu": ("", "--board black --seed 24 --releases 2 --rate 200 --dialect imu --lever-arm 0 0 0.04"),
@@ -24,16 +24,16 @@ LOGS = {
     "coulomb": ("coulomb", "--seed 31 --releases 3 --rate 500 --effect coulomb=0.15"),
     "cubic_stiffness": (
         "cubic-stiffness",
-        "--seed 33 --releases 3 --rate 500 --noise-deg 0.02 --effect cubic-stiffness=400",
+        "--seed 33 --releases 3 --rate 500 --noise 0.02 --effect cubic-stiffness=400",
     ),
     "cubic_damping": (
         "cubic-damping",
-        "--seed 34 --releases 3 --rate 500 --noise-deg 0.02 --effect cubic-damping=0.02",
+        "--seed 34 --releases 3 --rate 500 --noise 0.02 --effect cubic-damping=0.02",
     ),
-    "freeplay": ("freeplay", "--seed 36 --releases 3 --rate 500 --noise-deg 0.02 --effect freeplay=0.01"),
+    "freeplay": ("freeplay", "--seed 36 --releases 3 --rate 500 --noise 0.02 --effect freeplay=0.01"),
     "asymmetric": (
         "asymmetric-stiffness",
-        "--seed 38 --releases 4 --rate 500 --noise-deg 0.02 --effect asymmetric-stiffness=20",
+        "--seed 38 --releases 4 --rate 500 --noise 0.02 --effect asymmetric-stiffness=20",
     ),
 }
 """Effect that the record lacks, and how `synth` makes the log."""

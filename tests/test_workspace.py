@@ -8,9 +8,9 @@ import pytest
 from command_line import husky
 
 from sysid.cli.console import Common
-from sysid.cli.log_options import LogArguments, VideoArguments, space_of
-from sysid.shown import MOST_SHOWN
-from sysid.workspace import Workspace, shipped_data
+from sysid.cli.log_options import LogArguments, VideoArguments
+from sysid.cli.measurement import Measurement
+from sysid.workspace import MOST_NAMED, Workspace, shipped_data
 
 
 @pytest.mark.parametrize(
@@ -19,7 +19,7 @@ from sysid.workspace import Workspace, shipped_data
         (".", ["a.csv"], "fit a.csv --board pink"),
         ("w", ["a.csv", "b c.csv"], "fit a.csv 'b c.csv' --board pink --workspace w"),
         ("my w", [], "fit LOG... --board pink --workspace 'my w'"),
-        ("w", ["a.csv"] * (MOST_SHOWN + 1), "fit LOG... --board pink --workspace w"),
+        ("w", ["a.csv"] * (MOST_NAMED + 1), "fit LOG... --board pink --workspace w"),
         ("w", None, "fit --board pink --workspace w"),
     ],
 )
@@ -32,7 +32,7 @@ def test_a_command_reads_logs_as_they_were_read():
         column="tilt 2", unit="deg", start=1.5, release=(2.0, 4.5), lever_arm=(0.1, -0.2, 0.0),
         video=VideoArguments(roi=(1, 2, 3, 4), no_shake=True, overlay=Path("seen.mp4")),
     )  # fmt: skip
-    space = space_of(Common(workspace=Path("w")), given)
+    space = Measurement(reading=given, common=Common(workspace=Path("w"))).space
     assert space.command("fit", logs=["a.csv"]) == (
         "husky-sysid fit a.csv --column 'tilt 2' --unit deg --lever-arm 0.1 -0.2 0.0 --from 1.5 --release 2.0 --release 4.5 "
         "--roi 1 2 3 4 --no-shake --workspace w"

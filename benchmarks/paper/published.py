@@ -32,37 +32,37 @@ def _row(key: str, title: str, options: str, *figures: tuple[float, float]) -> R
 MAIN = (
     _row("husky", "HUSKY", "", (1.0, 0.0), (0.056, 0.013), (0.208, 0.014), (0.033, 0.005), (0.001, 0.001)),
     _row(
-        *("tracking", "pushing by tracking", "--pushing tracking"),
+        *("tracking", "pushing by tracking", "--set pushing=tracking"),
         *((0.1112, 0.0386), (0.435, 0.101), (0.568, 0.092), (0.044, 0.025), (0.015, 0.010)),
     ),
     _row(
-        *("gait", "pushing by a gait clock", "--pushing gait"),
+        *("gait", "pushing by a gait clock", "--set pushing=gait"),
         *((0.8238, 0.0725), (0.102, 0.035), (0.302, 0.041), (0.043, 0.011), (0.130, 0.072)),
     ),
     _row(
-        *("no-tilt-guidance", "without tilt guidance", "--no-tilt-guidance"),
+        *("no-tilt-guidance", "without tilt guidance", "--set tilt_guidance=false"),
         *((0.9672, 0.0210), (0.071, 0.010), (0.233, 0.027), (0.035, 0.017), (0.002, 0.002)),
     ),
     _row(
-        *("amp-transition", "transitions by style", "--transition style"),
+        *("amp-transition", "transitions by style", "--set transition=style"),
         *((0.8512, 0.0411), (0.053, 0.025), (0.265, 0.050), (0.040, 0.007), (0.394, 0.015)),
     ),
     _row(
-        *("translation-only", "transitions by translation only", "--transition translation"),
+        *("translation-only", "transitions by translation only", "--set transition=translation"),
         *((0.8955, 0.0230), (0.064, 0.020), (0.294, 0.075), (0.039, 0.012), (0.038, 0.012)),
     ),
     _row("standing-start", "all episodes from rest, as the paper's first", "--start standing"),
-    _row("no-transition-guidance", "no guidance of transitions", "--transition none"),
-    _row("no-coupling", "trucks held straight", "--coupling none"),
+    _row("no-transition-guidance", "no guidance of transitions", "--set transition=none"),
+    _row("no-coupling", "trucks held straight", "--set steered=false"),
 )
 """The main table; the last three are in the paper's figures only."""
 
 SENSITIVITY = (
-    _row("pose-offset", "poses off by 0.05 rad in every joint", "--pose-offset 0.05"),
-    _row("mount-24", "mounting 20 % shorter", "--mount-steps 24"),
-    _row("mount-36", "mounting 20 % longer", "--mount-steps 36"),
-    _row("bezier-1", "path of order 1", "--bezier-order 1"),
-    _row("bezier-3", "path of order 3", "--bezier-order 3"),
+    _row("pose-offset", "poses off by 0.05 rad in every joint", "--set pose_offset=0.05"),
+    _row("mount-24", "mounting 20 % shorter", "--set mount_steps=24"),
+    _row("mount-36", "mounting 20 % longer", "--set mount_steps=36"),
+    _row("bezier-1", "path of order 1", "--set bezier_order=1"),
+    _row("bezier-3", "path of order 3", "--set bezier_order=3"),
 )
 """What the transition's guidance bears."""
 

@@ -10,14 +10,14 @@ from pathlib import Path
 
 RECIPES = {
     # Several releases to both sides, an angle sensor at 500 Hz.
-    "pink.csv": "--board pink --releases 4 --rate 500 --noise-deg 0.1 --seed 1",
+    "pink.csv": "--board pink --releases 4 --rate 500 --noise 0.1 --seed 1",
     # The stiff board rings twice as fast; this logger writes milliseconds and degrees.
-    "black.csv": "--board black --releases 4 --rate 500 --noise-deg 0.1 --seed 2 --dialect angle-deg",
+    "black.csv": "--board black --releases 4 --rate 500 --noise 0.1 --seed 2 --dialect angle-deg",
     # A phone on the deck, 6 cm above the axis: accelerometer and gyro, no angle anywhere.
     "pink_imu.csv": "--board pink --releases 3 --rate 200 --jitter 0.1 --seed 3 --dialect phyphox "
     "--lever-arm 0.1 0.02 0.06",
     # The bushing rubs: dry friction that spring and damper cannot explain.
-    "pink_hidden.csv": "--board pink --effect coulomb=0.15 --releases 3 --rate 500 --noise-deg 0.1 --seed 4",
+    "pink_hidden.csv": "--board pink --effect coulomb=0.15 --releases 3 --rate 500 --noise 0.1 --seed 4",
 }
 """File and how it is made; all stay within the ±0.2 rad of the board records."""
 

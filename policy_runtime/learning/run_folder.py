@@ -89,6 +89,31 @@ class RunConfig:
     task: SkateOptions = field(default_factory=SkateOptions)
     learn: LearnOptions = field(default_factory=LearnOptions)
 
+    def changed(self, text: str) -> "RunConfig":
+        """Return the options with one changed, by 'NAME=VALUE' with a value as in config.toml; words need no quotes.
+
+        Raises:
+            SysidError: There is no such option, or the value is of another kind or negative.
+        """
+        name, equals, word = text.partition("=")
+        parts = {"task": self.task, "learn": self.learn}
+        hints = {part: typing.get_type_hints(type(options)) for part, options in parts.items()}
+        part = next((part for part in parts if name in hints[part]), None)
+        if part is None or not equals:
+            known = [known for names in hints.values() for known in names]
+            raise SysidError(
+                f"--set {text}: expected NAME=VALUE with an option of config.toml.{did_you_mean(name, known)}"
+            )
+        try:
+            value = tomllib.loads(f"value = {word}")["value"]
+        except tomllib.TOMLDecodeError:
+            value = word
+        if isinstance(value, int | float) and value < 0:
+            raise SysidError(f"--set {text}: must not be negative.")
+        changes: dict[str, Any] = {name: _value(hints[part][name], value, f"--set {name}")}
+        changes = {part: dataclasses.replace(parts[part], **changes)}
+        return dataclasses.replace(self, **changes)
+
 
 @dataclass(frozen=True, slots=True)
 class RunFolder:

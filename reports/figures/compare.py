@@ -8,8 +8,9 @@ from reports.figures.style import MOST_ROWS, styled
 from reports.figures.svg import thin
 from reports.story import release_name
 from sysid.comparison.compare import Comparison
-from sysid.diagnosis.demand import Demand, TorqueProfile
+from sysid.comparison.force_surface import MissingTorque, TorqueProfile
 from sysid.quantity import Z95
+from sysid.roll import Array
 from sysid.text import Display, display, effort
 
 if TYPE_CHECKING:
@@ -51,15 +52,19 @@ def compare_figure(result: Comparison, title: str) -> "Figure":
 def draw_release(axes: "Sequence[Axes]", result: Comparison, index: int) -> None:
     """Draw one release, measured and simulated, on the first axes; on the second the residual over the noise's ±2σ."""
     release, scale = result.releases[index], result.show.scale
-    time, measured, simulated, residual = thin(
-        release.time, release.measured, release.simulated, release.residual
-    )
-    axes[0].plot(time, scale * measured, color=REAL, linewidth=2.7, label="real", gid="series:real")
-    axes[0].plot(time, scale * simulated, color=SIM, linewidth=1.1, label="sim", gid="series:sim", zorder=3)
+    draw_pair(axes[0], release.time, scale * release.measured, scale * release.simulated)
+    time, residual = thin(release.time, release.residual)
     band = 2 * scale * result.noise.std
     axes[1].axhspan(-band, band, color=NOISE, alpha=0.3, linewidth=0)
     axes[1].plot(time, scale * residual, color=SIM, linewidth=0.7, gid="series:sim@error", zorder=3)
     axes[1].set_xlabel("time since release [s]")
+
+
+def draw_pair(axes: "Axes", time: Array, measured: Array, simulated: Array, name: str = "sim") -> None:
+    """Draw a measured and a simulated motion in the unit of the axes."""
+    time, measured, simulated = thin(time, measured, simulated)
+    axes.plot(time, measured, color=REAL, linewidth=2.7, label="real", gid="series:real")
+    axes.plot(time, simulated, color=SIM, linewidth=1.1, label=name, gid=f"series:{name}", zorder=3)
 
 
 def _lower_panels(result: Comparison) -> "list[Callable[[Axes], None]]":
@@ -77,11 +82,11 @@ def _lower_panels(result: Comparison) -> "list[Callable[[Axes], None]]":
     return panels
 
 
-def profiles(missing: Demand, *, slides: bool) -> list[tuple[TorqueProfile, Display]]:
+def profiles(missing: MissingTorque, *, slides: bool) -> list[tuple[TorqueProfile, Display]]:
     """Return a missing torque over rate and over tilt, and how each of these is shown."""
     return [
-        (missing.over(missing.rate), display(is_rate=True, slides=slides)),
-        (missing.over(missing.angle), display(is_rate=False, slides=slides)),
+        (missing.over_rate, display(is_rate=True, slides=slides)),
+        (missing.over_angle, display(is_rate=False, slides=slides)),
     ]
 
 

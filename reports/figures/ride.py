@@ -7,6 +7,7 @@ import numpy as np
 
 from policy_runtime.evaluation.recording import Recording
 from reports.figures.palette import BAD, GOOD, NOISE, SERIES, SIM
+from reports.figures.style import styled
 from sim.skate.cycle.clock import STILL_SPEED
 from sim.skate.robot.g1 import servos
 from sysid.files import write_figure
@@ -31,28 +32,37 @@ LANES = (
 
 def ride_figure(recording: Recording, title: str, path: Path) -> None:
     """Draw a recorded ride as a PNG file."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11, 8), layout="constrained")
-    figure.suptitle(title, x=0.01, ha="left", fontsize=12, fontweight="bold")
-    halves: Any = figure.subfigures(1, 2, width_ratios=(1.0, 1.5))
-    left, right = halves
-    above, below = left.subplots(2, 1, height_ratios=(1.6, 1.0))
-    _path(above, recording)
-    _torques(below, recording)
-    rows: list[Axes] = list(right.subplots(5, 1, sharex=True))
-    _speed(rows[0], recording)
-    _heading(rows[1], recording)
-    _tilt(rows[2], recording)
     lean = np.degrees(np.arccos(np.clip(recording.column("upright"), -1, 1)))
-    rows[3].plot(recording.time, lean, color=SIM, lw=1.5)
-    rows[3].set_ylabel("pelvis lean\n[°]")
-    rows[3].set_ylim(bottom=0)
-    _feet(rows[4], recording)
-    for axes in rows:
-        _shade(axes, recording)
-        axes.margins(x=0)
-    rows[-1].set_xlabel("time [s]")
+    heading = np.degrees(np.unwrap(recording.column("board_heading")))
+    target, told = np.degrees(recording.target_heading), {"color": "black", "ls": "--", "lw": 1}
+    trucks = np.degrees(recording.column("trucks"))[:, 0]
+    with styled(11, 8) as figure:
+        figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+        halves: Any = figure.subfigures(1, 2, width_ratios=(1.0, 1.5))
+        left, right = halves
+        above, below = left.subplots(2, 1, height_ratios=(1.6, 1.0))
+        _path(above, recording)
+        _torques(below, recording)
+        rows: list[Axes] = list(right.subplots(5, 1, sharex=True))
+        curves = (
+            ("speed\n[m/s]", ("commanded", recording.command[:, 0], told), ("board", recording.column("board_speed"), {})),
+            ("heading\n[°]", ("target", target, told), ("board", heading, {})),
+            ("angle\n[°]", ("deck roll", np.degrees(recording.column("roll")), {}), ("front truck", trucks, {"color": PALE})),
+            ("pelvis lean\n[°]", ("", lean, {})),
+        )  # fmt: skip
+        for axes, (label, *drawn) in zip(rows, curves, strict=False):
+            for name, values, style in drawn:
+                usual: dict[str, Any] = {"color": SIM, "lw": 1.5, "label": name}
+                axes.plot(recording.time, values, **(usual | style))
+            axes.set_ylabel(label)
+            if len(drawn) > 1:
+                axes.legend(ncols=2)
+        rows[3].set_ylim(bottom=0)
+        _feet(rows[4], recording)
+        for axes in rows:
+            _shade(axes, recording)
+            axes.margins(x=0)
+        rows[-1].set_xlabel("time [s]")
     write_figure(path, figure, dpi=120)
 
 
@@ -64,43 +74,15 @@ def _path(axes: "Axes", recording: Recording) -> None:
     axes.plot(*where[-1, :2], "s", color=BAD, label="end")
     axes.set(title="path from above", xlabel="x [m]", ylabel="y [m]")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.legend(fontsize=8, frameon=False)
-    axes.grid(alpha=0.3)
+    axes.legend()
 
 
 def _torques(axes: "Axes", recording: Recording) -> None:
     share = np.abs(recording.torque) / servos().effort
     axes.plot(recording.time, share.max(axis=1), color=SIM, lw=1, label="hardest worked")
     axes.plot(recording.time, share.mean(axis=1), color=NOISE, lw=1, label="mean of 23")
-    axes.set(title="motor torque", xlabel="time [s]", ylabel="share of its limit")
-    axes.set_ylim(0, 1.05)
-    axes.legend(fontsize=8, frameon=False)
-    axes.grid(alpha=0.3)
-
-
-def _speed(axes: "Axes", recording: Recording) -> None:
-    axes.plot(recording.time, recording.command[:, 0], color="black", ls="--", lw=1, label="commanded")
-    axes.plot(recording.time, recording.column("board_speed"), color=SIM, lw=1.5, label="board")
-    axes.set_ylabel("speed\n[m/s]")
-    axes.legend(fontsize=8, frameon=False, ncols=2)
-
-
-def _heading(axes: "Axes", recording: Recording) -> None:
-    heading = np.unwrap(recording.column("board_heading"))
-    axes.plot(
-        recording.time, np.degrees(recording.target_heading), color="black", ls="--", lw=1, label="target"
-    )
-    axes.plot(recording.time, np.degrees(heading), color=SIM, lw=1.5, label="board")
-    axes.set_ylabel("heading\n[°]")
-    axes.legend(fontsize=8, frameon=False, ncols=2)
-
-
-def _tilt(axes: "Axes", recording: Recording) -> None:
-    axes.plot(recording.time, np.degrees(recording.column("roll")), color=SIM, lw=1.5, label="deck roll")
-    trucks = np.degrees(recording.column("trucks"))
-    axes.plot(recording.time, trucks[:, 0], color=PALE, lw=1.5, label="front truck")
-    axes.set_ylabel("angle\n[°]")
-    axes.legend(fontsize=8, frameon=False, ncols=2)
+    axes.set(title="motor torque", xlabel="time [s]", ylabel="share of its limit", ylim=(0, 1.05))
+    axes.legend()
 
 
 def _feet(axes: "Axes", recording: Recording) -> None:
@@ -140,54 +122,45 @@ def paths_figure(paths: tuple[Array, ...], headings: Array, title: str, path: Pa
         paths: x, y and heading of the board, each of shape (t, 3).
         headings: See `policy_runtime.evaluation.metrics.reachable_headings`, shape (m, 3).
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10, 4.5), layout="constrained")
-    figure.suptitle(title, x=0.01, ha="left", fontsize=12, fontweight="bold")
-    left, right = figure.subplots(1, 2)
-    for line in paths:
-        left.plot(line[:, 0], line[:, 1], color=SIM, alpha=0.5, lw=1.2)
-        left.plot(*line[-1, :2], ".", color=BAD)
-    left.set(title=f"paths of the first {len(paths)} episodes", xlabel="x [m]", ylabel="y [m]")
-    left.set_aspect("equal", adjustable="datalim")
-    left.grid(alpha=0.3)
-    limit = 50.0
-    right.plot([-limit, limit], [-limit, limit], color=NOISE, lw=1, ls="--", label="as asked")
-    if len(headings):
-        asked, done = np.degrees(headings[:, 0]), np.degrees(headings[:, 1])
-        right.plot(asked, done, "o", ms=4, alpha=0.5, color=SIM, label="one steering phase each")
-    else:
-        right.text(0.5, 0.5, "no steering phase came to its end", transform=right.transAxes, ha="center")
-    right.set(title="turns", xlabel="asked for [°]", ylabel="achieved [°]")
-    right.legend(fontsize=8, frameon=False)
-    right.grid(alpha=0.3)
+    with styled(10, 4.5) as figure:
+        figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+        left, right = figure.subplots(1, 2)
+        for line in paths:
+            left.plot(line[:, 0], line[:, 1], color=SIM, alpha=0.5, lw=1.2)
+            left.plot(*line[-1, :2], ".", color=BAD)
+        left.set(title=f"paths of the first {len(paths)} episodes", xlabel="x [m]", ylabel="y [m]")
+        left.set_aspect("equal", adjustable="datalim")
+        right.axline((0, 0), slope=1, color=NOISE, lw=1, ls="--", label="as asked")
+        if len(headings):
+            asked, done = np.degrees(headings[:, 0]), np.degrees(headings[:, 1])
+            right.plot(asked, done, "o", ms=4, alpha=0.5, color=SIM, label="one steering phase each")
+        else:
+            right.text(0.5, 0.5, "no steering phase came to its end", transform=right.transAxes, ha="center")
+        right.set(title="turns", xlabel="asked for [°]", ylabel="achieved [°]")
+        right.legend()
     write_figure(path, figure, dpi=120)
 
 
 def suite_figure(shares: list[tuple[str, str, Quantity]], title: str, path: Path) -> None:
     """Draw which share of the rides lasts, with 95 % intervals; rows of a condition stand together, the first on top."""
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
     conditions = list(dict.fromkeys(condition for condition, _, _ in shares))
     policies = list(dict.fromkeys(policy for _, policy, _ in shares))
+    colours = {policy: SERIES[number % len(SERIES)] for number, policy in enumerate(policies)}
     height = 0.8 / len(policies)
-    figure = Figure(figsize=(8, 1.4 + 0.36 * max(len(conditions), len(shares) / 2)), layout="constrained")
-    axes = figure.subplots()
-    for condition, policy, share in shares:
-        if not np.isfinite(share.value):
-            continue
-        number = policies.index(policy)
-        row = conditions.index(condition) + height * (number - (len(policies) - 1) / 2)
-        axes.barh(row, share.value, color=SERIES[number % len(SERIES)], height=0.9 * height)
-        axes.plot(share.ci95, (row, row), color=NOISE, lw=2)
-    axes.set_yticks(range(len(conditions)), conditions)
-    axes.invert_yaxis()
-    axes.set(xlim=(0, 1.02), xlabel="share of the rides that last, with 95 % interval")
-    patches = [Patch(color=SERIES[i % len(SERIES)], label=policy) for i, policy in enumerate(policies)]
-    figure.legend(handles=patches, loc="outside upper right", ncols=len(policies), frameon=False, fontsize=8)
-    axes.set_title(title, loc="left", fontsize=10)
-    axes.grid(axis="x", alpha=0.3)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    with styled(8, 1.4 + 0.36 * max(len(conditions), len(shares) / 2)) as figure:
+        axes = figure.subplots()
+        for condition, policy, share in shares:
+            if np.isfinite(share.value):
+                place = policies.index(policy) - (len(policies) - 1) / 2
+                row = conditions.index(condition) + height * place
+                axes.barh(row, share.value, color=colours[policy], height=0.9 * height)
+                axes.plot(share.ci95, (row, row), color=NOISE, lw=2)
+        axes.set_yticks(range(len(conditions)), conditions)
+        axes.invert_yaxis()
+        axes.grid(visible=False, axis="y")
+        axes.set(xlim=(0, 1.02), xlabel="share of the rides that last, with 95 % interval", title=title)
+        patches = [Patch(color=colour, label=policy) for policy, colour in colours.items()]
+        figure.legend(handles=patches, loc="outside upper right", ncols=len(policies))
     write_figure(path, figure, dpi=120)

@@ -3,7 +3,8 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from reports.evidence import Evidence, LastDiagnosis, LogFile
+from reports.evidence import Evidence, LastDiagnosis
+from reports.log_files import LogFile
 from reports.story import times
 from sysid.board import Board
 from sysid.effects import effect

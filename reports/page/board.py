@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from reports.evidence import Evidence, LastDiagnosis, LogFile
+from reports.evidence import Evidence, LastDiagnosis
 from reports.figures import board as board_figures
 from reports.figures import story as story_figures
-from reports.figures.bode import bode_figure
 from reports.figures.svg import figure_to_svg, page_style
+from reports.log_files import LogFile
 from reports.page.answers import four_answers
 from reports.page.page import (
     Page,
@@ -29,7 +29,7 @@ from reports.page.page import (
     verdict,
     warning_list,
 )
-from reports.page.summary import effect_lines, law_text, parameters, pretty, title
+from reports.page.summary import effect_lines, history_table, law_text, parameters, pretty, title
 from reports.playground import playground
 from reports.story import release_name, story_of_board
 from sysid.board import Board
@@ -39,7 +39,7 @@ from sysid.effects import effect
 from sysid.fitting.covariance import correlation_of
 from sysid.quantity import Quantity, slide_unit
 from sysid.shown import MOST_SHOWN
-from sysid.text import count, display, percent
+from sysid.text import count, display, percent, short
 from sysid.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -47,13 +47,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-TOO_WEAK = "too weak to show here"
 AXES = ("time", "amplitude", "velocity", "side", "phase")
 """Ways to divide an error, in the order in which they are listed."""
-MIN_CORRELATION = 0.9
-"""Correlation from which the data hardly separate two parameters."""
-MAX_STRENGTH_RATIO = 30.0
-"""An effect is too weak to show if it would need more than this multiple of its clear strength."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +88,6 @@ def board_report(
         if evidence is not None:
             page.section("Backbone", *_backbone(evidence))
             page.section("Correlation of parameters", *_correlation(evidence))
-        page.section("Frequency response", _frequency_response(board))
         page.section("Check in the training scene", *_check(board, files, provenance.space))
         if evidence is not None:
             page.section("The logs", *_logs(evidence))
@@ -244,14 +238,7 @@ def _where(evidence: Evidence) -> list[str]:
 def _history(board: Board) -> str:
     if not board.history:
         return paragraph("The record holds no fit yet: its numbers come from its source.")
-    show = display(is_rate=board.error_unit in ("rad/s", "m/s"), slides=board.slides)
-    rows: list[tuple[str, ...]] = []
-    for line in board.history:
-        told = (line.get(key) for key in ("rmse_before", "rmse", "heldout_rmse", "noise_floor"))
-        errors = ("-" if error is None else show(error, 3) for error in told)
-        model = ", ".join(line.get("effects", [])) or "spring and damper"
-        rows.append((str(line.get("date", "")), model, *errors))
-    return table(("date", "model", "error before", "after", "held out", "noise floor"), rows)
+    return table(*history_table(board))
 
 
 def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
@@ -264,11 +251,11 @@ def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
         shown, others = f"{name}{' (in the law)' if name in own else ''}", alike.alike(name)
         experiment = board.experiment(name) if others else ""
         rows.append((shown, _weakest(alike, i, slides=board.slides), ", ".join(others) or "-", experiment))
-    weak = [row for row in rows if row[1] == TOO_WEAK]
+    weak = int(np.count_nonzero(alike.visibility < SEEN))
     twins = {tuple(sorted((name, other))) for name in alike.names for other in alike.alike(name)}
     hidden = "Every effect would show"
     if weak:
-        hidden = f"{count(len(weak), 'effect')} of {len(alike.names)} would not show at all"
+        hidden = f"{count(weak, 'effect')} of {len(alike.names)} would not show at a usual strength"
     pairs = f"{count(len(twins), 'pair')} cannot be told apart" if twins else "no two of them look the same"
     return [
         paragraph(
@@ -283,17 +270,14 @@ def _weakest(alike: LookAlikes, index: int, *, slides: bool) -> str:
     share = SEEN / float(alike.visibility[index])
     parameters = effect(alike.names[index]).parameters
     if parameters[0].neutral != 0.0:  # an end stop or a support does not grow with its first parameter
-        return "shows here" if share < 1 else TOO_WEAK
-    if share > MAX_STRENGTH_RATIO:
-        return TOO_WEAK
+        return "shows here" if share < 1 else "does not show here"
     # A friction may be stiction or load friction alone: its first parameter is zero then.
     strength = alike.strength[index]
-    name, unit = next((p.name, p.unit) for p in parameters if strength[p.name])
-    weakest = abs(strength[name]) * share
+    name, unit = next(((p.name, p.unit) for p in parameters if strength[p.name]), ("", ""))
+    if not name:
+        return "does not show here"
     unit = slide_unit(unit) if slides else unit
-    return pretty(
-        f"{name.replace('_', ' ')} {weakest:.{2 if weakest < 100 else 3}g} {unit.replace('*', '·')}"
-    )
+    return pretty(f"{name.replace('_', ' ')} {short(abs(strength[name]) * share)} {unit.replace('*', '·')}")
 
 
 def _diagnosis(diagnosis: LastDiagnosis | None, own: set[str]) -> list[str]:
@@ -329,25 +313,14 @@ def _correlation(evidence: Evidence) -> list[str]:
     correlation = correlation_of(fit.own_covariance)
     pairs = [(correlation[i, j], names[i], names[j]) for i in range(len(names)) for j in range(i)]
     pairs.sort(key=lambda pair: -abs(np.nan_to_num(pair[0])))
-    strong = [f"{one} and {other}" for value, one, other in pairs if abs(value) >= MIN_CORRELATION]
-    said = f"Each parameter stands by itself: no two are correlated beyond {MIN_CORRELATION}."
-    if strong:
-        said = f"These logs hardly separate: {'; '.join(strong)}."
-        said += " Another amplitude, or a parameter that is known, parts them."
+    if not pairs:
+        return [paragraph("One parameter alone was fitted.")]
+    value, one, other = pairs[0]
+    said = f"The logs separate {one} and {other} least: their correlation is {value:+.2f}."
+    said += " Another amplitude, or a parameter that is known, parts them."
     rows = [(one, other, f"{value:+.2f}") for value, one, other in pairs[:MOST_SHOWN]]
     source = "Of a fit of the board's law to these logs, for a roll inertia that is known."
     return [paragraph(said), table(("parameter", "with", "correlation"), rows), paragraph(source)]
-
-
-def _frequency_response(board: Board) -> str:
-    if not board.stiffness:
-        return paragraph("Not drawn: the record has no spring.")
-    return _figure(
-        bode_figure(board, board_figures.WIDTH),
-        "bode",
-        f"How far the {'joint moves under a force' if board.slides else 'deck tilts under a torque'}, and how late: spring, damper "
-        "and inertia, with the 95 % band of their uncertainty. Other effects are left out.",
-    )
 
 
 def _check(board: Board, files: "Sequence[LogFile]", space: Workspace) -> list[str]:

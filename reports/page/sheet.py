@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from reports.evidence import Evidence, LastDiagnosis, LogFile
+from reports.evidence import Evidence, LastDiagnosis
 from reports.figures.one_page import one_page
+from reports.log_files import LogFile
 from reports.page.answers import four_answers
 from reports.page.board import Provenance, made_of
 from reports.page.summary import law_text, parameters, pretty, title

@@ -1,6 +1,6 @@
 """A board and its comparison in Markdown, for a recording."""
 
-from pathlib import Path
+from collections.abc import Sequence
 
 from reports.evidence import Evidence
 from sysid.board import Board
@@ -8,56 +8,31 @@ from sysid.effects import effect
 from sysid.free_decay import FreeDecay
 from sysid.joint import JointLaw
 from sysid.quantity import Quantity
+from sysid.text import display
 
 
 def board_summary(evidence: Evidence) -> str:
-    """Return verdict, law, parameters, errors and logs."""
-    board, result = evidence.board, evidence.comparison
-    mark = "✓ within" if result.passed else "✗ beyond"
-    lines = [
-        f"# {board.name}",
-        board.description,
-        "",
-        f"**{mark} tolerance**: error over the RMS motion {result.verdict()}",
-        "",
-        result.summary,
-        "",
-        f"`{law_text(board)}`",
-        "",
-        "| quantity | value ± 95 % |",
-        "|---|---|",
-        *(f"| {name} | {pretty(str(quantity))} |" for name, quantity in parameters(board).items()),
-        "",
-        "| release | error | error / noise |",
-        "|---|---|---|",
-    ]
-    for release in result.releases:
-        lines.append(
-            f"| {Path(release.log).name} {release.number} | {result.show(release.rmse, 3)} | {release.rmse / result.noise.std:.2f} |"
-        )
+    """Return law, parameters, the comparison's report and the ladder of models."""
+    board, noise = evidence.board, evidence.comparison.noise.std
+    lines = ["| quantity | value ± 95 % |", "|---|---|"]
+    lines += [f"| {name} | {pretty(str(quantity))} |" for name, quantity in parameters(board).items()]
     if len(evidence.ladder) > 1:
         lines += ["", "| model, fitted | error / noise |", "|---|---|"]
-        lines += [f"| {rung.label} | {rung.rmse / result.noise.std:.3f} |" for rung in evidence.ladder]
+        lines += [f"| {rung.label} | {rung.rmse / noise:.3f} |" for rung in evidence.ladder]
     if any(file.truth for file in evidence.files):
         lines += ["", "Logs are **synthetic**: made with a known truth; nothing was measured."]
-    lines += ["", *(f"- ⚠ {warning}" for warning in evidence.warnings)]
-    return "\n".join(lines) + "\n"
+    text = evidence.comparison.report()
+    return _markdown(f"{board.name}: {law_text(board)}", text, lines, evidence.warnings)
 
 
 def decay_summary(board: str, decay: FreeDecay) -> str:
-    """Return the numbers and warnings of a free decay."""
-    lines = [
-        f"# {board}: free decay",
-        f"`{decay.releases[0].log}`",
-        "",
-        "| quantity | value ± 95 % |",
-        "|---|---|",
-    ]
-    lines += [
-        f"| {name.replace('_', ' ')} | {pretty(str(quantity))} |" for name, quantity in decay.numbers.items()
-    ]
-    lines += ["", *(f"- ⚠ {warning}" for warning in decay.warnings)]
-    return "\n".join(lines) + "\n"
+    """Return the report and the warnings of a free decay."""
+    return _markdown(f"{board}: free decay", decay.report(), [], decay.warnings)
+
+
+def _markdown(head: str, report: str, lines: Sequence[str], warnings: Sequence[str]) -> str:
+    told = [f"- ⚠ {warning}" for warning in warnings]
+    return "\n".join([f"# {head}", "", "```", report, "```", "", *lines, "", *told]) + "\n"
 
 
 def title(board: Board) -> str:
@@ -91,3 +66,15 @@ def pretty(text: str) -> str:
 def effect_lines(board: Board) -> list[tuple[str, str, str]]:
     """Return name, law and consequence of each effect of a board."""
     return [(part.name, effect(part.name).law, effect(part.name).does) for part in board.effects]
+
+
+def history_table(board: Board) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Return columns and rows of a table with a line for each fit of a board."""
+    show = display(is_rate=board.error_unit in ("rad/s", "m/s"), slides=board.slides)
+    rows: list[tuple[str, ...]] = []
+    for line in board.history:
+        told = (line.get(key) for key in ("rmse_before", "rmse", "heldout_rmse", "noise_floor"))
+        errors = ("-" if error is None else show(error, 3) for error in told)
+        model = ", ".join(line.get("effects", [])) or "spring and damper"
+        rows.append((str(line.get("date", "")), model, *errors))
+    return ("date", "model", "error before", "after", "held out", "noise floor"), rows

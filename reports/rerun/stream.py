@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 APPLICATION = "husky-sysid"
 """First word of every application id. A viewer keeps the layout that it first saw of an application for
 all its later files, so each recording is an application of its own."""
-HEADROOM = 1 << 20
+HEADROOM = 1_048_576
 """Free space that a recording needs to begin [B]."""
 TIMELINE = "t"
 """Seconds; for a decay, since the first release."""

@@ -27,30 +27,29 @@ class Command(NamedTuple):
     """Command lines, without the program's name."""
     page: str
     """Its page in docs/."""
-    first: tuple[str, ...] = ()
+    first: str = ""
     """Options of its help's first screen; all of them if left out. `--help-all` shows the others too."""
-    module: str = ""
-    """Module and function that it is, as 'module:function', where they are not called as it is."""
     has_parts: bool = False
     """Whether it is an application of its own, with commands in it."""
 
 
-JOINT = ("--board", "--model", "--joint", "--pose")
-LOG = ("--column", "--unit", "--axis", "--from", "--to")
-OUTPUT = ("--json", "--workspace")
-RIDE = ("--board", "--duration", "--speed", "--turn-deg", "--commands", "--viewer", "--force", "--output")
+JOINT, COLUMNS, OUTPUT = "--board --model --joint --pose", "--column --unit --axis", "--json --workspace"
+LOG, RIDE = (
+    f"{COLUMNS} --from --to",
+    "--board --duration --speed --turn-deg --commands --viewer --force --output",
+)
 COMMANDS = {
     "decay": Command(
         "Measure stiffness, damping and frequency from a log.",
         ("decay tip.csv --board pink", "decay tip.csv", "decay film.mp4 --board pink --method edge"),
         "tutorial.md",
-        first=(*JOINT, *LOG, "--picture", *OUTPUT),
+        f"{JOINT} {LOG} --picture {OUTPUT}",
     ),
     "roll": Command(
         "Extract the angle of any log or film into a CSV file.",
         ("roll film.mp4 -o roll.csv --overlay seen.mp4", "roll film.mp4 -o roll.csv --align imu.csv"),
         "video.md",
-        first=("--output", *LOG, "--rate", "--method", "--align", "--overlay", *OUTPUT),
+        f"--output {LOG} --rate --method --align --overlay {OUTPUT}",
     ),
     "fit": Command(
         "Fit the joint to logs and save it in its record.",
@@ -59,25 +58,25 @@ COMMANDS = {
             "fit swing.csv --model robot.xml --joint knee --effect coulomb",
         ),
         "any_joint.md",
-        first=(*JOINT, *LOG[:3], "--effect", "--fix", "--profile", "--in-scene", "--output", *OUTPUT),
+        f"{JOINT} {COLUMNS} --effect --fix --profile --in-scene --output {OUTPUT}",
     ),
     "compare": Command(
         "Compare simulated with measured: how far off, and where.",
         ("compare tip.csv --board pink", "compare tip.csv --board pink --rerun tip.rrd"),
         "tutorial.md",
-        first=(*JOINT, *LOG, "--tolerance", "--rerun", *OUTPUT),
+        f"{JOINT} {LOG} --tolerance --rerun {OUTPUT}",
     ),
     "diagnose": Command(
         "Name the physical effect that the model is missing.",
         ("diagnose tip.csv --board pink", "diagnose monday.csv tuesday.csv --board pink --json found.json"),
         "diagnosis.md",
-        first=(*JOINT, *LOG, "--fix", *OUTPUT),
+        f"{JOINT} {LOG} --fix {OUTPUT}",
     ),
     "check": Command(
         "Check that the MuJoCo scene moves as measured; exit 0 or 3.",
         ("check tip.csv --board pink", "check tip.csv --board pink --scene-file my_scene.xml --joint tilt"),
         "lying_scene.md",
-        first=(*JOINT, *LOG[:3], "--tolerance", "--scene-file", "--timestep", "--export", *OUTPUT),
+        f"{JOINT} {COLUMNS} --tolerance --scene-file --timestep --export {OUTPUT}",
     ),
     "mjcf": Command(
         "Write the board as MJCF.",
@@ -102,8 +101,7 @@ COMMANDS = {
         "Measure rake and rolling resistance from a board that rolls by itself.",
         ("coast-down film.csv --board pink", "coast-down imu.csv --board pink --slope-deg -2 --save"),
         "boards.md",
-        first=("--board", "--slope-deg", "--rest", "--free", "--save", *LOG, *OUTPUT),
-        module="rollout:rollout",
+        f"--board --slope-deg --rest --free --save {LOG} {OUTPUT}",
     ),
     "effects": Command(
         "List the effects, show one, or write a file for one of your own.",
@@ -123,7 +121,11 @@ COMMANDS = {
         ),
         "boards.md",
     ),
-    "history": Command("Show how a board's record came about.", ("history --board pink",), "boards.md"),
+    "history": Command(
+        "Show how a board's record came about.",
+        ("history --board pink",),
+        "boards.md",
+    ),
     "undo": Command(
         "Undo the last change of a record.",
         ("undo --board pink",),
@@ -136,26 +138,13 @@ COMMANDS = {
             "synth --board pink --effect coulomb=0.15 --dialect phyphox -o log.zip",
         ),
         "synthetic-logs.md",
-        first=(
-            "--board",
-            "--model",
-            "--joint",
-            "--effect",
-            "--releases",
-            "--release-angle",
-            "--rate",
-            "--noise-deg",
-            "--dialect",
-            "--seed",
-            "--output",
-            *OUTPUT,
-        ),
+        f"--board --model --joint --effect --releases --release-angle --rate --noise --dialect --seed --output {OUTPUT}",
     ),
     "report": Command(
         "Write one HTML file with everything known of a joint.",
         ("report --board pink", "report tip.csv --board pink -o pink.html"),
         "tutorial.md",
-        first=(*JOINT, *LOG[:3], "--one-page", "--tolerance", "--output", *OUTPUT),
+        f"{JOINT} {COLUMNS} --one-page --tolerance --output {OUTPUT}",
     ),
     "batch": Command(
         "Run many logs in parallel, into one table and one page.",
@@ -166,13 +155,13 @@ COMMANDS = {
         "Show logs and model in Rerun.",
         ("view --board pink", "view film.mp4 --board pink -o film.rrd"),
         "tutorial.md",
-        first=(*JOINT, *LOG, "--output", *OUTPUT),
+        f"{JOINT} {LOG} --output {OUTPUT}",
     ),
     "live": Command(
         "Read a phone while the board rocks; k and d after each release.",
         ("live --board pink --phone 192.168.0.42:8080", "live --board pink --watch logs"),
         "tutorial.md",
-        first=("--phone", "--watch", "--releases", "--port", *JOINT, *LOG[:3], *OUTPUT),
+        f"--phone --watch --releases --port {JOINT} {COLUMNS} {OUTPUT}",
     ),
     "marker": Command(
         "Print a page with markers for films, and how to fix and film them.",
@@ -180,47 +169,27 @@ COMMANDS = {
         "video.md",
     ),
     "motions": Command(
-        "List, plot and play reference motions.", ("motions", "motions --plot motions.png"), "training.md"
+        "List, plot and play reference motions.",
+        ("motions", "motions --plot motions.png"),
+        "training.md",
     ),
     "train": Command(
         "Train a policy for a board.",
         ("train --board pink", "train --board pink --minutes 30"),
         "training.md",
-        first=(
-            "--board",
-            "--minutes",
-            "--resume",
-            "--gpus",
-            "--environments",
-            "--iterations",
-            "--seed",
-            "--force",
-            "--output",
-            *OUTPUT,
-        ),
+        f"--board --minutes --resume --gpus --environments --iterations --seed --force --output {OUTPUT}",
     ),
     "evaluate": Command(
         "Measure a policy: success, velocity, heading, smoothness, contacts.",
         ("evaluate pink-strides --board pink",),
         "training.md",
-        first=(
-            "--board",
-            "--episodes",
-            "--seeds",
-            "--simulator",
-            "--workers",
-            "--suite",
-            "--duration",
-            "--force",
-            "--output",
-            *OUTPUT,
-        ),
+        f"--board --episodes --seeds --simulator --workers --suite --duration --force --output {OUTPUT}",
     ),
     "play": Command(
         "Show a policy in Rerun or in the MuJoCo viewer.",
         ("play pink-strides --board pink", "play pink-strides --board pink --viewer"),
         "runtime.md",
-        first=(*RIDE, "--terrain", *OUTPUT),
+        f"{RIDE} --terrain {OUTPUT}",
     ),
     "export": Command(
         "Pack scene, policy and board record into one folder that runs by itself.",
@@ -231,7 +200,7 @@ COMMANDS = {
         "Run a policy in real time, in MuJoCo or on the robot.",
         ("run pink-strides --board pink", "run pink_on_g1 --robot unitree --interface eth0"),
         "runtime.md",
-        first=(*RIDE, "--robot", "--interface", "--dry-run", *OUTPUT),
+        f"{RIDE} --robot --interface --dry-run {OUTPUT}",
     ),
 }
 """Every command."""
@@ -302,6 +271,8 @@ def build_app(*, everything: bool = False) -> "cyclopts.App":
         help=f"{PURPOSE}\n\n{EXIT_CODES}",
         version=lambda: version("husky-sysid"),
         config=_require_finite,
+        default_parameter=cyclopts.Parameter(negative=()),
+        error_formatter=lambda error: f"error: {one_line(str(error))}",
         suppress_keyboard_interrupt=False,
     )
     app.register_install_completion_command(
@@ -312,9 +283,11 @@ def build_app(*, everything: bool = False) -> "cyclopts.App":
         command = COMMANDS[meant]
         more: dict[str, Any] = {} if command.has_parts else {"help_epilogue": epilogue(meant)}
         if command.first and not everything:
-            more["help_formatter"] = FirstScreen(shown=command.first)
-        home = command.module or f"{meant}:{meant}"
-        app.command(f"sysid.cli.{home}", name=name, help=command.help, show=name not in ALIASES, **more)
+            more["help_formatter"] = FirstScreen(shown=command.first.split())
+        home = meant.replace("-", "_")
+        app.command(
+            f"sysid.cli.{home}:{home}", name=name, help=command.help, show=name not in ALIASES, **more
+        )
     return app
 
 

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,8 +24,6 @@ def batch(
     common: Common = Common(),
 ) -> int:
     """Run many jobs in parallel, and put their results into one table and one page.
-
-    Finished jobs are kept: the same command continues an interrupted or extended batch. No board's record is changed.
 
     Args:
         manifest: The jobs, TOML or CSV.
@@ -62,7 +61,8 @@ def batch(
     write_atomically(folder / "table.csv", _csv(COLUMNS, table))
     write_json(folder / "table.json", table)
     write_atomically(folder / "page.html", batch_page(manifest.name, table))
-    printer.records([_shown(row) for row in table])
+    head = ("job", "task", "board", "k [N·m/rad]", "d [N·m·s/rad]", "f [Hz]", "verdict")
+    printer.table(head, [_shown(row) for row in table])
     failed = sum(row["state"] == "failed" for row in table)
     printer.say(f"{len(table) - failed} of {count(len(table), 'job')} done, {failed} failed")
     printer.written(*(folder / name for name in ("table.csv", "table.json", "page.html")))
@@ -78,18 +78,14 @@ def _csv(columns: Sequence[str], table: Sequence[Mapping[str, Any]]) -> str:
     return text.getvalue()
 
 
-def _shown(row: Mapping[str, Any]) -> dict[str, str]:
+def _shown(row: Mapping[str, Any]) -> tuple[str, ...]:
     from sysid.batch.jobs import with_interval
 
-    frequency = f"{row['omega_n_rad_s'] / 6.283185307179586:.3g}" if "omega_n_rad_s" in row else "-"
+    frequency = f"{row['omega_n_rad_s'] / math.tau:.3g}" if "omega_n_rad_s" in row else "-"
     verdict = "fitted with" if row["task"] == "fit" and row.get("effects") else row.get("verdict")
     said = " ".join(filter(None, (verdict, row.get("effects")))) or row["state"]
-    return {
-        "job": row["job"],
-        "task": row["task"],
-        "board": row.get("board", "-"),
-        "k [N·m/rad]": with_interval(row, "stiffness"),
-        "d [N·m·s/rad]": with_interval(row, "damping"),
-        "f [Hz]": frequency,
-        "verdict": said if row["state"] == "done" else "failed",
-    }
+    measured = (with_interval(row, name) for name in ("stiffness", "damping"))
+    return (
+        *(row["job"], row["task"], row.get("board", "-"), *measured, frequency),
+        said if row["state"] == "done" else "failed",
+    )

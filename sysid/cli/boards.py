@@ -2,14 +2,12 @@
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Any
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
 from sysid.decay.report import LABELS
-from sysid.errors import SysidError, did_you_mean
+from sysid.errors import SysidError
 from sysid.quantity import Quantity
 from sysid.workspace import Workspace
 
@@ -17,15 +15,12 @@ if TYPE_CHECKING:
     from sysid.free_decay import DecayNumbers
 
 
-def boards(
-    name: Annotated[
-        str | None, Parameter(help="Show all of this board; without it, a table of all boards.")
-    ] = None,
-    /,
-    *,
-    common: Common = Common(),
-) -> int:
-    """List boards, their parameters with their sources, and the state of the check."""
+def boards(name: str | None = None, /, *, common: Common = Common()) -> int:
+    """List boards, their parameters with their sources, and the state of the check.
+
+    Args:
+        name: Show all of this board; without it, a table of all boards.
+    """
     printer = Printer(common)
     if name is not None:
         _show(common.space, name, printer)
@@ -43,27 +38,25 @@ def _list(space: Workspace, printer: Printer) -> None:
         except SysidError as error:
             printer.warn(str(error))
             errors.append(str(error))
-    printer.table(
-        ("board", "k [N·m/rad]", "d [N·m·s/rad]", "I [kg·m²]", "ζ", "f [Hz]", "effects", "from", "check"),
-        [
-            (
-                board.name,
-                _bare(board.tilt["stiffness"], board),
-                _bare(board.tilt["damping"], board),
-                _bare(board.inertia, board),
-                "-" if (ratio := damping_ratio(board)) is None else f"{ratio:.3f}",
-                "-" if (frequency := natural_frequency(board)) is None else f"{frequency:.2f}",
-                ", ".join(effect.name for effect in board.effects) or "none",
-                provenance(board),
-                verdict(board),
-            )
-            for board in records
-        ],
-    )
+    head = ("board", "k [N·m/rad]", "d [N·m·s/rad]", "I [kg·m²]", "ζ", "f [Hz]", "effects", "from", "check")
+    printer.table(head, [_row(board) for board in records])
     for board in records:
         if line := derivation_line(board):
             printer.say(line)
     printer.result({"boards": [summary(space, board) for board in records], "errors": errors})
+
+
+def _row(board: Board) -> tuple[str, ...]:
+    ratio, frequency = damping_ratio(board), natural_frequency(board)
+    return (
+        board.name,
+        *(_bare(one, board) for one in (board.tilt["stiffness"], board.tilt["damping"], board.inertia)),
+        "-" if ratio is None else f"{ratio:.3f}",
+        "-" if frequency is None else f"{frequency:.2f}",
+        ", ".join(effect.name for effect in board.effects) or "none",
+        provenance(board),
+        verdict(board),
+    )
 
 
 def _show(space: Workspace, name: str, printer: Printer) -> None:
@@ -71,64 +64,49 @@ def _show(space: Workspace, name: str, printer: Printer) -> None:
     printer.say(f"{board.name}: {board.description}")
     printer.say(f"source: {board.source}")
     printer.say(f"record: {space.board_path(name)}")
-    printer.quantities(
-        [
-            ("stiffness k", board.tilt["stiffness"].with_method(provenance(board))),
-            ("damping d", board.tilt["damping"].with_method(provenance(board))),
-            ("rest angle", board.tilt["rest_angle"]),
-            ("range, to either side", board.tilt["range"]),
-            ("roll inertia I", board.inertia),
-        ],
-        "tilt joint",
-    )
-    if (numbers := derivation(board)) is not None:
-        decay = [(key.replace("_", " "), quantity) for key, quantity in board.decay.items()]
-        printer.quantities([*decay, ("roll inertia", board.inertia)], "measured decay")
-        printer.quantities([(LABELS[key], quantity) for key, quantity in numbers.items()], "derived from it")
-        printer.say(derivation_line(board))
-    if board.effects:
-        printer.quantities(
-            [
-                (f"{effect.name}: {key}", quantity)
-                for effect in board.effects
-                for key, quantity in effect.parameters.items()
-            ],
-            "effects beyond spring and damper",
-        )
-        _warn_of_unknown_effects(board, printer)
-    for title, table in (("geometry", board.geometry), ("rolling", board.rolling), ("mass", board.mass)):
-        rows = [(key.replace("_", " "), str(quantity)) for key, quantity in table.items()]
-        if rows:
-            printer.table(("quantity", "value ± 95 %"), rows, title)
+    how = provenance(board)
+    joint = {
+        "stiffness k": board.tilt["stiffness"].with_method(how),
+        "damping d": board.tilt["damping"].with_method(how),
+        "rest angle": board.tilt["rest_angle"],
+        "range, to either side": board.tilt["range"],
+        "roll inertia I": board.inertia,
+    }
+    numbers = derivation(board)
+    effects = {f"{part.name}: {key}": one for part in board.effects for key, one in part.parameters.items()}
+    for title, quantities in {
+        "tilt joint": joint,
+        "measured decay": board.decay,
+        "derived from it": {LABELS[key]: one for key, one in numbers.items()} if numbers else {},
+        "effects beyond spring and damper": effects,
+        "geometry": board.geometry,
+        "rolling": board.rolling,
+        "mass": board.mass,
+    }.items():
+        if quantities:
+            rows = [(key.replace("_", " "), one) for key, one in quantities.items()]
+            printer.quantities(rows, title)
+    if line := derivation_line(board):
+        printer.say(line)
     for title, content in (("fit", board.fit), ("check", board.last_check)):
         if content:
             printer.table(("field", "value"), [(key, _told(value)) for key, value in content.items()], title)
-    if board.history:
-        keys = list(dict.fromkeys(key for line in board.history for key in line))
-        printer.table(keys, [[_told(line.get(key, "")) for key in keys] for line in board.history], "history")
+    show_history(board, printer)
     printer.say(f"check: {verdict(board)}")
-    printer.result(
-        {
-            **summary(space, board),
-            "geometry": _json(board.geometry),
-            "rolling": _json(board.rolling),
-            "mass": _json(board.mass),
-            "tilt": _json(board.tilt),
-            "effect": [{"name": e.name, "parameters": _json(e.parameters)} for e in board.effects],
-            "fit": plain(board.fit),
-            "check": plain(board.last_check),
-            "history": [plain(line) for line in board.history],
-        }
-    )
+    tables = {key: _json(getattr(board, key)) for key in ("geometry", "rolling", "mass", "tilt")}
+    effect = [{"name": part.name, "parameters": _json(part.parameters)} for part in board.effects]
+    told = {"fit": plain(board.fit), "check": plain(board.last_check), "history": plain(board.history)}
+    printer.result({**summary(space, board), **tables, "effect": effect, **told})
 
 
-def _warn_of_unknown_effects(board: Board, printer: Printer) -> None:
-    from sysid.effects import catalogue
+def show_history(board: Board, printer: Printer) -> None:
+    """Print a line for each fit of a record."""
+    if not board.history:
+        return
+    from reports.page.summary import history_table
 
-    for effect in board.effects:
-        if effect.name not in catalogue():
-            hint = did_you_mean(effect.name, catalogue())
-            printer.warn(f"effect '{effect.name}' of the record is not in the catalogue.{hint}")
+    printer.table(*history_table(board), "history")
+    printer.say("held out: error on a release (or the second half of a single one) that the fit did not see")
 
 
 def derivation(board: Board) -> "DecayNumbers | None":

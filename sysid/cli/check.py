@@ -1,45 +1,45 @@
-"""`husky-sysid check`: the gate between a measured board and training."""
+"""`husky-sysid check`: the gate between a measured joint and training."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from sysid.cli.console import Common, Printer, require_share
-from sysid.cli.drive_options import DriveArguments
-from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs, space_of
-from sysid.cli.subject import Subject
-from sysid.cli.view import logs_or_fitted
-from sysid.errors import QualityGateError
+from cyclopts import Group, Parameter
+
+from sysid.cli.console import Printer, Step, Tolerance
+from sysid.cli.measurement import DriveMeasurement, MeasuredLogs, read_logs
+from sysid.errors import QualityGateError, UsageError
+
+
+@Parameter(name="*", group=Group("Scene", sort_key=1))
+@dataclass(frozen=True, kw_only=True)
+class SceneArguments:
+    """The scene of the check."""
+
+    scene_file: Path | None = None
+    """An MJCF scene with a board, instead of the built one. --joint names its tilt joint (default board_tilt_joint)."""
+    timestep: Step | None = None
+    """Step in s; 0.005, or that of the scene file or model, if left out."""
+    coupling: Literal["equality", "direct"] = "equality"
+    """Steering of the built scene's trucks by tilt: a joint equality, or set directly after each step."""
+    export: Literal["in-scene", "step-compensated", "physical"] = "in-scene"
+    """Parameters of the built scene: compensated for the whole scene, for the step alone, or not at all."""
 
 
 def check(
     logs: tuple[Path, ...] = (),
     /,
     *,
-    subject: Subject = Subject(),
-    tolerance: float = 0.02,
-    scene_file: Path | None = None,
-    timestep: float | None = None,
-    integrator: str = "implicitfast",
-    coupling: Literal["equality", "direct"] = "equality",
-    export: Literal["in-scene", "step-compensated", "physical"] = "in-scene",
-    drive: DriveArguments = DriveArguments(),
-    arguments: LogArguments = LogArguments(),
-    common: Common = Common(),
+    measurement: DriveMeasurement = DriveMeasurement(),
+    tolerance: Tolerance = 0.02,
+    scene: SceneArguments = SceneArguments(),
 ) -> int:
-    """Release the deck in the training scene as in the logs, and compare.
+    """Release the joint in its MuJoCo scene as in the logs, and compare.
 
     Args:
         logs: Measured decays; those of the record's fit, if left out.
-        subject: Board or joint; a model's joint is released in the model itself.
-        tolerance: Largest accepted NRMSE: RMS error without sensor noise, over RMS of the measured roll about rest.
-        scene_file: An MJCF scene with a board, instead of the built one. --joint names its tilt joint (default
-            board_tilt_joint).
-        timestep: Step in s; 0.005, or that of the scene file or model, if left out.
-        integrator: MuJoCo integrator of the built scene.
-        coupling: Steering of its trucks by tilt: a joint equality, or set directly after each step.
-        export: Parameters of the built scene: compensated for the whole scene, for the step alone, or not at all.
+        measurement: Joint and reading of its logs; a model's joint is released in the model itself.
 
     Raises:
         QualityGateError: The scene does not decay as measured.
@@ -48,53 +48,50 @@ def check(
     from sim.gate import GateOptions, check_joint
     from sysid.cli.bars import working
 
-    require_share("--tolerance", tolerance)
-    if drive.given:
+    if measurement.drive.given:
         from sysid.cli.driven import driven_check, run_driven
 
-        run = partial(driven_check, tolerance=tolerance)
-        return run_driven("check", run, logs, subject, drive, arguments, common)
-    printer = Printer(common)
-    record = (subject if scene_file is None else replace(subject, joint=None)).load(common, printer)
-    refuse_overwriting_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
-    found, arguments = logs_or_fitted(record, logs, arguments, printer)
-    recordings = load_recordings(found, arguments, printer, rest=record.rest_angle)
-    releases = [release for recording in recordings for release in recording.releases]
-    options = GateOptions(
-        scene_file=scene_file, scene_joint=subject.joint or TILT_JOINT, timestep=timestep, integrator=integrator,
-        coupling=coupling, export=export,
-    )  # fmt: skip
-    if scene_file is not None:
-        usual = GateOptions()
-        names = ("integrator", "coupling", "export")
-        if unused := [f"--{name}" for name in names if getattr(options, name) != getattr(usual, name)]:
-            printer.warn(f"not used: {', '.join(unused)}, which are for the built scene")
+        return run_driven("check", partial(driven_check, tolerance=tolerance), logs, measurement)
+    printer = Printer(measurement.common)
+    subject, file = measurement.subject, scene.scene_file
+    if file is not None:
+        if scene != SceneArguments(scene_file=file, timestep=scene.timestep):
+            raise UsageError(
+                "--coupling and --export are for the built scene. Leave them or --scene-file out."
+            )
+        printer.keep([file])
+        measurement = replace(measurement, subject=replace(subject, joint=None))
+    found = read_logs(measurement, logs, printer)
+    releases = [release for recording in found.recordings for release in recording.releases]
+    options = GateOptions(scene_joint=subject.joint or TILT_JOINT, **vars(scene))
     with working(printer):
-        gate = check_joint(record, releases, tolerance=tolerance, options=options)
+        gate = check_joint(found.record, releases, tolerance=tolerance, options=options)
     verdict = gate.verdict
-    if gate.written is not None:
-        printer.note("; ".join(gate.written.lines()))
-    for note in verdict.notes:
+    for note in (*(["; ".join(gate.written.lines())] if gate.written else []), *verdict.notes):
         printer.note(note)
     printer.say(verdict.report(printer.width))
     printer.result(verdict.to_json())
     if subject.model is not None:
         printer.note("no record is changed: the model itself was checked")
-    elif scene_file is None:
-        path = common.space.save_board(record.checked(verdict.entry()), since=record)
-        printer.note(f"written into {path}")
-    else:
+    elif file is not None:
         printer.note("the board record is unchanged: its [check] is of the built scene")
+    else:
+        checked = found.record.checked(verdict.entry())
+        printer.note(f"written into {found.space.save_board(checked, since=found.record)}")
     if not verdict.passed:
         raise QualityGateError(verdict.refusal())
     printer.warnings(verdict.warnings)
-    if record.model:
-        printer.say(f"next: it is ready to use: {record.model['file']}")
-    elif scene_file is None:
-        why, words = (
-            ("ready to train", ("train",))
-            if record.geometry
-            else ("write it as MJCF", ("mjcf", "--bench", "-o", f"{record.name}.xml"))
-        )
-        printer.say(f"next: {why}: {space_of(common, arguments).command(*words, *record.options)}")
+    if file is None:
+        printer.say(f"next: {_next_step(found)}")
     return 0
+
+
+def _next_step(found: MeasuredLogs) -> str:
+    """Return the use of a joint that has passed."""
+    record = found.record
+    if record.model:
+        return f"it is ready to use: {record.model['file']}"
+    if record.geometry:
+        return f"ready to train: {found.space.command('train', *record.options)}"
+    words = ("mjcf", "--bench", "-o", f"{record.name}.xml")
+    return f"write it as MJCF: {found.space.command(*words, *record.options)}"

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
+from cyclopts.validators import Number
 from rich.console import Console
 
 from sysid.cli.streams import one_line
-from sysid.errors import SysidError
 from sysid.files import refuse_overwriting, require_writable, write_json
 from sysid.quantity import Quantity
 from sysid.text import WIDTH, table
@@ -32,10 +32,25 @@ LEAST_WIDTH = 40
 Made = Annotated[Path, Parameter(group=OUTPUT)]
 """An optional output file."""
 BoardName = Annotated[str, Parameter(name=("--board", "-b"))]
-Flag = Annotated[bool, Parameter(negative="")]
-FitFlag = Annotated[bool, Parameter(negative="", group=FIT)]
-FitTexts = Annotated[tuple[str, ...], Parameter(negative="", group=FIT, show_default=False)]
+Drawn = Annotated[bool, Parameter(group=OUTPUT, negative="--no-picture", help="Draw the picture.")]
+Texts = Annotated[tuple[str, ...], Parameter(show_default=False)]
 """An option that may be repeated."""
+Fix = Annotated[
+    Texts,
+    Parameter(
+        group=FIT,
+        help="Hold a parameter, as NAME=VALUE in SI units: stiffness, damping, rest, or EFFECT.PARAMETER; repeat it for several.",
+    ),
+]
+Tolerance = Annotated[
+    float,
+    Parameter(
+        help="Largest accepted error: RMS without the sensor noise, over the RMS motion.",
+        validator=Number(gt=0, lt=1),
+    ),
+]
+Step = Annotated[float, Parameter(validator=Number(gt=0))]
+"""A time step [s]."""
 
 
 @Parameter(name="*", group=OUTPUT)
@@ -48,7 +63,7 @@ class Common:
     workspace: Path = Path()
     """Folder with the user's boards (data/boards) and outputs (reports/BOARD)."""
 
-    effect_file: Annotated[tuple[Path, ...], Parameter(negative="", group=FIT, show_default=False)] = ()
+    effect_file: Annotated[tuple[Path, ...], Parameter(group=FIT, show_default=False)] = ()
     """File with an effect of your own (see husky-sysid effects new); repeat it for several."""
 
     def own_effects(self) -> tuple[str, ...]:
@@ -146,10 +161,6 @@ class Printer:
         """Print a table on stdout."""
         self.say(table(columns, rows, title, width=self.width))
 
-    def records(self, rows: Sequence[Mapping[str, str]], title: str | None = None) -> None:
-        """Print a table; the keys of its rows, at least one, are the columns."""
-        self.table(list(rows[0]), [list(row.values()) for row in rows], title)
-
     def quantities(self, rows: Sequence[tuple[str, Quantity]], title: str | None = None) -> None:
         """Print quantities as a table: name, value ± 95 %, method."""
         self.table(
@@ -173,13 +184,3 @@ def _piped_width() -> int:
     """Return the width of tables for a pipe or a file [characters]: COLUMNS if it is exported."""
     columns = os.environ.get("COLUMNS", "")
     return max(LEAST_WIDTH, int(columns)) if columns.isdigit() else WIDTH
-
-
-def require_share(option: str, value: float) -> None:
-    """Check that an option is a share.
-
-    Raises:
-        SysidError: It is not between 0 and 1.
-    """
-    if not 0 < value < 1:
-        raise SysidError(f"{option} {value:g}: expected a share between 0 and 1, such as 0.02.")

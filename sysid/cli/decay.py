@@ -1,84 +1,81 @@
 """`husky-sysid decay`: stiffness and damping of a joint from its log."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter
-
-from sysid.cli.console import OUTPUT, Common, Made, Printer
-from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs, space_of
-from sysid.cli.subject import Subject
+from sysid.cli.console import Drawn, Made, Printer
+from sysid.cli.log_options import load_recordings, refuse_overwriting_logs
+from sysid.cli.measurement import Measurement
 from sysid.errors import SysidError
 from sysid.files import require_writable, write_figure, write_json
+
+if TYPE_CHECKING:
+    from sysid.free_decay import FreeDecay
+    from sysid.recording import Recording
 
 
 def decay(
     logs: list[Path],
     /,
     *,
-    subject: Subject = Subject(),
-    picture: Annotated[bool, Parameter(group=OUTPUT)] = True,
+    measurement: Measurement = Measurement(),
+    picture: Drawn = True,
     rerun: Made | None = None,
-    arguments: LogArguments = LogArguments(),
-    common: Common = Common(),
 ) -> int:
-    """Identify the board's tilt joint from its free decays.
-
-    Fits a linear decay to all releases in the logs. Prints decrement, damping ratio, frequencies, stiffness and
-    damping with 95 % intervals. Writes decay.json
-    and decay.png into reports/BOARD of the workspace.
+    """Identify a joint from its free decays.
 
     Args:
-        logs: CSV, Parquet, MCAP, phone exports (zip or folder) or videos of one board.
-        subject: Board or joint; its record gives the inertia. Without it there is no stiffness and no damping, and only the
-            files of --json and --rerun are written.
-        picture: Draw decay.png.
+        logs: CSV, Parquet, MCAP, phone exports (zip or folder) or videos of one joint.
+        measurement: Joint and reading of its logs. The record gives the inertia; without it there is no stiffness and no
+            damping, and only the files of --json and --rerun are written.
         rerun: Write a Rerun recording (.rrd) here.
     """
     from sysid.free_decay import fit_decay
 
+    common, reading = measurement.common, measurement.reading
     printer = Printer(common)
     if rerun is not None and len(logs) > 1:
         raise SysidError(
             f"--rerun {rerun}: {len(logs)} logs; a recording of a decay shows one log. Give one, or use `view`."
         )
-    refuse_overwriting_logs(logs, arguments, printer, {"--rerun": rerun})
-    record = subject.find(common, printer)
+    refuse_overwriting_logs(logs, reading, printer, {"--rerun": rerun})
+    record = measurement.subject.find(common, printer)
     folder = None if record is None else common.space.outputs(record.name)
     if folder is not None:
         require_writable(folder / "decay.json")
-    rest = 0.0 if record is None else record.rest_angle
-    recordings = load_recordings(logs, arguments, printer, rest=rest)
+    recordings = load_recordings(logs, reading, printer, rest=record.rest_angle if record else 0.0)
     result = fit_decay(recordings, board=record)
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width))
     if not result.linear:
-        space, options = (
-            space_of(common, arguments),
-            ("--board", "NAME") if record is None else record.options,
-        )
+        options = ("--board", "NAME") if record is None else record.options
         made = " (`new NAME` writes the record for it)" if record is None else ""
-        printer.say(f"next: find the missing effect: {space.command('diagnose', *options, logs=logs)}{made}")
-    content = result.to_json()
-    written: list[Path] = []
-    if folder is not None:
-        written.append(folder / "decay.json")
-        write_json(written[-1], content)
-        if picture:
-            from reports.figures.decay import decay_figure
-
-            names = ", ".join(recording.path.name for recording in recordings)
-            rolls = [recording.roll for recording in recordings]
-            figure = decay_figure(rolls, result, f"{result.board}: free decay in {names}")
-            written.append(write_figure(folder / "decay.png", figure))
+        command = measurement.space.command("diagnose", *options, logs=logs)
+        printer.say(f"next: find the missing effect: {command}{made}")
+    written = [] if folder is None else _written(folder, result, recordings, picture=picture)
     if rerun is not None:
         from reports.page.summary import decay_summary
         from reports.rerun.decay import decay_recording
 
-        summary = decay_summary("a board" if record is None else record.name, result)
+        summary = decay_summary("a joint" if record is None else record.name, result)
         decay_recording(rerun, recordings[0].roll, result, summary)
         written.append(rerun)
     if written:
         printer.written(*written)
-    printer.result(content)
+    printer.result(result.to_json())
     return 0
+
+
+def _written(
+    folder: Path, result: "FreeDecay", recordings: "list[Recording]", *, picture: bool
+) -> list[Path]:
+    """Write decay.json, and decay.png if asked for."""
+    write_json(folder / "decay.json", result.to_json())
+    if not picture:
+        return [folder / "decay.json"]
+    from reports.figures.decay import decay_figure
+
+    names = ", ".join(recording.path.name for recording in recordings)
+    rolls = [recording.roll for recording in recordings]
+    figure = decay_figure(rolls, result, f"{result.board}: free decay in {names}")
+    return [folder / "decay.json", write_figure(folder / "decay.png", figure)]

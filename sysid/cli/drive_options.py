@@ -1,7 +1,6 @@
 """Options of a driven joint."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Group, Parameter
@@ -22,15 +21,10 @@ class DriveArguments:
     """Unit of the input, or the size of one unit in SI; radians, N·m, A or V by default."""
     input_between: Literal["auto", "held", "smooth"] = "auto"
     """The input between samples: held by a controller, or smooth."""
-    gains: Annotated[
-        tuple[float, ...], Parameter(negative="", consume_multiple=True, show_default=False)
-    ] = ()
+    gains: Annotated[tuple[float, ...], Parameter(consume_multiple=True, show_default=False)] = ()
     """Gains instead of the model's: kp and kd of a command, or the torque of one unit of the input."""
     encoder: Literal["joint", "motor"] = "joint"
     """Side of the gear on which the angle is measured."""
-
-    next_motion: Path | None = None
-    """Write the next motion for the robot to this CSV file: the one that narrows the widest interval most."""
 
     @property
     def given(self) -> bool:

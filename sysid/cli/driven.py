@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import Printer
 from sysid.cli.drive_options import DriveArguments
-from sysid.cli.log_options import LogArguments, refuse_overwriting_logs, say_notes, space_of, typed
+from sysid.cli.log_options import LogArguments, refuse_overwriting_logs, say_notes, typed
+from sysid.cli.measurement import DriveMeasurement
 from sysid.cli.parameter_options import parse_bounds, parse_fixed
-from sysid.cli.subject import Subject
 from sysid.errors import QualityGateError, SysidError, UsageError
 from sysid.files import refuse_overwriting, require_writable, write_atomically, write_json
 from sysid.roll import Roll
@@ -21,7 +21,9 @@ from sysid.roll import Roll
 if TYPE_CHECKING:
     from sim.model.driven import Stated
     from sim.model.setup import Setup
+    from sysid.cli.fit import FitArguments
     from sysid.driven.log import DrivenLog, InputKind
+    from sysid.driven.runs import Agreement
 
 EVERY = "all"
 """Joint name for all joints with an actuator."""
@@ -37,17 +39,17 @@ class Driven:
     """By joint, one for each file."""
     stated: "Mapping[str, Stated]"
     paths: Sequence[Path]
-    options: Sequence[Any]
-    """Option groups that named joint, input and columns."""
+    measurement: DriveMeasurement
+    """Options that named joint, input and columns."""
 
-    def next_step(self, printer: Printer, verb: str, why: str, *more: str, model: Path | None = None) -> str:
+    def next_step(self, verb: str, why: str, *more: str, model: Path | None = None) -> str:
         """Return the next command: with the same options, `model` in place of the file, and for a check the rest of the log."""
-        subject, drive, arguments = self.options
-        if verb == "check" and arguments.start is None:
-            arguments = replace(arguments, start=arguments.stop, stop=None)
-        subject = replace(subject, model=model or subject.model)
-        words = (*typed(subject), *typed(replace(drive, next_motion=None)), *more)
-        command = space_of(printer.common, arguments).command(verb, *words, logs=self.paths)
+        named = self.measurement
+        if verb == "check" and named.reading.start is None:
+            rest = replace(named.reading, start=named.reading.stop, stop=None)
+            named = replace(named, reading=rest)
+        subject = replace(named.subject, model=model or named.subject.model)
+        command = named.space.command(verb, *typed(subject), *typed(named.drive), *more, logs=self.paths)
         return f"{why}: {command}"
 
     @property
@@ -58,9 +60,7 @@ class Driven:
         )
 
 
-def read_driven(
-    paths: Sequence[Path], subject: Subject, drive: DriveArguments, arguments: LogArguments, printer: Printer
-) -> Driven:
+def read_driven(paths: Sequence[Path], measurement: DriveMeasurement, printer: Printer) -> Driven:
     """Read logs of driven joints.
 
     Raises:
@@ -69,10 +69,11 @@ def read_driven(
     from sim.model.driven import Course, load_along, stated
     from sysid.driven.log import log_of
 
+    drive, arguments = measurement.drive, measurement.reading
     if drive.input_is is None:
         raise UsageError("--input needs --input-is torque|force|current|voltage|command.")
     kind = drive.input_is
-    setup = subject.setup
+    setup = measurement.subject.setup
     if setup is None:
         raise UsageError("a driven joint needs its model: --model FILE --joint NAME (or --joint all).")
     if not paths:
@@ -105,13 +106,11 @@ def read_driven(
             printer.note(f"joint '{joint}': moves as measured in {column}")
         if held := [joint for joint in others if joint not in measured]:
             printer.note(f"held in the pose of the model: {', '.join(held)}")
-    known = {joint: stated(setup.with_(joint=joint), kind, drive.gains) for joint in joints}
-    known = {
-        joint: replace(one, structure=replace(one.structure, encoder=drive.encoder))
-        for joint, one in known.items()
-    }
-    options = (subject, drive, arguments)
-    return Driven(setup=setup, joints=joints, logs=logs, stated=known, paths=paths, options=options)
+    known: dict[str, Stated] = {}
+    for joint in joints:
+        one = stated(setup.with_(joint=joint), kind, drive.gains)
+        known[joint] = replace(one, structure=replace(one.structure, encoder=drive.encoder))
+    return Driven(setup=setup, joints=joints, logs=logs, stated=known, paths=paths, measurement=measurement)
 
 
 def _columns(
@@ -174,15 +173,12 @@ def _roll(path: Path, column: str | None, acted: str | None, arguments: LogArgum
     from sysid.logs import read_roll
 
     options = replace(arguments.options, column=column, also=() if acted is None else (acted,))
-    roll = read_roll(path, options)
-    low = -math.inf if arguments.start is None else arguments.start
-    high = math.inf if arguments.stop is None else arguments.stop
-    rows = (roll.time >= low) & (roll.time <= high)
-    if rows.sum() < 50:
+    roll = arguments.part(read_roll(path, options))
+    if len(roll.time) < 50:
         raise SysidError(
-            f"{path}: {int(rows.sum())} samples between --from and --to; a driven joint needs 50."
+            f"{path}: {len(roll.time)} samples between --from and --to; a driven joint needs 50."
         )
-    return roll[rows]
+    return roll
 
 
 def _scale(column: str, drive: DriveArguments) -> float:
@@ -196,16 +192,18 @@ def _scale(column: str, drive: DriveArguments) -> float:
 
 
 def run_driven(
-    name: str, run: Callable[[Driven, Printer], dict[str, Any]], logs: Sequence[Path], subject: Subject, drive: DriveArguments,
-    arguments: LogArguments, common: Common,
-) -> int:  # fmt: skip
+    name: str,
+    run: Callable[[Driven, Printer], dict[str, Any]],
+    logs: Sequence[Path],
+    measurement: DriveMeasurement,
+) -> int:
     """Read logs of driven joints, run a command, and write its result to NAME.json."""
-    printer = Printer(common)
-    driven = read_driven(logs, subject, drive, arguments, printer)
+    printer = Printer(measurement.common)
+    driven = read_driven(logs, measurement, printer)
     for stated in driven.stated.values():
         printer.note("; ".join(stated.notes))
     content = run(driven, printer)
-    path = common.space.outputs(driven.name) / f"{name}.json"
+    path = measurement.space.outputs(driven.name) / f"{name}.json"
     write_json(path, content)
     printer.written(path)
     printer.say(f"next: {content['next']}")
@@ -218,8 +216,7 @@ def driven_compare(driven: Driven, printer: Printer, tolerance: float) -> dict[s
     content = _replayed(driven, printer, tolerance)
     if content["passed"]:
         return {**content, "next": f"the model moves as measured, and is ready to use: {driven.setup.file}"}
-    why = "measure armature, damping, friction and delay"
-    return {**content, "next": driven.next_step(printer, "fit", why)}
+    return {**content, "next": driven.next_step("fit", "measure armature, damping, friction and delay")}
 
 
 def _replayed(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
@@ -230,14 +227,18 @@ def _replayed(driven: Driven, printer: Printer, tolerance: float) -> dict[str, A
     for number in range(len(driven.logs[driven.joints[0]])):
         logs = {joint: driven.logs[joint][number] for joint in driven.joints}
         paths = replay(driven.setup, logs, driven.stated)
-        for joint, log in logs.items():
-            error = log.angle - paths[joint]
-            rmse, motion = float(np.sqrt(np.mean(error**2))), float(np.std(log.angle))
-            beyond = math.sqrt(max(rmse**2 - log.std**2, 0.0)) / motion
-            found.append({"log": log.name, "joint": joint, "rmse_rad": rmse, "nrmse": beyond, "noise_floor_rad": log.std,
-                          "where": _where(log, error), "passed": beyond <= tolerance, "tolerance": tolerance})  # fmt: skip
-    rows = [(f["joint"], Path(f["log"]).name, f"{f['rmse_rad']:.4g}", f"{100 * f['nrmse']:.2f} %", "✓" if f["passed"] else "✗",
-             f["where"][0]["text"]) for f in found]  # fmt: skip
+        found += [_error(joint, log, log.angle - paths[joint], tolerance) for joint, log in logs.items()]
+    rows = [
+        (
+            one["joint"],
+            Path(one["log"]).name,
+            f"{one['rmse_rad']:.4g}",
+            f"{100 * one['nrmse']:.2f} %",
+            "✓" if one["passed"] else "✗",
+            one["where"][0]["text"],
+        )
+        for one in found
+    ]
     unit = "m" if driven.logs[driven.joints[0]][0].slides else "rad"
     printer.table(
         ("joint", "log", f"RMS error [{unit}]", "of the motion", "", "where"),
@@ -248,6 +249,22 @@ def _replayed(driven: Driven, printer: Printer, tolerance: float) -> dict[str, A
         "joints": found,
         "passed": all(f["passed"] for f in found),
         "nrmse": max(f["nrmse"] for f in found),
+    }
+
+
+def _error(joint: str, log: "DrivenLog", error: Any, tolerance: float) -> dict[str, Any]:
+    """Return the error of a joint's replay and its location."""
+    rmse, motion = float(np.sqrt(np.mean(error**2))), float(np.std(log.angle))
+    beyond = math.sqrt(max(rmse**2 - log.std**2, 0.0)) / motion
+    return {
+        "log": log.name,
+        "joint": joint,
+        "rmse_rad": rmse,
+        "nrmse": beyond,
+        "noise_floor_rad": log.std,
+        "where": _where(log, error),
+        "passed": beyond <= tolerance,
+        "tolerance": tolerance,
     }
 
 
@@ -291,8 +308,8 @@ def driven_diagnose(driven: Driven, printer: Printer, fix: Sequence[str]) -> dic
     effects = sorted({name for one in found for name in one["verdict"]["effects"]})
     more = [word for name in effects for word in ("--effect", name)]
     why = f"add {' and '.join(effects)} to the model" if effects else "measure what the model has"
-    then = driven.next_step(printer, "fit", why, *more)
-    return {**(found[0] if len(cases) == 1 else {"joints": results}), "next": then}
+    content = found[0] if len(cases) == 1 else {"joints": results}
+    return {**content, "next": driven.next_step("fit", why, *more)}
 
 
 def _diagnosed(
@@ -313,65 +330,63 @@ def _diagnosed(
 
 
 def driven_fit(
-    driven: Driven, printer: Printer, *, effects: Sequence[str], fix: Sequence[str], bound: Sequence[str], plain: bool,
-    output: Path | None, motion: Path | None = None,
-) -> dict[str, Any]:  # fmt: skip
+    driven: Driven, printer: Printer, model: "FitArguments", output: Path | None
+) -> dict[str, Any]:
     """Fit each joint, print the agreement of its logs, and write a patched copy of the model."""
     from sim.model.driven import patch_driven
     from sim.model.driven_fit import fit_joints
     from sim.model.patch import copy_path
     from sysid.driven.report import fit_text
     from sysid.driven.runs import agreement
+    from sysid.effects import coulomb, delay
     from sysid.fitting.result import TOLERANCE
 
     path = output or copy_path(driven.setup, driven.name, printer.common.space.outputs(driven.name))
     require_writable(path)
-    stated = driven.stated
-    if plain:
+    stated, usual = driven.stated, (coulomb.EFFECT.name, delay.EFFECT.name)
+    if model.plain:
+        usual = ()
         stated = {
             joint: replace(one, structure=replace(one.structure, effects=())) for joint, one in stated.items()
         }
-    fits = fit_joints(
-        driven.setup,
-        driven.logs,
-        stated,
-        effects or _usual(plain),
-        fixed=parse_fixed(fix),
-        bounds=parse_bounds(bound),
-    )
+    effects, fixed, bounds = model.effect or usual, parse_fixed(model.fix), parse_bounds(model.bound)
+    fits = fit_joints(driven.setup, driven.logs, stated, effects, fixed=fixed, bounds=bounds)
     merged = {joint: agreement(one) for joint, one in fits.items()}
     for joint, one in merged.items():
         printer.say(fit_text(joint, fits[joint], one, driven.stated[joint].values))
-    if motion is not None:
-        from sysid.driven.next_motion import next_motion
-
-        for joint, one in merged.items():
-            found = next_motion(one.combined)
-            path = motion if len(merged) == 1 else motion.with_stem(f"{motion.stem}_{joint}")
-            write_atomically(path, found.csv())
-            printer.say(
-                f"{path}: {found.text}; the interval of {found.worst} becomes {100 * found.narrower:.0f} % as wide"
-            )
+    if model.next_motion is not None:
+        _write_next_motion(model.next_motion, merged, printer)
     made = patch_driven(driven.setup, {joint: one.combined for joint, one in merged.items()})
     refuse_overwriting([driven.setup.file, *made.files], {"--output": path})
     for line in made.remarks:
         printer.note(line)
     printer.say(made.diff.rstrip())
     printer.written(*made.save(path))
-    verb, why = "check", "replay it in MuJoCo, best on a stretch that the fit did not see"
     if max(one.nrmse for own in fits.values() for one in own) > TOLERANCE:
-        verb, why = "diagnose", "find the missing effect"
-    then = driven.next_step(printer, verb, why, model=path if verb == "check" else None)
+        then = driven.next_step("diagnose", "find the missing effect")
+    else:
+        why = "replay it in MuJoCo, best on a stretch that the fit did not see"
+        then = driven.next_step("check", why, model=path)
     joints = {joint: one.to_json() for joint, one in merged.items()}
     return {"joints": joints, "model": str(path), "next": then}
+
+
+def _write_next_motion(path: Path, merged: "Mapping[str, Agreement]", printer: Printer) -> None:
+    """Write the next motion of each joint; the joint is in the file's name where there are several."""
+    from sysid.driven.next_motion import next_motion
+
+    for joint, one in merged.items():
+        found = next_motion(one.combined)
+        own = path if len(merged) == 1 else path.with_stem(f"{path.stem}_{joint}")
+        write_atomically(own, found.csv())
+        narrower = f"the interval of {found.worst} becomes {100 * found.narrower:.0f} % as wide"
+        printer.say(f"{own}: {found.text}; {narrower}")
 
 
 def driven_export(path: Path, output: Path | None, timestep: float, printer: Printer) -> dict[str, Any]:
     """Write a fit of driven joints as a module for mjlab, and as JSON."""
     from sysid.driven.export import handed_over, mjlab_module
 
-    if not 0 < timestep <= 0.05:
-        raise SysidError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
     joints = handed_over(path)
     module = output or path.with_name("actuators.py")
     refuse_overwriting([path], {"--output": module, "JSON beside it": module.with_suffix(".json")})
@@ -379,13 +394,6 @@ def driven_export(path: Path, output: Path | None, timestep: float, printer: Pri
     write_json(module.with_suffix(".json"), {"joints": joints})
     printer.written(module, module.with_suffix(".json"))
     return {"joints": joints, "module": str(module)}
-
-
-def _usual(plain: bool) -> tuple[str, ...]:
-    """Return the default effects of a driven joint: dry friction and a delay."""
-    from sysid.effects import coulomb, delay
-
-    return () if plain else (coulomb.EFFECT.name, delay.EFFECT.name)
 
 
 def driven_check(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:

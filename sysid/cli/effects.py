@@ -20,9 +20,6 @@ def effects(
 ) -> int:
     """List all effects with law and provenance, show one, or write the file of a new one.
 
-    They come from the catalogue, from installed packages (entry points `husky_sysid.effects`) and from the files of
-    `--effect-file`.
-
     Args:
         output: Write the picture of the effect here: a decay with and without it.
     """

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
+from cyclopts.validators import Number
 
 from sysid.cli.console import BoardName, Common, Output, Printer
-from sysid.errors import SysidError
+from sysid.errors import SysidError, UsageError
+from sysid.text import count
 
 if TYPE_CHECKING:
     from policy_runtime.evaluation.plain import Protocol
@@ -24,9 +26,9 @@ CONDITION = Group("Condition", sort_key=0)
 class Condition:
     """Conditions of a ride; the easy ones by default."""
 
-    duration: float = 20.0
+    duration: Annotated[float, Parameter(validator=Number(gt=0))] = 20.0
     """Length of an episode [s]."""
-    pushes: float = 0.0
+    pushes: Annotated[float, Parameter(validator=Number(gte=0))] = 0.0
     """Largest change of velocity by shoves, one every 5 to 10 s [m/s]."""
     delay: float = 0.0
     """Delay from the policy's answer to the servos [s]."""
@@ -50,7 +52,7 @@ class Condition:
     """Factors of the board's stiffness, damping, inertia and rake, e.g. k=4,rake=0.9."""
     turn_deg: float = 45.0
     """Largest commanded turn [degrees]; 0 for straight on."""
-    jump: float = 0.0
+    jump: Annotated[float, Parameter(validator=Number(gte=0))] = 0.0
     """Time after which speed and turn are drawn anew [s]; 0 for one speed an episode and one turn a cycle."""
     stop: bool = False
     """Command a stop of 9 s on the way."""
@@ -69,29 +71,40 @@ class Condition:
         from policy_runtime.evaluation.stress import Stress
         from sim.board.scaled import parse_factors
 
-        if not self.duration > 0:
-            raise SysidError(f"--duration {self.duration:g}: must be longer than 0 s.")
-        if not self.pushes >= 0:
-            raise SysidError(f"--pushes {self.pushes:g}: must not be negative.")
-        if not self.jump >= 0:
-            raise SysidError(f"--jump {self.jump:g}: must not be negative.")
         if not 0 <= self.turn_deg <= 45:
             raise SysidError(f"--turn-deg {self.turn_deg:g}: policies are trained for 0 to 45°.")
         harder: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(Stress)}
-        stress = Stress(**(harder | {"slope": math.radians(self.slope)}))
-        return Protocol(
-            duration=self.duration,
-            pushes=self.pushes,
-            stress=stress,
-            terrain=self.terrain,
-            coupling=self.coupling,
-            board_scale=parse_factors(self.board_scale or ""),
-            turn=math.radians(self.turn_deg),
-            jump=self.jump,
-            stop=self.stop,
-            hold_heading=self.hold_heading,
-            randomised=self.randomised,
-        )
+        own: dict[str, Any] = {
+            field.name: getattr(self, field.name) for field in fields(Protocol) if hasattr(self, field.name)
+        }
+        ours: dict[str, Any] = {
+            "stress": Stress(**(harder | {"slope": math.radians(self.slope)})),
+            "board_scale": parse_factors(self.board_scale or ""),
+            "turn": math.radians(self.turn_deg),
+        }
+        return Protocol(**(own | ours))
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """Number of rides, and where they run."""
+
+    episodes: Annotated[int, Parameter(validator=Number(gte=1))] = 100
+    """Episodes of each seed; the paper has 1000."""
+    seeds: Annotated[int, Parameter(validator=Number(gte=1))] = 5
+    """Number of seeds: 0, 1, 2, …"""
+    simulator: Literal["mujoco", "mjlab"] = "mujoco"
+    """Plain MuJoCo has the servos at 500 Hz, as on the robot. mjlab, the simulator of the training, runs all episodes of a
+    seed in parallel."""
+    workers: int | None = None
+    """Processes in plain MuJoCo; one a processor if not given."""
+
+    @property
+    def text(self) -> str:
+        """The effort in words."""
+        episodes, seeds = count(self.episodes, "episode"), count(self.seeds, "seed")
+        return f"in {self.simulator}: {episodes} × {seeds}"
 
 
 def evaluate(
@@ -99,13 +112,9 @@ def evaluate(
     /,
     *others: str,
     board: BoardName,
-    episodes: int = 100,
-    seeds: int = 5,
+    effort: Effort = Effort(),
     condition: Condition = Condition(),
     suite: Annotated[bool, Parameter(group=CONDITION)] = False,
-    simulator: Literal["mujoco", "mjlab"] = "mujoco",
-    workers: int | None = None,
-    breakdown: bool = False,
     output: Output | None = None,
     force: bool = False,
     common: Common = Common(),
@@ -116,14 +125,8 @@ def evaluate(
         policy: An ONNX file of our interface or the HUSKY release's, or a scripted policy: zero, stand or push.
         others: More policies, for one table of all.
         board: The board to ride.
-        episodes: Episodes of each seed; the paper has 1000.
-        seeds: Number of seeds: 0, 1, 2, …
         condition: Conditions of the ride.
         suite: Ride under a table of conditions, one after the other.
-        simulator: Plain MuJoCo has the servos at 500 Hz, as on the robot. mjlab, the simulator of the training, runs all
-            episodes of a seed in parallel.
-        workers: Processes in plain MuJoCo; one a processor if not given.
-        breakdown: Show the errors by stretch, command, time within a stretch, and foot. The JSON always has them.
         output: Folder for the picture; reports/BOARD of the workspace if not given.
         force: Run even if policy and board disagree, or the board has not passed `check`.
     """
@@ -132,47 +135,49 @@ def evaluate(
     from policy_runtime.evaluation.suite import SUITE
     from sysid.cli.bars import bar
 
-    if episodes < 1 or seeds < 1:
-        raise SysidError(f"--episodes {episodes} --seeds {seeds}: both must be at least 1.")
     given = condition.protocol()
     if suite and given != Protocol():
-        raise SysidError("--suite has conditions of its own; leave the options of one condition out.")
+        raise UsageError("--suite has conditions of its own; leave the options of one condition out.")
     printer = Printer(common)
     policies = (policy, *others)
     printer.keep([Path(name) for name in policies])
     record = common.space.load_board(board)
-    processes = workers or len(os.sched_getaffinity(0))
+    processes = effort.workers or len(os.sched_getaffinity(0))
     rides: list[tuple[str, Evaluation]] = []
     with bar(printer) as progress, riders(processes) as pool:
         plain = partial(evaluate_policy, workers=processes, pool=pool)
-        measure = evaluate_in_parallel if simulator == "mjlab" else plain
+        measure = evaluate_in_parallel if effort.simulator == "mjlab" else plain
         for name, protocol in SUITE if suite else (("as asked for", given),):
             for one in policies:
-                task = progress.add_task(f"{Path(one).stem}, {name}", total=episodes * seeds)
-                tell, every = partial(progress.advance, task), tuple(range(seeds))
+                task = progress.add_task(f"{Path(one).stem}, {name}", total=effort.episodes * effort.seeds)
                 result = measure(
-                    one, record, episodes=episodes, seeds=every, protocol=protocol, force=force, progress=tell
+                    one,
+                    record,
+                    episodes=effort.episodes,
+                    seeds=tuple(range(effort.seeds)),
+                    protocol=protocol,
+                    force=force,
+                    progress=partial(progress.advance, task),
                 )
                 rides.append((name, result))
     folder = output or common.space.outputs(record.name)
-    title = f"{record.name} in {simulator}: {episodes} episode{'s' * (episodes > 1)} × {seeds} seed{'s' * (seeds > 1)}"
-    if len(rides) > 1:
-        content = _report_table(rides, title, folder, printer)
-    else:
-        content = _report_one(rides[0][1], title, simulator, breakdown, folder, printer)
-    printer.result(content | {"simulator": simulator, "randomised": condition.randomised})
+    named = "-".join(dict.fromkeys(one.policy for _, one in rides))
+    report, kind = (_report_table, "suite") if len(rides) > 1 else (_report_one, "evaluate")
+    picture = folder / f"{kind}-{named}-{effort.simulator}.png"
+    content = report(rides, f"{record.name} {effort.text}", picture, printer)
+    printer.result(content | {"simulator": effort.simulator, "randomised": condition.randomised})
     return 0
 
 
 def _report_table(
-    rides: "list[tuple[str, Evaluation]]", title: str, folder: Path, printer: Printer
+    rides: "list[tuple[str, Evaluation]]", title: str, picture: Path, printer: Printer
 ) -> dict[str, Any]:
     """Print and draw one row for each condition and policy; return them for machines."""
     from policy_runtime.evaluation.metrics import METRICS
     from reports.figures.ride import suite_figure
     from sysid.text import in_brackets as text
 
-    errors = (
+    errors = [
         "E_vel_mean_speed",
         "E_yaw",
         "E_contact",
@@ -181,23 +186,18 @@ def _report_table(
         "foot_travel",
         "slip",
         "style_distance",
-    )
+    ]
     policies = list(dict.fromkeys(one.policy for _, one in rides))
+    head = ["condition", "policy", "E_succ", "standing", "median [s]"]
     rows = [
-        {
-            "condition": name,
-            "policy": one.policy,
-            "E_succ": text(one.success),
-            "standing": text(one.standing),
-            "median": f"{one.median_duration:.0f} s",
-            **{f"{error} [{METRICS[error]}]": text(one.errors[error]) for error in errors},
-        }
+        [name, one.policy, text(one.success), text(one.standing), f"{one.median_duration:.0f}"]
+        + [text(one.errors[error]) for error in errors]
         for name, one in rides
     ]
-    printer.records(rows, f"{', '.join(policies)} on {title}")
-    picture = folder / f"suite-{'-'.join(policies)}.png"
+    head += [f"{error} [{METRICS[error]}]" for error in errors]
+    printer.table(head, rows, f"{', '.join(policies)} on {title}")
     suite_figure([(name, one.policy, one.success) for name, one in rides], title, picture)
-    printer.say(f"picture: {picture}")
+    printer.written(picture)
     return {
         "policies": policies,
         "conditions": [{"name": name} | one.to_json() for name, one in rides],
@@ -206,7 +206,7 @@ def _report_table(
 
 
 def _report_one(
-    result: "Evaluation", title: str, simulator: str, breakdown: bool, folder: Path, printer: Printer
+    rides: "list[tuple[str, Evaluation]]", title: str, picture: Path, printer: Printer
 ) -> dict[str, Any]:
     """Print and draw everything of one evaluation; return it for machines."""
     from policy_runtime.evaluation.metrics import METRICS
@@ -214,6 +214,7 @@ def _report_one(
     from reports.figures.ride import paths_figure
     from sysid.text import in_brackets as text
 
+    ((_, result),) = rides
     rows = [("E_succ", result.success), ("standing", result.standing)]
     rows += [(name, result.errors[name]) for name in METRICS]
     rows.append(("episode length", result.duration))
@@ -224,12 +225,6 @@ def _report_one(
     printer.table(head, body, title)
     endings = ", ".join(f"{ending} {count}" for ending, count in result.endings.items())
     printer.say(f"endings: {endings}")
-    if breakdown:
-        for table in result.tables:
-            head, *body = table.texts()
-            if body:
-                printer.table(head, body, table.title)
-    picture = folder / f"evaluate-{result.policy}-{simulator}.png"
     paths_figure(result.paths, result.headings, title, picture)
-    printer.say(f"picture: {picture}")
+    printer.written(picture)
     return {**result.to_json(), "picture": str(picture)}

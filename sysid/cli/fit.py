@@ -1,20 +1,20 @@
-"""`husky-sysid fit`: fit the tilt joint to logs, and save it in its record."""
+"""`husky-sysid fit`: fit a joint to logs, and save it in its record."""
 
 import shlex
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from sysid.board import Board
-from sysid.cli.console import FIT, Common, FitFlag, FitTexts, Output, Printer
-from sysid.cli.drive_options import DriveArguments
+from sysid.cli.console import FIT, Common, Fix, Output, Printer, Texts
+from sysid.cli.drive_options import DRIVE
 from sysid.cli.fit_intervals import show_intervals
-from sysid.cli.log_options import LogArguments, load_recordings, space_of
+from sysid.cli.measurement import DriveMeasurement, MeasuredLogs, read_logs
 from sysid.cli.parameter_options import SHORT, parse_bounds, parse_fixed
-from sysid.cli.subject import Subject
 from sysid.errors import SysidError
 from sysid.files import (
     refuse_other_kind,
@@ -25,111 +25,138 @@ from sysid.files import (
 )
 
 if TYPE_CHECKING:
-    from sim.compensation.step import Compensation
     from sysid.fit_mjcf import Fit
+
+
+@Parameter(name="*", group=FIT)
+@dataclass(frozen=True, kw_only=True)
+class FitArguments:
+    """The model of a fit, and its intervals."""
+
+    effect: Texts = ()
+    """Effect to add to those of the record; repeat it for several."""
+    fix: Fix = ()
+    bound: Texts = ()
+    """Keep a parameter within NAME=LOW:HIGH."""
+    prior: Texts = ()
+    """Use the record's value and standard deviation of a parameter as a prior; repeat it for several."""
+    plain: bool = False
+    """Drop the effects of the record."""
+    in_scene: bool = False
+    """Compensate the training scene too, so that it decays like the board. It has implicitfast at 5 ms, wheels on the
+    ground, and equality coupling."""
+    profile: bool = False
+    """Compute profile-likelihood intervals too; they may be asymmetric."""
+    bootstrap: int = 0
+    """Number of logs to resample from the residuals (block bootstrap) and to fit; 400 is a good number."""
+    any_period: bool = False
+    """Accept a natural period above 100 s or below 1 ms. Without it, such a period is a wrong unit of time."""
+    next_motion: Annotated[Path | None, Parameter(group=DRIVE)] = None
+    """Write the next motion for the robot to this CSV file: the one that narrows the widest interval most."""
 
 
 def fit(
     logs: list[Path],
     /,
     *,
-    subject: Subject = Subject(),
-    effect: FitTexts = (),
-    fix: FitTexts = (),
-    bound: FitTexts = (),
-    prior: FitTexts = (),
-    plain: FitFlag = False,
-    in_scene: FitFlag = False,
-    profile: FitFlag = False,
-    bootstrap: Annotated[int, Parameter(group=FIT)] = 0,
-    any_period: FitFlag = False,
+    measurement: DriveMeasurement = DriveMeasurement(),
+    model: FitArguments = FitArguments(),
     output: Output | None = None,
-    drive: DriveArguments = DriveArguments(),
-    arguments: LogArguments = LogArguments(),
-    common: Common = Common(),
 ) -> int:
-    """Fit stiffness, damping and effects to logs, and save the board.
-
-    The roll inertia is that of the record: a free decay alone fixes only k/I, d/I and torque/I.
+    """Fit stiffness, damping and effects to logs, and save the record.
 
     Args:
-        logs: Logs of one board.
-        effect: Effect to add to those of the record; repeat it for several.
-        fix: Hold a parameter, as NAME=VALUE in SI units: stiffness, damping, rest, or EFFECT.PARAMETER; repeat it for
-            several.
-        bound: Keep a parameter within NAME=LOW:HIGH.
-        prior: Use the record's value and standard deviation of a parameter as a prior; repeat it for several.
-        plain: Drop the effects of the record.
-        in_scene: Compensate the training scene too, so that it decays like the board. It has implicitfast at 5 ms,
-            wheels on the ground, and equality coupling.
-        profile: Compute profile-likelihood intervals too; they may be asymmetric.
-        bootstrap: Number of logs to resample from the residuals (block bootstrap) and to fit; 400 is a good number.
+        logs: Logs of one joint.
         output: The patched copy of a model; MODEL_JOINT.xml beside it if left out. A board has none.
-        any_period: Accept a natural period above 100 s or below 1 ms. Without it, such a period is a wrong unit of time.
     """
-    if drive.given:
+    if measurement.drive.given:
         from sysid.cli.driven import driven_fit, run_driven
 
-        run = partial(
-            driven_fit,
-            effects=effect,
-            fix=fix,
-            bound=bound,
-            plain=plain,
-            output=output,
-            motion=drive.next_motion,
-        )
-        return run_driven("fit", run, logs, subject, drive, arguments, common)
-    from sysid.cli.bars import working
-    from sysid.fit_mjcf import fit as fit_recordings
-    from sysid.fitting.joint import check_effects, prior_in_words
-    from sysid.fitting.result import TOLERANCE
-    from sysid.progress import stage
-
+        return run_driven("fit", partial(driven_fit, model=model, output=output), logs, measurement)
+    common = measurement.common
     printer = Printer(common)
-    record = subject.load(common, printer)
+    record = measurement.load(printer)
     copy = _copy_of(record, output, common)
     require_writable(common.space.boards / f"{record.name}.toml")
-    effect = (*effect, *(name for name in common.own_effects() if name not in effect))
-    check_effects(effect, [part.name for part in record.effects])
-    fixed, bounds = parse_fixed(fix), parse_bounds(bound)
-    if bootstrap:
-        from sysid.fitting.bootstrap import require_enough
-
-        require_enough(bootstrap)
-    logs, setups = subject.logs(logs)
-    record, recordings = subject.posed(
-        record, load_recordings(logs, arguments, printer, rest=record.rest_angle), setups
-    )
-    with working(printer), stage(0.0, 1.0, "fitting"):
-        result = fit_recordings(
-            recordings,
-            record,
-            effect,
-            plain=plain,
-            fixed=fixed,
-            bounds=bounds,
-            priors=[SHORT.get(name, name) for name in prior],
-            any_period=any_period,
-        )
-    for name, known in result.joint.problem.priors.items():
-        printer.note(prior_in_words(record, name, known))
-    printer.warnings(result.warnings, recordings)
+    found, result = _fitted(logs, record, measurement, model, printer)
     if copy is not None:
         from sim.model.soft_friction import soft_friction_warning
 
         printer.warnings(soft_friction_warning(result.joint, slides=record.slides))
-    if result.joint.nonsmooth and not profile:
+    new, text, scene = _described(result, found, model, printer)
+    printer.say(text)
+    draws, profile = model.bootstrap, model.profile
+    intervals = show_intervals(result.joint, found.record, common, printer, profile=profile, draws=draws)
+    for line in scene.lines() if scene else ():
+        printer.say(line)
+    printer.say(_next_step(result, found))
+    written = _drawn(common, result, printer)
+    unwritten: SysidError | None = None
+    if copy is not None:
+        new, copies, unwritten = _patched(new, copy, printer)
+        written += copies
+    # The record is saved last: a failure before leaves it unchanged.
+    printer.written(measurement.subject.save(new, found.record, common), *written)
+    entry = {"in_scene": scene.entry()} if scene else {}
+    printer.result({**result.to_json(), **intervals, **entry})
+    if unwritten is not None:
+        raise unwritten
+    return 0
+
+
+def _fitted(
+    logs: Sequence[Path], record: Board, measurement: DriveMeasurement, model: FitArguments, printer: Printer
+) -> "tuple[MeasuredLogs, Fit]":
+    """Read the logs and fit the joint; print notes and warnings."""
+    from sysid.cli.bars import working
+    from sysid.fit_mjcf import fit as fit_recordings
+    from sysid.fitting.bootstrap import require_enough
+    from sysid.fitting.joint import check_effects, prior_in_words
+    from sysid.progress import stage
+
+    own = (name for name in measurement.common.own_effects() if name not in model.effect)
+    effects = (*model.effect, *own)
+    check_effects(effects, [part.name for part in record.effects])
+    fixed, bounds = parse_fixed(model.fix), parse_bounds(model.bound)
+    if model.bootstrap:
+        require_enough(model.bootstrap)
+    found = read_logs(measurement, logs, printer, record=record)
+    with working(printer), stage(0.0, 1.0, "fitting"):
+        result = fit_recordings(
+            found.recordings,
+            found.record,
+            effects,
+            plain=model.plain,
+            fixed=fixed,
+            bounds=bounds,
+            priors=[SHORT.get(name, name) for name in model.prior],
+            any_period=model.any_period,
+        )
+    for name, known in result.joint.problem.priors.items():
+        printer.note(prior_in_words(found.record, name, known))
+    printer.warnings(result.warnings, found.recordings)
+    if result.joint.nonsmooth and not model.profile:
         printer.note(
             "With friction or stops the intervals may be asymmetric; --profile computes them exactly."
         )
-    scene: Compensation | None = None
+    return found, result
+
+
+def _described(
+    result: "Fit", found: MeasuredLogs, model: FitArguments, printer: Printer
+) -> "tuple[Board, str, Any]":
+    """Return the new record, the report, and the compensation of the training scene, if asked for."""
+    from sysid.cli.bars import working
+    from sysid.progress import stage
+
+    scene = None
     with working(printer):
         with stage(0.0, 0.3, "held-out error"):
-            new = result.updated_board({common.space.named(log): log for log in logs})
-        if read := space_of(common, arguments).reading:
+            logs = [file.found for file in found.files if file.found]
+            new = result.updated_board({found.space.named(log): log for log in logs})
+        if read := found.space.reading:
             new = replace(new, fit={**new.fit, "reading": shlex.join(read)})
-        if in_scene:
+        if model.in_scene:
             from sim.compensation.scene import compensate_in_scene
 
             with stage(0.3, 0.6, "in the scene"):
@@ -137,41 +164,41 @@ def fit(
             new = replace(new, fit={**new.fit, "in_scene": scene.entry()})
         with stage(0.6, 1.0, "simpler models"):
             text = result.report(printer.width)
-    printer.say(text)
-    intervals = show_intervals(result.joint, record, common, printer, profile=profile, draws=bootstrap)
-    for line in scene.lines() if scene else ():
-        printer.say(line)
+    return new, text, scene
+
+
+def _next_step(result: "Fit", found: MeasuredLogs) -> str:
+    from sysid.fitting.result import TOLERANCE
+
     missing = result.joint.excess > TOLERANCE
-    verb, why = ("diagnose", "find the missing effect") if missing else ("check", "check it in MuJoCo")
-    command = space_of(common, arguments).command(verb, *record.options, logs=logs)
-    printer.say(f"next: {why}: {command}")
-    written = [_draw(common, result)]
+    why, verb = ("find the missing effect", "diagnose") if missing else ("check it in MuJoCo", "check")
+    return found.next_step(why, verb)
+
+
+def _drawn(common: Common, result: "Fit", printer: Printer) -> list[Path]:
+    """Write the ladder, and of a learned torque its picture and its formula as an effect."""
+    from reports.figures.ladder import fit_steps, ladder_figure
+
+    name, formula = result.before.name, result.formula
+    folder = common.space.outputs(name)
+    noise = (result.noise.lowest / result.noise.std, result.noise.highest / result.noise.std)
+    ladder = ladder_figure(
+        fit_steps(result), noise, f"{name}: errors of the models", len(result.joint.records)
+    )
+    written = [write_figure(folder / "ladder.png", ladder)]
     if result.joint.problem.smoothing:
-        written.append(_draw_learned(common, result))
-    if result.formula is not None and result.formula.good and not result.formula.effects:
-        written.append(_offer(common, result, printer))
-    unwritten: SysidError | None = None
-    if copy is not None:
-        new, copies, unwritten = _patched(new, copy, printer)
-        written += copies
-    # The record is saved last: a failure before leaves it unchanged.
-    written.insert(0, subject.save(new, record, common))
-    printer.written(*written)
-    content = {**result.to_json(), **intervals}
-    printer.result({**content, "in_scene": scene.entry()} if scene else content)
-    if unwritten is not None:
-        raise unwritten
-    return 0
+        from reports.figures.learned import learned_figure
 
-
-def _offer(common: Common, result: "Fit", printer: Printer) -> Path:
-    """Write the learned formula as an effect of its own."""
-    assert result.formula is not None
-    name, source = result.formula.own_effect()
-    path = common.space.outputs(result.before.name) / f"{name.replace('-', '_')}.py"
-    write_atomically(path, source)
-    printer.say(f"the formula as an effect of its own: --plain --effect-file {path}")
-    return path
+        title = f"{name}: {formula.text if formula else 'no torque was learned'}"
+        figure = learned_figure(result.joint, formula, title, slides=result.before.slides)
+        written.append(write_figure(folder / "learned.png", figure))
+    if formula is not None and formula.good and not formula.effects:
+        effect, source = formula.own_effect()
+        path = folder / f"{effect.replace('-', '_')}.py"
+        write_atomically(path, source)
+        printer.say(f"the formula as an effect of its own: --plain --effect-file {path}")
+        written.append(path)
+    return written
 
 
 def _copy_of(record: Board, output: Path | None, common: Common) -> Path | None:
@@ -219,22 +246,3 @@ def _patched(record: Board, copy: Path, printer: Printer) -> tuple[Board, list[P
     except SysidError as error:
         return record, [], error
     return replace(record, model={**record.model, "file": str(copy)}), copies, None
-
-
-def _draw_learned(common: Common, result: "Fit") -> Path:
-    from reports.figures.learned import learned_figure
-
-    title = f"{result.before.name}: {result.formula.text if result.formula else 'no torque was learned'}"
-    figure = learned_figure(result.joint, result.formula, title, slides=result.before.slides)
-    return write_figure(common.space.outputs(result.before.name) / "learned.png", figure)
-
-
-def _draw(common: Common, result: "Fit") -> Path:
-    from reports.figures.ladder import fit_steps, ladder_figure
-
-    name = result.before.name
-    noise = (result.noise.lowest / result.noise.std, result.noise.highest / result.noise.std)
-    figure = ladder_figure(
-        fit_steps(result), noise, f"{name}: errors of the models", len(result.joint.records)
-    )
-    return write_figure(common.space.outputs(name) / "ladder.png", figure)

@@ -1,18 +1,21 @@
 """`husky-sysid inertia METHOD`: roll inertia from dimensions, parts, swings, weights or two decays."""
 
+import inspect
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
+from sysid import inertia as methods
 from sysid.cli import epilogue
 from sysid.cli.console import Common, Printer
-from sysid.cli.parameter_options import parse_or_read
+from sysid.cli.parameter_options import measured, parse_fields, parse_or_read
 from sysid.errors import SysidError
-from sysid.quantity import Quantity, error_budget, parse_quantity
+from sysid.inertia import AGREEMENT, ON_AXIS
+from sysid.quantity import Quantity, error_budget
 
 NOTES = """Quantities are written 2.58, 2.58±0.05 or 2.58+-0.05 in SI units (± is the 95 % interval), or with a unit: 20±0.2cm,
 184ms, 3.1deg, 6.5Hz. Distances are from the tilt axis. Every method takes --json PATH and --workspace DIR, and
@@ -30,35 +33,72 @@ class Outcome(Common):
     """Save the inertia in the record of this board in the workspace, and scale its stiffness, damping and torques."""
 
 
-Text = Annotated[str, Parameter(negative="", allow_leading_hyphen=True)]
-Texts = Annotated[tuple[str, ...], Parameter(negative="", allow_leading_hyphen=True)]
-UNITS = {
-    "mass": "kg", "stiffness": "N*m/rad", "period": "s", "amplitude": "rad", "bare": "rad/s",
-    "loaded": "rad/s", "own": "kg*m^2", "gravity": "m/s^2",
-}  # fmt: skip
-"""Units of the options; all others are lengths in m."""
+FREQUENCY = measured("rad/s", key="omega_n")
+Texts = Annotated[tuple[str, ...], Parameter(allow_leading_hyphen=True)]
+OPTIONS = {
+    "mass": (measured("kg"), "Mass m [kg]; of an added mass its total."),
+    "width": (measured("m"), "Width w across the deck [m]."),
+    "height": (
+        measured("m", positive=False),
+        "Height h [m]; of an added mass its height z above the tilt axis.",
+    ),
+    "distance": (measured("m", positive=False), "Distance e of the centre of mass from the tilt axis [m]."),
+    "separation": (measured("m"), "Distance s between the strings, the centre of mass midway [m]."),
+    "length": (measured("m"), "Length L of the strings [m]."),
+    "period": (measured("s"), "Period T of a full swing [s]."),
+    "stiffness": (measured("N*m/rad"), "Torsional stiffness κ of the wire [N*m/rad]."),
+    "pivot": (measured("m"), "Distance l from the pivot to the centre of mass [m]."),
+    "amplitude": (
+        measured("rad", positive=False),
+        "Amplitude of the swing, to correct its longer period [rad].",
+    ),
+    "bare": (FREQUENCY, "Natural frequency of the deck alone [rad/s], or the JSON file of `decay --json`."),
+    "loaded": (FREQUENCY, "The same with the added mass."),
+    "offset": (measured("m"), "Its distance y to the side; best half to the left and half to the right [m]."),
+    "own": (measured("kg*m^2", positive=False), "Its inertia about its own centre [kg*m^2]."),
+    "gravity": (
+        measured("m/s^2"),
+        "Gravity g [m/s^2]; the standard value with its range on Earth if left out.",
+    ),
+}
+"""Options of the methods that are one formula."""
+FORMULAS: Mapping[Callable[..., Quantity], str] = {
+    methods.cuboid: "Uniform cuboid: m (w² + h²) / 12 + m e².",
+    methods.bifilar: "Twist on two parallel strings, roll axis vertical: m g s² T² / (16 π² L) + m e².",
+    methods.torsional: "Twist on a wire or rod of known stiffness: κ T² / 4π² + m e².",
+    methods.compound: "Swing about an axis parallel to the roll axis: m g l T² / 4π² − m l² + m e².",
+    methods.added_mass: "Two decays, without and with a known mass: (ΔI ω₂² + m g z) / (ω₁² − ω₂²).",
+}
+"""Methods that are one formula of `sysid.inertia`, whose arguments are their options."""
 MAX_INERTIA = 0.5
 """Largest roll inertia without a warning of wrong units [kg m^2]: that of a plank of 10 kg and 0.7 m width."""
-NATURAL_FREQUENCY = ("omega_n", "rad/s")
-"""Key and unit of a natural frequency in the JSON of `decay`."""
-MAY_BE_ZERO = ("distance", "amplitude")
 
 
-@inertia.command
-def cuboid(
-    *, mass: Text, width: Text, height: Text, distance: Text = "0", outcome: Outcome = Outcome()
-) -> int:
-    """Uniform cuboid: m (w² + h²) / 12 + m e².
+def _formula_command(method: Callable[..., Quantity]) -> Callable[..., int]:
+    """Return the command of a method that is one formula."""
+    name = method.__name__.replace("_", "-")
 
-    Args:
-        mass: Mass m [kg].
-        width: Width w across the deck [m].
-        height: Height h [m].
-        distance: Distance e of its centre from the tilt axis [m].
-        outcome: Use of the result.
-    """
-    given = {"mass": mass, "width": width, "height": height, "distance": distance}
-    return _report("cuboid", given, outcome)
+    def run(outcome: Outcome = Outcome(), **inputs: Quantity | None) -> int:
+        given = {key: value for key, value in inputs.items() if value is not None}
+        return _finish(name, method(**given), outcome, given, error_budget(method, given))
+
+    own = [
+        inspect.Parameter(
+            key, inspect.Parameter.KEYWORD_ONLY, default=one.default,
+            annotation=Annotated[Quantity, OPTIONS[key][0], Parameter(help=OPTIONS[key][1])],
+        )
+        for key, one in inspect.signature(method).parameters.items()
+    ]  # fmt: skip
+    shared = [one for one in inspect.signature(run).parameters.values() if one.name == "outcome"]
+    signature = inspect.Signature([*shared, *own])
+    run.__signature__ = signature  # pyright: ignore[reportFunctionMemberAccess]
+    run.__annotations__ = {one.name: one.annotation for one in signature.parameters.values()}
+    run.__doc__ = FORMULAS[method]
+    return run
+
+
+for _method in FORMULAS:
+    inertia.command(_formula_command(_method), name=_method.__name__.replace("_", "-"))
 
 
 @inertia.command
@@ -79,8 +119,6 @@ def parts(
         body: INERTIA,MASS,DISTANCE of a part with a known inertia about its own centre.
         outcome: Use of the result.
     """
-    from sysid import inertia as methods
-
     kinds: dict[str, tuple[tuple[str, ...], Callable[..., Quantity], tuple[str, ...], int]] = {
         "cuboid": (cuboid, methods.cuboid, ("kg", "m", "m", "m"), 3),
         "cylinder": (cylinder, methods.cylinder, ("kg", "m", "m", "m"), 3),
@@ -90,105 +128,21 @@ def parts(
     named: dict[str, Quantity] = {}
     for kind, (texts, method, units, needed) in kinds.items():
         for number, text in enumerate(texts, start=1):
-            named[f"{kind} {number}"] = method(*_fields(f"--{kind} '{text}'", text, units, needed))
+            # A part may be on the axis: its last field, the distance, may be 0.
+            fields = parse_fields(f"--{kind} '{text}'", text, units, needed, any_sign=range(needed - 1, 4))
+            named[f"{kind} {number}"] = method(*fields)
     result = methods.parts(list(named.values()))
-    variance = sum(part.std**2 for part in named.values())
-    budget = {name: part.std**2 / variance for name, part in named.items() if part.std > 0}
+    budget = {name: (part.std / result.std) ** 2 for name, part in named.items() if part.std > 0}
     return _finish("parts", result, outcome, inputs=named, budget=budget)
-
-
-@inertia.command
-def bifilar(
-    *, mass: Text, separation: Text, length: Text, period: Text, distance: Text = "0",
-    outcome: Outcome = Outcome(),
-) -> int:  # fmt: skip
-    """Twist on two parallel strings, roll axis vertical: m g s² T² / (16 π² L) + m e².
-
-    Args:
-        mass: Mass m [kg].
-        separation: Distance s between the strings, the centre of mass midway [m].
-        length: Length L of the strings [m].
-        period: Period T of one full twist [s].
-        distance: Distance e from the centre of mass to the tilt axis [m].
-        outcome: Use of the result.
-    """
-    given = {"mass": mass, "separation": separation, "length": length, "period": period, "distance": distance}
-    return _report("bifilar", given, outcome)
-
-
-@inertia.command
-def torsional(
-    *,
-    stiffness: Text,
-    period: Text,
-    mass: Text | None = None,
-    distance: Text = "0",
-    outcome: Outcome = Outcome(),
-) -> int:
-    """Twist on a wire or rod of known stiffness: κ T² / 4π² + m e².
-
-    Args:
-        stiffness: Torsional stiffness κ of the wire [N*m/rad].
-        period: Period T [s].
-        mass: Mass m; needed with --distance only [kg].
-        distance: Distance e from the wire's axis to the tilt axis [m].
-        outcome: Use of the result.
-    """
-    given = {"stiffness": stiffness, "period": period, "distance": distance}
-    return _report("torsional", given | ({"mass": mass} if mass else {}), outcome)
-
-
-@inertia.command
-def compound(
-    *, mass: Text, pivot: Text, period: Text, distance: Text = "0", amplitude: Text = "0",
-    outcome: Outcome = Outcome(),
-) -> int:  # fmt: skip
-    """Swing as a pendulum about an axis parallel to the roll axis: m g l T² / 4π² − m l² + m e².
-
-    Args:
-        mass: Mass m [kg].
-        pivot: Distance l from the pivot to the centre of mass [m].
-        period: Period T [s].
-        distance: Distance e from the centre of mass to the tilt axis [m].
-        amplitude: Amplitude of the swing, to correct its longer period [rad].
-        outcome: Use of the result.
-    """
-    given = {"mass": mass, "pivot": pivot, "period": period, "distance": distance, "amplitude": amplitude}
-    return _report("compound", given, outcome)
-
-
-@inertia.command(name="added-mass")
-def added_mass(
-    *, bare: Text, loaded: Text, mass: Text, offset: Text, height: Text = "0", own: Text = "0",
-    outcome: Outcome = Outcome(),
-) -> int:  # fmt: skip
-    """Two decays, without and with a known mass: (ΔI ω₂² + m g z) / (ω₁² − ω₂²).
-
-    Args:
-        bare: Natural frequency of the deck alone [rad/s], or the JSON file of `decay --json`.
-        loaded: The same with the added mass.
-        mass: Total added mass [kg].
-        offset: Its distance y to the side; best half to the left and half to the right [m].
-        height: Its height z above the tilt axis, negative below [m].
-        own: Its inertia about its own centre [kg*m^2].
-        outcome: Use of the result.
-    """
-    from sysid import inertia as methods
-
-    quantities = {
-        "bare": parse_or_read(bare, *NATURAL_FREQUENCY, "--bare"),
-        "loaded": parse_or_read(loaded, *NATURAL_FREQUENCY, "--loaded"),
-    }
-    for name, text in (("mass", mass), ("offset", offset), ("height", height), ("own", own)):
-        positive = name in ("mass", "offset")
-        quantities[name] = parse_quantity(text, UNITS.get(name, "m"), f"--{name}", positive=positive)
-    result = methods.added_mass(**quantities)
-    return _finish("added-mass", result, outcome, quantities, error_budget(methods.added_mass, quantities))
 
 
 @inertia.command(name="static-tilt")
 def static_tilt(
-    *, reading: Texts, height: Text = "0", frequency: Text | None = None, outcome: Outcome = Outcome()
+    *,
+    reading: Texts,
+    height: Annotated[Quantity, OPTIONS["height"][0]] = ON_AXIS,
+    frequency: Annotated[Quantity | None, FREQUENCY] = None,
+    outcome: Outcome = Outcome(),
 ) -> int:
     """Known weights at known offsets give the stiffness k itself; with a decay, I = k / ω_n².
 
@@ -199,23 +153,20 @@ def static_tilt(
         frequency: Natural frequency of the same deck [rad/s], or the JSON file of `decay --json`.
         outcome: Use of the result.
     """
+    from scipy.special import chdtrc
+
     from sysid.experiments import static_tilt as tilt
 
     readings: list[tilt.Weighing] = []
     for text in reading:
-        mass, offset, roll = _fields(
-            f"--reading '{text}'", text, ("kg", "m", "rad"), 3, negative=("m", "rad")
-        )
-        readings.append(tilt.Weighing(mass=mass, offset=offset, roll=roll))
-    test = tilt.static_tilt(readings, parse_quantity(height, "m", "--height", positive=False))
+        fields = parse_fields(f"--reading '{text}'", text, ("kg", "m", "rad"), 3, any_sign=(1, 2))
+        readings.append(tilt.Weighing(**dict(zip(("mass", "offset", "roll"), fields, strict=True))))
+    test = tilt.static_tilt(readings, height)
     printer = Printer(outcome)
     printer.quantities([("stiffness k", test.stiffness), ("rest angle", test.rest)])
     worst = max(test.residuals, key=abs)
     printer.say(f"largest distance of a reading from the line: {math.degrees(worst):+.3f} degrees")
-    # 95 % quantile of χ² over its degrees of freedom (Wilson and Hilferty).
-    spread = 2 / (9 * test.degrees_of_freedom)
-    limit = (1 - spread + 1.645 * math.sqrt(spread)) ** 3
-    if test.chi_square > limit * test.degrees_of_freedom:
+    if chdtrc(test.degrees_of_freedom, test.chi_square) < AGREEMENT:
         printer.warn(
             "the readings scatter more than their uncertainties allow: friction, a nonlinear spring, or too small "
             "uncertainties of the angles. The interval was widened."
@@ -227,19 +178,20 @@ def static_tilt(
         printer.note("for the inertia, add --frequency with ω_n of a decay of the same deck")
         printer.result({"method": "static-tilt", "inertia": None, **content})
         return 0
-    inputs = {
-        "stiffness": test.stiffness,
-        "natural frequency": parse_or_read(frequency, *NATURAL_FREQUENCY, "--frequency"),
-    }
-    result = test.inertia(inputs["natural frequency"])
-    shares = {"stiffness": 1.0, "natural frequency": 2.0}
-    parts = {name: (shares[name] * q.std / q.value) ** 2 for name, q in inputs.items()}
-    budget = {name: part / sum(parts.values()) for name, part in parts.items()}
-    return _finish("static-tilt", result, outcome, inputs, budget, extra=content)
+
+    def ratio(stiffness: Quantity, natural_frequency: Quantity) -> Quantity:
+        return replace(test, stiffness=stiffness).inertia(natural_frequency)
+
+    inputs = {"stiffness": test.stiffness, "natural_frequency": frequency}
+    return _finish(
+        "static-tilt", ratio(**inputs), outcome, inputs, error_budget(ratio, inputs), extra=content
+    )
 
 
 @inertia.command
-def combine(*estimates: Text, outcome: Outcome = Outcome()) -> int:
+def combine(
+    *estimates: Annotated[str, Parameter(allow_leading_hyphen=True)], outcome: Outcome = Outcome()
+) -> int:
     """Weighted mean of several methods, and whether they agree.
 
     Args:
@@ -247,8 +199,6 @@ def combine(*estimates: Text, outcome: Outcome = Outcome()) -> int:
             the JSON of a method.
         outcome: Use of the result.
     """
-    from sysid import inertia as methods
-
     named: dict[str, Quantity] = {}
     for text in estimates:
         name, equals, value = text.partition("=")
@@ -269,23 +219,14 @@ def combine(*estimates: Text, outcome: Outcome = Outcome()) -> int:
     else:
         printer.say(text)
     extra = {
-        "chi_square": result.chi_square, "degrees_of_freedom": result.degrees_of_freedom,
-        "p_value": result.p_value, "agree": result.agree, "stands_out": result.odd_one,
+        "chi_square": result.chi_square,
+        "degrees_of_freedom": result.degrees_of_freedom,
+        "p_value": result.p_value,
+        "agree": result.agree,
+        "stands_out": result.odd_one,
         "pulls": dict(result.pulls),
-    }  # fmt: skip
-    return _finish("combine", result.inertia, outcome, named, {}, extra=extra)
-
-
-def _report(name: str, given: Mapping[str, str], outcome: Outcome) -> int:
-    """Read the options, run the method of that name, print the result."""
-    from sysid import inertia as methods
-
-    method: Callable[..., Quantity] = getattr(methods, name)
-    inputs = {
-        key: parse_quantity(text, UNITS.get(key, "m"), f"--{key}", positive=key not in MAY_BE_ZERO)
-        for key, text in given.items()
     }
-    return _finish(name, method(**inputs), outcome, inputs, error_budget(method, inputs))
+    return _finish("combine", result.inertia, outcome, named, {}, extra=extra)
 
 
 def _finish(
@@ -343,19 +284,3 @@ def _save(board: str, result: Quantity, outcome: Outcome, printer: Printer) -> s
         printer.warn(f"{board}: the check of the old record no longer counts; run it again.")
     printer.say(f"saved: {path}")
     return str(path)
-
-
-def _fields(
-    name: str, text: str, units: tuple[str, ...], needed: int, negative: tuple[str, ...] = ()
-) -> list[Quantity]:
-    fields = text.split(",")
-    if not needed <= len(fields) <= len(units):
-        count = f"{needed}" if needed == len(units) else f"{needed} or {len(units)}"
-        raise SysidError(f"{name}: number of fields is {len(fields)}; expected {count}, with commas between.")
-    return [
-        # Parts may be on the axis, weights on both sides of it.
-        parse_quantity(
-            field, unit, f"{name}, field {number}", positive=number < needed and unit not in negative
-        )
-        for number, (field, unit) in enumerate(zip(fields, units, strict=False), start=1)
-    ]

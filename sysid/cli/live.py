@@ -13,9 +13,9 @@ from typing import Annotated, Any
 from cyclopts import Parameter, validators
 
 from sysid.board import Board
-from sysid.cli.console import OUTPUT, Common, Printer
-from sysid.cli.log_options import LogArguments, recording_of, space_of
-from sysid.cli.subject import Subject
+from sysid.cli.console import OUTPUT, Printer
+from sysid.cli.log_options import LogArguments, recording_of
+from sysid.cli.measurement import Measurement
 from sysid.errors import SysidError
 from sysid.live.phyphox import Phone
 from sysid.live.rest import Rest
@@ -34,18 +34,13 @@ LOSSES = 5
 
 def live(
     *,
-    subject: Subject = Subject(),
+    measurement: Measurement = Measurement(),
     phone: str | None = None,
     watch: Path | None = None,
     releases: Annotated[int | None, Parameter(validator=validators.Number(gte=1))] = None,
     port: Annotated[int, Parameter(group=OUTPUT, validator=validators.Number(gte=0, lte=65535))] = 8123,
-    arguments: LogArguments = LogArguments(),
-    common: Common = Common(),
 ) -> int:
     """Read a phone while the board rocks, and show stiffness and damping after each release.
-
-    The phone runs phyphox with gyroscope and accelerometer and allows remote access. A page with numbers, the next step
-    and sliders is served on this machine only. The log is kept in logs/ of the workspace; end with Ctrl-C.
 
     Args:
         phone: Address in phyphox, such as 192.168.0.42:8080.
@@ -53,20 +48,20 @@ def live(
         releases: End after so many.
         port: Of the page; 0 takes a free one.
     """
-    printer = Printer(common)
-    record = subject.load(common, printer)
+    printer, space, reading = Printer(measurement.common), measurement.space, measurement.reading
+    record = measurement.load(printer)
     if (phone is None) == (watch is None):
         raise SysidError(
             "live reads a phone or a folder: give --phone ADDRESS or --watch FOLDER, one of them."
         )
     stamp = f"{datetime.now():%Y%m%d-%H%M%S}"
-    log = watch if watch is not None else common.space.root / "logs" / f"{record.name}-{stamp}"
+    log = watch if watch is not None else space.root / "logs" / f"{record.name}-{stamp}"
     session = Session(record, grows=phone is not None)
     _warm_up(record)
     look = (
-        _watching(watch, arguments, printer)
+        _watching(watch, reading, printer)
         if watch is not None
-        else _phoning(str(phone), log, arguments, printer)
+        else _phoning(str(phone), log, reading, printer)
     )
     with _served(_Shown(session, str(log)), port, printer) as shown:
         printer.say(session.next_step)
@@ -82,7 +77,6 @@ def live(
             printer.note("ended")
     numbers = {} if session.decay is None else session.decay.to_json()
     logs = [log] if phone is not None else dict.fromkeys(release.log for release in session.releases)
-    space = space_of(common, arguments)
     first, then = (space.command(name, *record.options, logs=logs) for name in ("fit", "diagnose"))
     printer.say(f"kept: {log}\nnext: {first}\nthen: {then}")
     printer.result(

@@ -1,17 +1,15 @@
 """Options of every command that takes a log."""
 
 import math
-import shlex
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_type_hints
 
 from cyclopts import Parameter
 
-from sysid.board import Board
-from sysid.cli.console import FILM, LOG, Common, Flag, Printer
+from sysid.cli.console import FILM, LOG, Printer
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.logs.sources.registry import sources
@@ -20,9 +18,8 @@ from sysid.recording import Recording, refuse_duplicates
 from sysid.roll import Roll
 from sysid.video.options import VideoOptions, is_film
 from sysid.video.trackers import Method
-from sysid.workspace import Workspace
 
-_Pair = Annotated[tuple[float, float] | None, Parameter(negative="", allow_leading_hyphen=True)]
+_Pair = Annotated[tuple[float, float] | None, Parameter(allow_leading_hyphen=True)]
 
 
 @Parameter(name="*", group=FILM)
@@ -32,7 +29,7 @@ class VideoArguments:
 
     method: Method = "auto"
     """Tracker of the film."""
-    roi: Annotated[tuple[int, int, int, int] | None, Parameter(negative="")] = None
+    roi: tuple[int, int, int, int] | None = None
     """Region of the board's motion: left, top, width and height in px."""
     calibration: Path | None = None
     """Camera calibration, a file or a film of a chessboard."""
@@ -42,9 +39,9 @@ class VideoArguments:
     """Direction of the deck's axis from the line of sight, to the right and down, in degrees."""
     pivot: _Pair = None
     """Centre of rotation for a single dot, or for x and y of a table: in px, or in the table's unit."""
-    no_shake: Flag = False
+    no_shake: bool = False
     """The camera stands still; do not correct shake."""
-    front: Flag = False
+    front: bool = False
     """Taken from the front of the board, not from behind."""
     overlay: Path | None = None
     """Write a film with the tracked points drawn in."""
@@ -53,19 +50,18 @@ class VideoArguments:
     def options(self) -> VideoOptions:
         """The same, with angles in rad."""
         angle = self.camera_angle
-        if angle is not None and not max(map(abs, angle)) <= MAX_CAMERA_ANGLE:
+        if angle is not None and not max(map(abs, angle)) < 90:
             raise SysidError(
-                f"--camera-angle {angle[0]:g} {angle[1]:g}: expected degrees of at most {MAX_CAMERA_ANGLE:g} to either side; "
-                "at larger angles the roll of the deck is hardly visible."
+                f"--camera-angle {angle[0]:g} {angle[1]:g}: expected degrees within ±90; from the side no roll is visible."
             )
         radians: Any = None if angle is None else tuple(map(math.radians, angle))
         return VideoOptions(**(vars(self) | {"camera_angle": radians}))
 
 
-MAX_CAMERA_ANGLE = 45.0
-"""Largest angle between the line of sight and the deck's axis [deg]."""
 _NO_VIDEO = VideoArguments()
 if TYPE_CHECKING:
+    from reports.rerun.film_frames import FilmFrames
+
     _Source = str
 else:
     _Source = Literal[("auto", *sources())]
@@ -88,19 +84,17 @@ class LogArguments:
     """Column with the time: its name, or its number counted from 1."""
     source: _Source = "auto"
     """Sensor to use, if the log holds several."""
-    lever_arm: Annotated[
-        tuple[float, float, float] | None, Parameter(negative="", allow_leading_hyphen=True)
-    ] = None
+    lever_arm: Annotated[tuple[float, float, float] | None, Parameter(allow_leading_hyphen=True)] = None
     """From the tilt axis to the accelerometer, along the sensor's x y z, in m; estimated if left out."""
-    keep_outliers: Flag = False
+    keep_outliers: bool = False
     """Keep isolated outliers, which are left out by default."""
     start: Annotated[float | None, Parameter(name="--from")] = None
     """Ignore the log before this time in s."""
     stop: Annotated[float | None, Parameter(name="--to")] = None
     """Ignore the log after this time in s."""
-    release: Annotated[tuple[float, ...], Parameter(negative="", show_default=False)] = ()
+    release: Annotated[tuple[float, ...], Parameter(show_default=False)] = ()
     """Time of a release in s, instead of finding it; repeat it for several."""
-    keep_zero: Flag = False
+    keep_zero: bool = False
     """Keep the log's own zero, even far from the rest of the joint."""
     video: VideoArguments = _NO_VIDEO
 
@@ -111,36 +105,21 @@ class LogArguments:
         del given["release"], given["keep_zero"]
         return LogOptions(**given)
 
+    def part(self, roll: Roll) -> Roll:
+        """Return the part of a roll between --from and --to.
 
-def space_of(common: Common, arguments: LogArguments) -> Workspace:
-    """Return the workspace of a command; printed commands get its options for reading logs."""
-    return Workspace(common.workspace, tuple(typed(arguments)))
-
-
-def as_fitted(record: Board, logs: Sequence[Path], arguments: LogArguments, printer: Printer) -> LogArguments:
-    """Return the reading options of the record's fit, if neither logs nor options were given.
-
-    Raises:
-        SysidError: The record's options are unknown.
-    """
-    words = record.fit.get("reading", "")
-    if logs or arguments != LogArguments() or not words:
-        return arguments
-    from cyclopts import App, CycloptsError
-
-    def command(*, arguments: LogArguments = LogArguments()) -> LogArguments:
-        return arguments
-
-    app = App(default_command=command)
-    try:
-        found = app(shlex.split(words), exit_on_error=False, print_error=False, result_action="return_value")
-    except (CycloptsError, ValueError) as error:
-        raise SysidError(
-            f"record '{record.name}': field 'fit.reading' is {words!r}; expected options for reading a log. Give the logs and "
-            "their options on the command line."
-        ) from error
-    printer.note(f"logs read with the options of the fit: {words}")
-    return found
+        Raises:
+            SysidError: It is empty.
+        """
+        low = -math.inf if self.start is None else self.start
+        high = math.inf if self.stop is None else self.stop
+        rows = (roll.time >= low) & (roll.time <= high)
+        if not rows.any():
+            raise SysidError(
+                f"{roll.log}: nothing between --from {self.start} and --to {self.stop}; it runs from {roll.time[0]:.4g} to "
+                f"{roll.time[-1]:.4g} s."
+            )
+        return roll[rows]
 
 
 def typed(group: Any) -> Iterator[str]:
@@ -195,27 +174,33 @@ def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
     Raises:
         SysidError: The log cannot be read as roll, or would be overwritten.
     """
-    refuse_overwriting_logs([log], arguments, printer)
     if unused := unused_options(log, arguments):
         kind = "a film" if is_film(log) else "no film"
         printer.warn(f"{log}: not used: {', '.join(unused)}; this is {kind}")
-    with reading(arguments, printer, shown=is_film(log)) as options:
+    with _with_bar(arguments, printer) if is_film(log) else nullcontext(arguments.options) as options:
         roll = read_roll(log, options)
     say_notes(log, roll, printer)
     return roll
 
 
 @contextmanager
-def reading(arguments: LogArguments, printer: Printer, *, shown: bool) -> Generator[LogOptions]:
-    """Yield the reading options of a log, with a bar on stderr for a film."""
-    options = arguments.options
-    if not shown:
-        yield options
-        return
+def _with_bar(arguments: LogArguments, printer: Printer) -> Generator[LogOptions]:
+    """Yield the reading options of a film, with a bar on stderr."""
     from sysid.cli.bars import told_bar
 
+    options = arguments.options
     with told_bar(printer) as progress:
         yield replace(options, video=replace(options.video or VideoOptions(), progress=progress))
+
+
+def read_film(film: Path, arguments: LogArguments, printer: Printer) -> "tuple[Roll, FilmFrames]":
+    """Read a film with its pictures, and print notes and warnings on stderr."""
+    from reports.rerun.film_frames import read_film as read
+
+    with _with_bar(arguments, printer) as options:
+        roll, frames = read(film, options)
+    say_notes(film, roll, printer)
+    return roll, frames
 
 
 def say_notes(log: Path, roll: Roll, printer: Printer) -> None:

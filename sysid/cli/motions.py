@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sysid.cli.boards import plain
 from sysid.cli.console import Common, Made, Printer
 from sysid.errors import SysidError
 
@@ -33,7 +34,8 @@ def motions(
     facts = {clip.name: motion_facts(clip, model) for clip in clips}
     if len(facts) < len(clips):
         raise SysidError("two motions have the same name; give them one at a time.")
-    printer.records([_row(name, fact) for name, fact in facts.items()])
+    head = ("motion", "length", "speed", "period", "on ground", "slide", "peak joint speed", "limit margin")
+    printer.table(head, [_row(name, fact) for name, fact in facts.items()])
     if not motion:
         folder = transition_folder()
         printer.note(
@@ -48,42 +50,46 @@ def motions(
         from reports.figures.motion import motion_figure
 
         motion_figure(clips, [fact.planted for fact in facts.values()], plot)
-        printer.say(f"picture: {plot}")
+        printer.written(plot)
     if rerun is not None:
         from reports.rerun.ride import motion_recording
 
         motion_recording(model, clips, rerun)
-        printer.say(f"recording: {rerun}")
+        printer.written(rerun)
     printer.result({"motions": [_json(name, fact, JOINTS) for name, fact in facts.items()]})
     return 0
 
 
-def _row(name: str, fact: "MotionFacts") -> dict[str, str]:
-    return {
-        "motion": name,
-        "length": f"{fact.frames} frames, {fact.duration:.2f} s",
-        "speed": f"{fact.speed:.2f} m/s",
-        "period": f"{fact.period:.2f} s" if math.isfinite(fact.period) else "none",
-        "on ground": f"{100 * fact.stance:.0f} %",
-        "slide": f"{fact.slide * 1e3:.0f} mm/s",
-        "peak joint speed": f"{fact.peak_speed:.1f} rad/s ({fact.peak_speed_joint})",
-        "limit margin": f"{fact.limit_margin:.3f} rad",
-    }
+def _row(name: str, fact: "MotionFacts") -> tuple[str, ...]:
+    return (
+        name,
+        f"{fact.frames} frames, {fact.duration:.2f} s",
+        f"{fact.speed:.2f} m/s",
+        f"{fact.period:.2f} s" if math.isfinite(fact.period) else "none",
+        f"{100 * fact.stance:.0f} %",
+        f"{fact.slide * 1e3:.0f} mm/s",
+        f"{fact.peak_speed:.1f} rad/s ({fact.peak_speed_joint})",
+        f"{fact.limit_margin:.3f} rad",
+    )
 
 
 def _json(name: str, fact: "MotionFacts", joints: tuple[str, ...]) -> dict[str, object]:
-    finite = {"period": fact.period, "support_margin": fact.support_margin}
-    as_they_are = (
-        "speed", "stance", "slide", "penetration", "limit_margin", "peak_speed", "peak_speed_joint", "self_contacts",
-    )  # fmt: skip
+    """Return the facts; NaN becomes null."""
+    own = (
+        "speed",
+        "stance",
+        "slide",
+        "penetration",
+        "limit_margin",
+        "peak_speed",
+        "peak_speed_joint",
+        "self_contacts",
+    )
+    ranges = zip(joints, fact.joint_low, fact.joint_high, strict=True)
     return {
         "name": name,
         "frames": fact.frames,
         "duration_s": fact.duration,
-        **{key: getattr(fact, key) for key in as_they_are},
-        **{key: value if math.isfinite(value) else None for key, value in finite.items()},
-        "ranges": {
-            joint: [float(low), float(high)]
-            for joint, low, high in zip(joints, fact.joint_low, fact.joint_high, strict=True)
-        },
+        **{key: plain(getattr(fact, key)) for key in (*own, "period", "support_margin")},
+        "ranges": {joint: [float(low), float(high)] for joint, low, high in ranges},
     }

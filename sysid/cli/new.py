@@ -1,18 +1,19 @@
 """`husky-sysid new`: the smallest record for identifying a joint."""
 
-import shlex
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal, get_args
 
 from sysid.board import Board, BoardEffect
 from sysid.cli.console import Common, Printer
+from sysid.cli.parameter_options import measured
 from sysid.cli.subject import Subject
 from sysid.effects import weight
 from sysid.errors import SysidError, UsageError
+from sysid.inertia import GRAVITY
 from sysid.loop import Joint
-from sysid.quantity import GRAVITY, Quantity, parse_quantity, propagate
+from sysid.quantity import Quantity, parse_quantity, propagate
 
 Kind = Literal["board", "pendulum", "rig", "joint"]
 QUESTIONS = {
@@ -31,16 +32,13 @@ def new(
     /,
     *,
     kind: Kind | None = None,
-    inertia: str | None = None,
-    mass: str | None = None,
-    arm: str | None = None,
+    inertia: Annotated[Quantity | None, measured("kg*m^2")] = None,
+    mass: Annotated[Quantity | None, measured("kg")] = None,
+    arm: Annotated[Quantity | None, measured("m")] = None,
     subject: Subject = Subject(),
     common: Common = Common(),
 ) -> int:
     """Write the smallest record of a joint; a terminal asks for missing options.
-
-    A decay gives k/I and d/I; the record gives I and its source. Geometry and masses of a whole board are needed for its
-    scene only, and can be added later.
 
     Args:
         name: Of the record, which becomes data/boards/NAME.toml of the workspace.
@@ -50,8 +48,6 @@ def new(
         arm: From its axis to its centre of mass [m].
         subject: The joint of a model.
     """
-    from sysid.fitting.joint import known_priors, prior_in_words
-
     printer = Printer(common)
     if not name.strip(" .") or name.startswith(".") or Path(name).name != name or not name.isprintable():
         raise SysidError(
@@ -64,36 +60,48 @@ def new(
     chosen = kind or (
         "joint" if subject.model else "pendulum" if mass or arm else "rig" if inertia else _ask("kind")
     )
-    if chosen not in ("board", "pendulum", "rig", "joint"):
-        raise UsageError(f"'{chosen}' is not one of board, pendulum, rig, joint.")
     if chosen == "joint":
         if subject.model is None:
             subject = replace(subject, model=Path(_ask("model")), joint=subject.joint or _ask("joint"))
         record = replace(subject.load(common, printer), name=name)
     elif chosen == "pendulum":
-        record = _pendulum(name, _read("mass", mass, "kg"), _read("arm", arm, "m"), inertia)
-    else:
-        text = "a skateboard" if chosen == "board" else "a torsion rig"
-        record = _record(name, text, _read("inertia", inertia, "kg*m^2"))
-    path = common.space.save_board(record)
-    printer.say(f"written: {path}")
-    printer.say(f"  inertia {record.inertia} ({record.inertia.method})")
-    for known, prior in known_priors(record).items():
-        printer.say(f"  {prior_in_words(record, known, prior)}")
-    beside = shlex.split("--effect coulomb --effect armature") if chosen in ("pendulum", "joint") else []
-    command = common.space.command("fit", "--board", name, *beside, logs=())
-    if chosen == "board":
-        printer.say(
-            "  [geometry] and [mass] are left out: the scene (mjcf, train) needs them, a fit and mjcf --bench do not"
+        record = _pendulum(
+            name, mass or _ask_quantity("mass", "kg"), arm or _ask_quantity("arm", "m"), inertia
         )
-    printer.say(f"next: record a release and run: {command}")
-    printer.result({"board": name, "record": str(path), "kind": chosen, "inertia": record.inertia.to_json()})
+    elif chosen in get_args(Kind):
+        text = "a skateboard" if chosen == "board" else "a torsion rig"
+        record = _record(name, text, inertia or _ask_quantity("inertia", "kg*m^2"))
+    else:
+        raise UsageError(f"'{chosen}' is not one of {', '.join(get_args(Kind))}.")
+    _report(record, chosen, printer)
     return 0
 
 
-def _pendulum(name: str, mass: Quantity, arm: Quantity, own: str | None) -> Board:
+def _report(record: Board, kind: str, printer: Printer) -> None:
+    """Save a record, print it and the next step."""
+    from sysid.fitting.joint import known_priors, prior_in_words
+
+    space = printer.common.space
+    path = space.save_board(record)
+    printer.written(path)
+    printer.say(f"  inertia {record.inertia} ({record.inertia.method})")
+    for known, prior in known_priors(record).items():
+        printer.say(f"  {prior_in_words(record, known, prior)}")
+    if kind == "board":
+        printer.say(
+            "  [geometry] and [mass] are left out: the scene (mjcf, train) needs them, a fit and mjcf --bench do not"
+        )
+    effects = ("--effect", "coulomb", "--effect", "armature") if kind in ("pendulum", "joint") else ()
+    command = space.command("fit", "--board", record.name, *effects, logs=())
+    printer.say(f"next: record a release and run: {command}")
+    printer.result(
+        {"board": record.name, "record": str(path), "kind": kind, "inertia": record.inertia.to_json()}
+    )
+
+
+def _pendulum(name: str, mass: Quantity, arm: Quantity, own: Quantity | None) -> Board:
     """Return a pendulum: m l² of inertia, m g l of weight, and no spring."""
-    about_centre = parse_quantity(own, "kg*m^2", "--inertia") if own else Quantity(0.0, 0.0, "kg*m^2")
+    about_centre = own or Quantity(0.0, 0.0, "kg*m^2")
     method = "m l²" + (" and about its own centre" if own else "")
     board = _record(
         name,
@@ -115,8 +123,8 @@ def _record(name: str, description: str, inertia: Quantity) -> Board:
     return replace(Joint.new(name, inertia, description=description), source="husky-sysid new")
 
 
-def _read(option: str, text: str | None, unit: str) -> Quantity:
-    return parse_quantity(_ask(option) if text is None else text, unit, f"--{option}")
+def _ask_quantity(option: str, unit: str) -> Quantity:
+    return parse_quantity(_ask(option), unit, f"--{option}")
 
 
 def _ask(option: str) -> str:

@@ -1,8 +1,11 @@
 """Parameters and quantities on the command line: NAME=VALUE, NAME=LOW:HIGH, or a result file."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
+from typing import Any
+
+from cyclopts import Parameter
 
 from sysid.errors import SysidError
 from sysid.files import regular
@@ -36,6 +39,20 @@ def parse_bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     return found
 
 
+def measured(unit: str, *, key: str = "", positive: bool = True) -> Parameter:
+    """Return an option for a quantity in a unit; with a key also for a result file that has the quantity under it."""
+
+    def read(_: Any, tokens: Sequence[Any]) -> Quantity:
+        token = tokens[0]
+        if key:
+            return parse_or_read(token.value, key, unit, token.keyword)
+        return parse_quantity(token.value, unit, token.keyword, positive=positive)
+
+    return Parameter(
+        converter=read, n_tokens=1, accepts_keys=False, allow_leading_hyphen=True, show_default=False
+    )
+
+
 def parse_or_read(text: str, key: str, unit: str, where: str) -> Quantity:
     """Return a typed positive quantity, or the one under a key of a result file (.json).
 
@@ -56,6 +73,26 @@ def parse_or_read(text: str, key: str, unit: str, where: str) -> Quantity:
     if found != unit:
         raise SysidError(f"{text}: '{key}' is in {found!r}; expected {unit!r}.")
     return Quantity(value, std, unit, text)
+
+
+def parse_fields(
+    where: str, text: str, units: Sequence[str], needed: int, any_sign: Collection[int]
+) -> list[Quantity]:
+    """Return quantities between commas: at least `needed`, positive but for the places in `any_sign`.
+
+    Raises:
+        SysidError: There are too few or too many, or one is not a quantity.
+    """
+    fields = text.split(",")
+    if not needed <= len(fields) <= len(units):
+        count = f"{needed}" if needed == len(units) else f"{needed} or {len(units)}"
+        raise SysidError(
+            f"{where}: number of fields is {len(fields)}; expected {count}, with commas between."
+        )
+    return [
+        parse_quantity(field, unit, f"{where}, field {place + 1}", positive=place not in any_sign)
+        for place, (field, unit) in enumerate(zip(fields, units, strict=False))
+    ]
 
 
 def _pairs(texts: Sequence[str], option: str, value_shape: str) -> list[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""`husky-sysid report`: all results of a board in one HTML file."""
+"""`husky-sysid report`: all results of a joint in one HTML file."""
 
 import shlex
 import sys
@@ -8,77 +8,62 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import OUTPUT, Common, Output, Printer
-from sysid.cli.log_options import LogArguments, as_fitted, space_of
-from sysid.cli.subject import Subject
-from sysid.cli.view import logs_of, no_logs, read_logs
+from sysid.cli.console import OUTPUT, Output, Printer, Tolerance
+from sysid.cli.measurement import Measurement, no_logs, read_logs
 from sysid.errors import SysidError
 from sysid.files import refuse_other_kind, write_atomically, write_figure
 
 
 def report(
     *logs: Path,
-    subject: Subject = Subject(),
+    measurement: Measurement = Measurement(),
     output: Output | None = None,
-    one_page: Annotated[bool, Parameter(negative="", group=OUTPUT)] = False,
-    tolerance: float = 0.02,
-    arguments: LogArguments = LogArguments(),
-    common: Common = Common(),
+    one_page: Annotated[bool, Parameter(group=OUTPUT)] = False,
+    tolerance: Tolerance = 0.02,
 ) -> int:
-    """Write one HTML file with all results of a board.
-
-    The file needs no network.
+    """Write one HTML file with all results of a joint.
 
     Args:
-        logs: Logs of the board; those of its record's fit, by their recorded paths, if left out.
+        logs: Logs of the joint; those of its record's fit, by their recorded paths, if left out.
         output: File to write; reports/BOARD/report.html of the workspace if left out.
         one_page: Write one page as PDF and PNG too.
-        tolerance: Largest error beyond the noise, over the RMS motion, of a comparison that passes.
     """
     from reports.evidence import gather, last_diagnosis
     from reports.page.board import Provenance, board_report
     from sysid.cli.bars import working
     from sysid.progress import stage
 
-    printer = Printer(common)
-    record = subject.load(common, printer)
-    arguments = as_fitted(record, logs, arguments, printer)
-    space = space_of(common, arguments)
-    files = logs_of(record, logs, arguments, printer, output)
+    printer = Printer(measurement.common)
+    found = read_logs(measurement, logs, printer, outputs={"--output": output}, may_be_gone=True)
     if output is not None:
         refuse_other_kind(output, ".html", ".htm")
-    material = read_logs(files, arguments, printer, rest=record.rest_angle)
+    record, files, space, model = found.record, found.files, found.space, measurement.subject.model
     provenance = Provenance(
         command=shlex.join(["husky-sysid", *sys.argv[1:]]),
         space=space,
         made=date.today().isoformat(),
-        record=str(subject.model) if subject.model else _shown(space.board_path(record.name), space.root),
+        record=str(model or _shown(space.board_path(record.name), space.root)),
     )
     diagnosis = last_diagnosis(record, space)
     evidence = None
     with working(printer):
-        if material.recordings:
+        if found.recordings:
+            stood = space.first(record.name)
             with stage(0.0, 0.6):
-                evidence = gather(
-                    record,
-                    material.recordings,
-                    files=files,
-                    tolerance=tolerance,
-                    stood=space.first(record.name),
-                )
+                evidence = gather(record, found.recordings, files=files, tolerance=tolerance, stood=stood)
         with stage(0.6, 1.0, "drawing"):
             page = board_report(record, evidence, files, provenance, diagnosis)
     path = output or space.outputs(record.name) / "report.html"
     write_atomically(path, page)
-    printer.say(f"written: {path} ({len(page.encode()) / 1e6:.2f} MB)")
+    written = [path]
     if one_page:
         if evidence is None:
             raise SysidError(no_logs(record, space))
         from reports.page.sheet import board_sheet
 
         sheet = board_sheet(evidence, files, provenance, diagnosis)
-        for target in (path.with_suffix(".pdf"), path.with_suffix(".png")):
-            printer.say(f"written: {write_figure(target, sheet, dpi=150)}")
+        written += [write_figure(path.with_suffix(kind), sheet, dpi=150) for kind in (".pdf", ".png")]
+    printer.written(*written)
     printer.result(
         {"board": record.name, "report": str(path), "logs": [file.path for file in files if file.found]}
     )

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Group, Parameter
+from cyclopts.validators import Number
 
 from sysid.board import Board
 from sysid.cli.console import Printer
@@ -19,9 +20,6 @@ if TYPE_CHECKING:
     from policy_runtime.loop.safety import Limits
     from policy_runtime.loop.world import World
 
-MIN_TICKS_FOR_FILM = 2
-"""Fewest policy steps of a drawn ride."""
-
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +28,7 @@ class RideOptions:
 
     board: Annotated[str | None, Parameter(name=["--board", "-b"])] = None
     """The board to ride; an exported folder brings its own."""
-    duration: float = 12.0
+    duration: Annotated[float, Parameter(validator=Number(gt=0))] = 12.0
     """Length of the ride [s]."""
     speed: float = 0.8
     """Commanded speed [m/s]; below 0.1 the robot stands still."""
@@ -42,8 +40,6 @@ class RideOptions:
     """Correct the heading errors of earlier turns, by the IMU's yaw."""
     start: Literal["stand", "push", "steer"] = "stand"
     """Begin with one foot on the ground, or in a canonical pose on the rolling board."""
-    start_speed: float = 0.0
-    """Speed at the start [m/s]."""
     terrain: Literal["flat", "slopes", "steps"] = "flat"
     """The ground: level, descents of 5 to 10 degrees, or ledges of 3 to 6 cm to roll down."""
     coupling: Literal["equality", "direct"] = "equality"
@@ -54,31 +50,27 @@ class RideOptions:
     """Run even if policy and board disagree, or the board has not passed `check`."""
 
 
+Limit = Annotated[float, Parameter(validator=Number(gte=0))]
+
+
 @Parameter(name="*", group=Group("Safety", sort_key=1))
 @dataclass(frozen=True, kw_only=True)
 class SafetyOptions:
     """Limits beyond which the robot is stopped."""
 
-    joint_margin: float = 0.05
+    joint_margin: Limit = 0.05
     """Largest measured excess over a joint's range [rad]; the HUSKY release's ankle needs 0.1."""
-    tilt_deg: float = 60.0
+    tilt_deg: Limit = 60.0
     """Greatest inclination of the pelvis [degrees]."""
-    torque_time: float = 0.5
+    torque_time: Limit = 0.5
     """Longest time that a motor may be at its torque limit without a break [s]."""
-    link_timeout: float = 0.1
+    link_timeout: Limit = 0.1
     """Longest time without a message from the robot, or with the same state repeated [s]."""
 
     def limits(self, world: "World") -> "Limits":
-        """Return the limits for a world's robot.
-
-        Raises:
-            SysidError: A limit is negative.
-        """
+        """Return the limits for a world's robot."""
         from policy_runtime.loop.world import joint_limits
 
-        for name in ("joint_margin", "tilt_deg", "torque_time", "link_timeout"):
-            if not getattr(self, name) >= 0:
-                raise SysidError(f"--{name.replace('_', '-')} {getattr(self, name):g}: must not be negative.")
         return joint_limits(
             world.robot.model,
             joint_margin=self.joint_margin,
@@ -152,7 +144,7 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
         printer.warn(
             f"the current record of board '{board.name}' has not passed `check`: its tilt joint may not move like the real one."
         )
-    world.reset(speed=options.start_speed)
+    world.reset()
     return Ride(board, rider, world, commands)
 
 
@@ -164,8 +156,6 @@ def command_source(options: RideOptions) -> "CommandSource":
     """
     from policy_runtime.loop.commands import SPEED_RANGE, TURN_RANGE, Command, Constant, load_script
 
-    if not options.duration > 0:
-        raise SysidError(f"--duration {options.duration:g}: must be longer than 0 s.")
     if options.commands is not None:
         return load_script(options.commands)
     limit = math.degrees(TURN_RANGE[1])
@@ -184,7 +174,7 @@ def write_ride(ride: Ride, recording: "Recording", folder: Path, printer: Printe
     from reports.figures.ride_film import film_strip
     from reports.rerun.ride import ride_recording
 
-    if len(recording.time) < MIN_TICKS_FOR_FILM:
+    if len(recording.time) < 2:
         printer.warn("the ride ended at once; there is nothing to draw.")
         return {}
     name = f"ride-{ride.policy.name}"

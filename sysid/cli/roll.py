@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from sysid.cli.console import Common, Flag, Output, Printer
+from sysid.cli.console import Common, Output, Printer
 from sysid.cli.log_options import LogArguments, load_roll, refuse_overwriting_logs
 from sysid.errors import SysidError
 from sysid.files import atomic_path
+from sysid.quantity import Quantity
+from sysid.roll import Roll
+from sysid.text import display
 from sysid.video.options import is_film
-
-MAX_OFFSET_STD = 0.004
-"""Largest half-width of a reliable offset [s]: records of one release agree to 2 ms."""
 
 
 def roll(
@@ -23,7 +23,7 @@ def roll(
     *,
     output: Output,
     align: Path | None = None,
-    preview: Flag = False,
+    preview: bool = False,
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:
@@ -45,38 +45,18 @@ def roll(
     if preview:
         return _preview(log, output, arguments, printer)
     signal = load_roll(log, arguments, printer)
-    offset = None
-    if align is not None:
-        from sysid.logs.clock_offset import clock_offset
-
-        offset = clock_offset(load_roll(align, LogArguments(), printer), signal)
-        printer.note(f"{log}: {offset} added to its times, which then are those of {align}")
-        half = (offset.ci95[1] - offset.ci95[0]) / 2
-        if half > MAX_OFFSET_STD:
-            printer.warn(
-                f"the offset is known to ± {1e3 * half:.2g} ms only: do both records show the same release?"
-            )
+    offset = None if align is None else _offset(log, signal, align, printer)
+    if offset is not None:
         signal = replace(signal, time=signal.time + offset.value)
-    inside = (signal.time >= (-np.inf if arguments.start is None else arguments.start)) & (
-        signal.time <= (arguments.stop if arguments.stop is not None else np.inf)
-    )
-    rows = int(np.count_nonzero(inside))
-    if not rows:
-        raise SysidError(
-            f"{log}: nothing between --from {arguments.start} and --to {arguments.stop}; it runs from "
-            f"{signal.time[0]:.4g} to {signal.time[-1]:.4g} s."
-        )
-    import pandas as pd
-
-    table = pd.DataFrame({"time_s": signal.time, "roll_rad": signal.roll, "roll_std_rad": signal.std})
-    with atomic_path(output) as temporary:
-        table[inside].to_csv(temporary, index=False, float_format="%.9g")
-    low, high = np.rad2deg([signal.roll[inside].min(), signal.roll[inside].max()])
+    part, notes = arguments.part(signal), (list(signal.notes), list(signal.warnings))
+    _write(part, output)
+    show = display(is_rate=False, slides=part.slides)
+    low, high, noise = part.roll.min(), part.roll.max(), float(np.median(part.std))
     printer.say(
-        f"{output}: {rows} rows, {signal.sampling_rate:.4g} Hz, roll {low:.2f}° to {high:.2f}°, "
-        f"noise {np.rad2deg(np.median(signal.std[inside])):.2g}°"
+        f"{output}: {len(part.time)} rows, {signal.sampling_rate:.4g} Hz, roll {show(low)} to {show(high)}, "
+        f"noise {show(noise, 2)}"
     )
-    if signal.errors_last:
+    if part.errors_last:
         printer.note(
             "errors of a film are correlated from frame to frame, which a table cannot store: give `decay` and `fit` the film itself"
         )
@@ -84,15 +64,37 @@ def roll(
         {
             "log": str(log),
             "output": str(output),
-            "rows": rows,
+            "rows": len(part.time),
             "clock_offset": None if offset is None else offset.to_json(),
             "rate_hz": signal.sampling_rate,
-            "origin": signal.origin,
-            "notes": list(signal.notes),
-            "warnings": list(signal.warnings),
+            "origin": part.origin,
+            "notes": notes[0],
+            "warnings": notes[1],
         }
     )
     return 0
+
+
+def _offset(log: Path, signal: Roll, other: Path, printer: Printer) -> Quantity:
+    """Return the time that is added to those of a log, to have the clock of another of the same motion."""
+    from sysid.logs.clock_offset import clock_offset
+
+    offset = clock_offset(load_roll(other, LogArguments(), printer), signal)
+    printer.note(f"{log}: {offset} added to its times, which then are those of {other}")
+    half = (offset.ci95[1] - offset.ci95[0]) / 2
+    if half > 1 / signal.sampling_rate:
+        printer.warn(
+            f"the offset is known to ± {1e3 * half:.2g} ms, more than a sample: do both records show the same release?"
+        )
+    return offset
+
+
+def _write(roll: Roll, output: Path) -> None:
+    import pandas as pd
+
+    table = pd.DataFrame({"time_s": roll.time, "roll_rad": roll.roll, "roll_std_rad": roll.std})
+    with atomic_path(output) as temporary:
+        table.to_csv(temporary, index=False, float_format="%.9g")
 
 
 def _preview(log: Path, output: Path, arguments: LogArguments, printer: Printer) -> int:

@@ -5,13 +5,13 @@ from collections.abc import Generator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Group, Parameter
 
 from sysid.cli.console import Common, Output, Printer
-from sysid.cli.ride_options import Ride, RideOptions, SafetyOptions, choose_renderer, prepare, write_ride
-from sysid.errors import QualityGateError, SysidError
+from sysid.cli.ride_options import Ride, RideOptions, SafetyOptions, choose_renderer, prepare
+from sysid.errors import QualityGateError, SysidError, UsageError
 
 if TYPE_CHECKING:
     from policy_runtime.loop.commands import CommandSource
@@ -21,27 +21,36 @@ if TYPE_CHECKING:
     from policy_runtime.robots import Robot
     from policy_runtime.robots.loopback import SimulatedG1
     from policy_runtime.robots.simulated import SimulatedRobot
-    from policy_runtime.runtime import Event, RunResult, Tick
+    from policy_runtime.runtime import Event, RunResult
 
 
-@Parameter(name="*", group=Group("Start", sort_key=1))
+@Parameter(name="*", group=Group("Robot", sort_key=1))
 @dataclass(frozen=True, kw_only=True)
-class StartOptions:
-    """Way of a robot to the start pose of the policy; a simulated one begins there."""
+class RobotOptions:
+    """The robot, and its way to the start pose of the policy; a simulated one begins there."""
 
+    robot: Literal["simulated", "rehearsal", "unitree"] = "simulated"
+    """Simulated in plain MuJoCo; a rehearsal, the same simulation with the G1's messages over this computer's loopback; or
+    a G1 on the network."""
+    interface: str | None = None
+    """Network interface towards the robot, e.g. eth0."""
+    domain: int = 0
+    """DDS domain of the robot."""
     ramp: float = 3.0
     """Time of the way to the start pose [s]."""
     pose_tolerance: float = 0.5
     """Largest distance of a joint from the start pose when the policy begins [rad]."""
-    handset: bool = True
+    handset: Annotated[bool, Parameter(negative="--no-handset")] = True
     """Wait for the handset: 'start' moves to the start pose, 'A' begins; 'select' or L2+B stop at any time."""
     dry_run: bool = False
     """Hold the start pose, do not send the policy's actions, and compare its observations with its training."""
 
-    def preparation(self, world: "World") -> "Preparation":
-        """Return the way of a robot to the start of a world's ride."""
+    def preparation(self, world: "World") -> "Preparation | None":
+        """Return the way of a robot to the start of a world's ride; None for a simulated one."""
         from policy_runtime.loop.preparation import Preparation
 
+        if self.robot == "simulated":
+            return None
         return Preparation(
             pose=world.start_joints,
             ramp=self.ramp,
@@ -50,89 +59,68 @@ class StartOptions:
             dry=self.dry_run,
         )
 
+    def require_fit(self, ride: Ride, options: RideOptions, printer: Printer) -> None:
+        """Check that ride and robot fit together.
+
+        Raises:
+            SysidError: An option is for the other kind of robot, or the board has not passed its check.
+        """
+        if self.dry_run and self.robot == "simulated":
+            raise UsageError(
+                "--dry-run compares a robot's sensors with the training's. Add --robot rehearsal or unitree."
+            )
+        if self.robot == "unitree" and options.gantry:
+            raise UsageError("--gantry holds a simulated robot. Hold the real one yourself.")
+        if self.robot == "unitree" and not ride.board.passed and not options.force:
+            command = printer.common.space.command("check", *ride.board.options, logs=())
+            raise QualityGateError(
+                f"board '{ride.board.name}' has not passed `check`: a policy for it may fail on the robot. Run {command}, or "
+                "add --force."
+            )
+
 
 def run(
     policy: str,
     /,
     *,
     options: RideOptions = RideOptions(),
-    beginning: StartOptions = StartOptions(),
+    robot: RobotOptions = RobotOptions(),
     safety: SafetyOptions = SafetyOptions(),
-    robot: Literal["simulated", "rehearsal", "unitree"] = "simulated",
-    interface: str | None = None,
-    domain: int = 0,
     keyboard: bool = False,
     viewer: bool = False,
-    record: bool = False,
     output: Output | None = None,
     common: Common = Common(),
 ) -> int:
     """Run a policy in real time: 50 decisions a second over servos at 500 Hz.
 
-    Ends after its duration, at 'q' or Ctrl-C, or when a check stops the robot. The checks are: stale or non-finite state,
-    tilt, joint or torque limit, lost link, handset. At the end all joints brake, and the log names the cause.
-
     Args:
         policy: zero, stand or push (scripted), an ONNX file, or an exported folder.
         options: The ride; terrain, start and gantry count in simulation only.
-        beginning: Way of the robot to the start pose.
         safety: Limits that stop the robot.
-        robot: Simulated in plain MuJoCo; a rehearsal, the same simulation with the G1's messages over this computer's
-            loopback; or a G1 on the network.
-        interface: Network interface towards the robot, e.g. eth0.
-        domain: DDS domain of the robot.
         keyboard: Take speed and turn from the arrow keys.
         viewer: Show the simulated robot in the MuJoCo viewer.
-        record: Write recording and pictures of the simulated ride at the end.
-        output: Folder for them and for the log; reports/BOARD of the workspace if not given.
+        output: Folder for the log; reports/BOARD of the workspace if not given.
     """
     choose_renderer()
-    from policy_runtime.evaluation.recording import Recorder
     from policy_runtime.runtime import Runtime
 
     printer = Printer(common)
-    ride = prepare(policy, options, printer, visuals=viewer or record)
-    if beginning.dry_run and robot == "simulated":
-        raise SysidError(
-            "--dry-run compares a robot's sensors with the training's. Add --robot rehearsal or unitree."
-        )
-    if robot != "simulated" and (viewer or record):
-        raise SysidError("--viewer and --record belong to --robot simulated. Leave them out.")
-    if robot == "unitree":
-        if options.gantry:
-            raise SysidError("--gantry holds a simulated robot. Hold the real one yourself.")
-        if not ride.board.passed and not options.force:
-            raise QualityGateError(
-                f"board '{ride.board.name}' has not passed `check`: a policy for it may fail on the robot. "
-                f"Run {common.space.command('check', *ride.board.options, logs=())}, or add --force."
-            )
+    ride = prepare(policy, options, printer, visuals=viewer)
+    robot.require_fit(ride, options, printer)
     commands = _keyboard(options, printer) if keyboard else ride.commands
-    folder = output or common.space.outputs(ride.board.name)
-    simulated = ride.world.robot
-    recorder = Recorder(simulated) if record else None
     try:
-        ranges = _ranges(ride) if beginning.dry_run else None
-
-        def on_tick(tick: "Tick") -> None:
-            if recorder is not None:
-                recorder.add(tick)
-            if ranges is not None:
-                ranges.add(tick.state, tick.target)
-
+        ranges = _ranges(ride) if robot.dry_run else None
         runtime = Runtime(
-            robot=simulated,
+            robot=ride.world.robot,
             policy=ride.policy,
             commands=commands,
             limits=safety.limits(ride.world),
-            real_time=robot == "simulated",  # the others wait by themselves
-            on_tick=on_tick,
-            preparation=None if robot == "simulated" else beginning.preparation(ride.world),
+            real_time=robot.robot == "simulated",  # the others wait by themselves
+            on_tick=lambda tick: None if ranges is None else ranges.add(tick.state, tick.target),
+            preparation=robot.preparation(ride.world),
             hold_heading=options.hold_heading,
         )
-        with (
-            _ended_from_outside(),
-            _driven(simulated, robot, interface, domain, viewer) as (driven, rehearsed),
-        ):
+        with _ended_from_outside(), _driven(ride.world.robot, robot, viewer) as (driven, rehearsed):
 
             def on_event(event: "Event") -> None:
                 printer.note(f"{event.time:8.2f} s  {event.kind}: {event.text}")
@@ -143,8 +131,7 @@ def run(
             result = runtime.run(options.duration)
     finally:
         commands.close()
-    files = {} if recorder is None else write_ride(ride, recorder.recording(), folder, printer)
-    _report(ride, result, ranges, files, folder, printer)
+    _report(ride, result, ranges, output or common.space.outputs(ride.board.name), printer)
     return 0 if result.stopped is None and (ranges is None or not ranges.outside()) else 1
 
 
@@ -180,10 +167,10 @@ def _ended_from_outside() -> "Generator[None]":
 
 @contextmanager
 def _driven(
-    simulated: "SimulatedRobot", robot: str, interface: str | None, domain: int, viewer: bool
+    simulated: "SimulatedRobot", options: RobotOptions, viewer: bool
 ) -> "Generator[tuple[Robot, SimulatedG1 | None]]":
     """Yield the robot to drive, and the simulated one of a rehearsal; close them at the end."""
-    if robot == "simulated":
+    if options.robot == "simulated":
         from policy_runtime.loop.viewer import viewed
 
         with viewed(simulated, viewer) as shown:
@@ -192,10 +179,13 @@ def _driven(
     from policy_runtime.robots.loopback import LOOPBACK, SimulatedG1
     from policy_runtime.robots.unitree import UnitreeG1
 
-    interface = LOOPBACK if robot == "rehearsal" else interface
+    if viewer:
+        raise UsageError("--viewer belongs to --robot simulated. Leave it out.")
+    rehearses = options.robot == "rehearsal"
+    interface, domain = LOOPBACK if rehearses else options.interface, options.domain
     with (
         SimulatedG1(simulated, interface=interface, domain=domain, hoisted=True)
-        if robot == "rehearsal"
+        if rehearses
         else nullcontext()
     ) as rehearsed:
         driven = UnitreeG1(interface, domain)
@@ -206,16 +196,11 @@ def _driven(
 
 
 def _report(
-    ride: Ride,
-    result: "RunResult",
-    ranges: "RangeCheck | None",
-    files: dict[str, str],
-    folder: Path,
-    printer: Printer,
+    ride: Ride, result: "RunResult", ranges: "RangeCheck | None", folder: Path, printer: Printer
 ) -> None:
     from sysid.files import write_json
 
-    content = {"board": ride.board.name, "policy": ride.policy.name, **result.to_json(), "files": files}
+    content = {"board": ride.board.name, "policy": ride.policy.name, **result.to_json()}
     if ranges is not None and ranges.seen():
         content["dry_run"] = ranges.to_json()
         _report_ranges(ranges, printer)
@@ -230,9 +215,7 @@ def _report(
     ]
     if rows:
         printer.table(("per tick [ms]", "p50", "p99", "max"), rows)
-    for kind, path in files.items():
-        printer.say(f"{kind}: {path}")
-    printer.say(f"log: {log}")
+    printer.written(log)
     printer.result(content)
 
 
@@ -240,16 +223,16 @@ def _report_ranges(ranges: "RangeCheck", printer: Printer) -> None:
     """Print observations beside their range in training: all outside it, else the farthest."""
     outside = ranges.outside()
     rows = [
-        {
-            "the policy's input": n.name,
-            "live": f"{n.live[0]:.3g} … {n.live[1]:.3g}",
-            "in training": f"{n.mean:.3g} ± {n.std:.2g}",
-            "worst [std]": f"{n.worst:.1f}",
-            "far": f"{n.far:.1%}",
-        }
+        (
+            n.name,
+            f"{n.live[0]:.3g} … {n.live[1]:.3g}",
+            f"{n.mean:.3g} ± {n.std:.2g}",
+            f"{n.worst:.1f}",
+            f"{n.far:.1%}",
+        )
         for n in outside or ranges.seen()[:5]
     ]
-    printer.records(rows, "Dry run")
+    printer.table(("the policy's input", "live", "in training", "worst [std]", "far"), rows, "Dry run")
     joint, move = ranges.first_move
     printer.say(f"the first answer would have moved {joint} by {move:+.2f} rad")
     printer.say(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Group, Parameter
 
 from sysid.board import Board
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import Common, Printer, Texts
 from sysid.cli.parameter_options import parse_fixed
 from sysid.errors import SysidError, UsageError
 
@@ -32,11 +32,11 @@ class Subject:
     """Released hinge or slide of the model; all others were held."""
     keyframe: str | None = None
     """Keyframe of the model with the pose of the measurement."""
-    pose: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = ()
+    pose: Texts = ()
     """Position of another joint there, as NAME=VALUE in rad or m; repeat it for several."""
-    free: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = ()
+    free: Texts = ()
     """Another joint that moved freely, not held; repeat it for several."""
-    payload: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = ()
+    payload: Texts = ()
     """Known added mass, as MASS@X,Y,Z [kg, m] in the frame of the joint's body, or MASS@SITE."""
     mass_error: float = 0.0
     """Half-width of the 95 % interval of the model's masses, as a share, e.g. 0.02; every torque shares it."""

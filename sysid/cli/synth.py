@@ -10,23 +10,19 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sysid.board import Board
-from sysid.cli.console import Common, Output, Printer
+from sysid.cli.console import Common, Output, Printer, Texts
 from sysid.cli.subject import Subject
 from sysid.effects import effect as known_effect
-from sysid.errors import SysidError, UsageError
+from sysid.errors import SysidError
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.effects import complete_effects, parse_effect, true_law
 from sysid.synth.sensors import Dialect, Sensor
 from sysid.text import Display, display
 
-Texts = Annotated[tuple[str, ...], Parameter(negative="", show_default=False)]
-LeverArm = Annotated[tuple[float, float, float], Parameter(negative="", allow_leading_hyphen=True)]
 DEFAULT_ANGLE = 0.87
 """First release angle as a share of the joint's range: 10 degrees of 0.2 rad."""
 WIDEST = math.radians(45)
 """Largest first release angle [rad]."""
-NOISE = {False: math.radians(0.1), True: 1e-4}
-"""White noise of an angle sample [rad], and of a position [m]."""
 
 
 @Parameter(name="*", group="Recording")
@@ -38,8 +34,6 @@ class RecordingArguments:
     """Samples per second; 1000, or the rate of the simulator's steps with the effect 'discretisation'."""
     duration: float = 2.0
     """Time of each free decay [s]."""
-    hold: float = 0.6
-    """Time of the hold before each release [s]."""
     jitter: float = 0.0
     """Standard deviation of the sampling instants, in sampling periods."""
     dropout: float = 0.0
@@ -48,7 +42,7 @@ class RecordingArguments:
     """Seed of everything random; the same seed makes the same file."""
     dialect: Dialect | None = None
     """Channels and format of the log: angle; position for a slide."""
-    hand: bool = True
+    hand: Annotated[bool, Parameter(negative="--no-hand")] = True
     """Keep rest and hand in the log; without them, it starts at the only release."""
 
 
@@ -57,35 +51,34 @@ class RecordingArguments:
 class SensorArguments:
     """The sensor."""
 
-    noise_deg: float | None = None
-    """White noise of an angle sample [degrees]; 0.1."""
-    noise_mm: float | None = None
-    """White noise of a sample of a slide's position [mm]; 0.1."""
-    quantisation_deg: float | None = None
-    """Step of an angle sensor [degrees]; 0."""
-    quantisation_mm: float | None = None
-    """Step of a position sensor [mm]; 0."""
-    lever_arm: LeverArm = (0.1, 0.03, 0.05)
+    noise: str | None = None
+    """White noise of a sample of the angle, in degrees or with a unit (0.1; 0.002rad); of a slide in mm."""
+    quantisation: str = "0"
+    """Step of the sensor, in the same units."""
+    lever_arm: Annotated[tuple[float, float, float], Parameter(allow_leading_hyphen=True)] = (0.1, 0.03, 0.05)
     """Place of an IMU, from the tilt axis: forward, left, up [m]."""
-    gyro_bias: float = 0.01
-    """Offset of a gyro [rad/s]."""
 
     def sensor(self, show: Display) -> Sensor:
-        """Return the sensor of a joint with that display.
+        """Return the sensor of a joint with that display; its noise is 0.1 degrees or mm if left out.
 
         Raises:
             SysidError: A size is negative or in the unit of the other kind of joint.
         """
-        noise = _size("noise", self.noise_deg, self.noise_mm, show, NOISE[show.name == "position"])
-        step = _size("quantisation", self.quantisation_deg, self.quantisation_mm, show, 0.0)
-        return Sensor(noise=noise, quantisation=step, lever_arm=self.lever_arm, gyro_bias=self.gyro_bias)
+        noise, step = (
+            _position("0.1" if text is None else text, show) for text in (self.noise, self.quantisation)
+        )
+        if min(noise, step) < 0:
+            raise SysidError(
+                f"--noise {self.noise} --quantisation {self.quantisation}: must not be negative."
+            )
+        return Sensor(noise=noise, quantisation=step, lever_arm=self.lever_arm)
 
 
 def synth(
     *,
     subject: Subject = Subject(),
     output: Output,
-    effect: Annotated[Texts, Parameter(name=["--effect", "-e"])] = (),
+    effect: Texts = (),
     release_angle: Annotated[Texts, Parameter(allow_leading_hyphen=True)] = (),
     releases: int | None = None,
     recording: RecordingArguments = RecordingArguments(),
@@ -93,8 +86,6 @@ def synth(
     common: Common = Common(),
 ) -> int:
     """Make a synthetic log with a known truth, to try the tool.
-
-    The truth is written to LOG.truth.json beside the log.
 
     Args:
         output: The log to write: .csv, or .zip for the dialects phyphox and sensor-logger.
@@ -117,7 +108,7 @@ def synth(
     usual = 1 / effects["discretisation"][0] if "discretisation" in effects else 1000.0
     options = SynthOptions(
         angles=angles, rate=usual if recording.rate is None else recording.rate, duration=recording.duration,
-        hold=recording.hold, jitter=recording.jitter, dropout=recording.dropout, seed=recording.seed,
+        jitter=recording.jitter, dropout=recording.dropout, seed=recording.seed,
         dialect=recording.dialect or ("position" if record.slides else "angle"), hand=recording.hand,
         sensor=sensor.sensor(show),
     )  # fmt: skip
@@ -167,21 +158,6 @@ def _angles_of(
     return angles
 
 
-def _size(name: str, degrees: float | None, millimetres: float | None, show: Display, usual: float) -> float:
-    """Return a size of the sensor [rad or m]: the option in the joint's unit, or the usual one."""
-    slides = show.name == "position"
-    option, value, unit = (
-        (f"--{name}-mm", millimetres, "mm") if slides else (f"--{name}-deg", degrees, "degrees")
-    )
-    if (degrees if slides else millimetres) is not None:
-        raise UsageError(f"the joint {'slides' if slides else 'turns'}: give {option}.")
-    if value is None:
-        return usual
-    if not 0 <= value < math.inf:
-        raise SysidError(f"{option} {value:g}: expected {unit}, 0 or more.")
-    return value / show.scale
-
-
 def _about(rest: float, limit: float, show: Display) -> str:
     return f"±{show(limit, 3)}" if rest == 0 else f"{show(rest - limit, 3)} to {show(rest + limit, 3)}"
 
@@ -192,7 +168,7 @@ def _angles(
     if given and count is not None and count != len(given):
         raise SysidError(f"--releases {count} and {len(given)} release angles; give one or the other.")
     if given:
-        return tuple(_angle(text, show) for text in given)
+        return tuple(_position(text, show) for text in given)
     if count is not None and count < 1:
         raise SysidError(f"--releases is {count}; expected at least 1.")
     first = min(DEFAULT_ANGLE * limit, WIDEST)
@@ -200,12 +176,16 @@ def _angles(
     return tuple(rest + size * (-1) ** number for number, size in enumerate(sizes))
 
 
-def _angle(text: str, show: Display) -> float:
+def _position(text: str, show: Display) -> float:
+    """Return a position of the joint [rad or m], typed in degrees or mm, or with a unit."""
     slides = show.name == "position"
     units = {"mm": 1e-3, "m": 1.0} if slides else {"degrees": 0.0, "deg": 0.0, "°": 0.0, "rad": 1.0}
     unit = next((unit for unit in units if text.endswith(unit)), "")
     try:
-        return float(text.removesuffix(unit)) * (units.get(unit) or 1 / show.scale)
+        value = float(text.removesuffix(unit)) * (units.get(unit) or 1 / show.scale)
     except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
         example = "a position; write 20, 20mm or 0.02m" if slides else "an angle; write 10, 10deg or 0.17rad"
-        raise SysidError(f"release angle '{text}' is not {example}.") from None
+        raise SysidError(f"'{text}' is not {example}.")
+    return value

@@ -1,15 +1,11 @@
 """`fit` changes the record once, wholly, and only when it is sure."""
 
-import contextlib
-import io
 import json
 
 import pytest
+from command_line import called
 
 from sysid.board import load_board
-from sysid.cli.console import Common
-from sysid.cli.fit import fit
-from sysid.cli.subject import Subject
 from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.workspace import shipped_data
@@ -17,15 +13,14 @@ from sysid.workspace import shipped_data
 LOG = shipped_data() / "decays" / "pink_hidden.csv"
 
 
-def run(folder, *effects, **options):
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        return fit(
-            [LOG], subject=Subject(board="pink"), effect=effects, common=Common(workspace=folder, **options)
-        )
+def run(folder, *effects, log=LOG):
+    options = [word for name in effects for word in ("--effect", name)]
+    place = ("--workspace", folder, "--json", folder / "fit.json")
+    return called("fit", log, "--board", "pink", *options, *place)
 
 
 def test_record_gets_values_provenance_and_a_line_of_history(tmp_path):
-    assert run(tmp_path, "coulomb", json=str(tmp_path / "fit.json")) == 0
+    assert run(tmp_path, "coulomb") == 0
     board = load_board(tmp_path / "data" / "boards" / "pink.toml")
     (coulomb,) = board.effects
     torque = coulomb.parameters["torque"]
@@ -47,23 +42,12 @@ def test_record_gets_values_provenance_and_a_line_of_history(tmp_path):
 def test_a_law_that_is_not_that_of_the_log_is_said(tmp_path, capsys):
     """Its numbers go into the record all the same, and nothing else says that they are no measurement."""
     for effects, said in (((), True), (("coulomb",), False)):
-        json_file = tmp_path / "fit.json"
-        assert (
-            fit(
-                [LOG],
-                subject=Subject(board="pink"),
-                effect=effects,
-                common=Common(workspace=tmp_path, json=str(json_file)),
-            )
-            == 0
-        )
+        assert run(tmp_path, *effects) == 0
         printed = capsys.readouterr()
         assert ("a compromise" in printed.err) == said
         assert ("next: find the missing effect: husky-sysid diagnose" in printed.out) == said
-        assert (
-            any("a compromise" in warning for warning in json.loads(json_file.read_text())["warnings"])
-            == said
-        )
+        warnings = json.loads((tmp_path / "fit.json").read_text())["warnings"]
+        assert any("a compromise" in warning for warning in warnings) == said
 
 
 def test_errors_of_a_rate_are_given_as_angles(tmp_path):
@@ -74,12 +58,7 @@ def test_errors_of_a_rate_are_given_as_angles(tmp_path):
     record = load_board(shipped_data() / "boards" / "pink.toml")
     log = tmp_path / "gyro.csv"
     synthesise(record, {}, SynthOptions(angles=(0.17, -0.15), duration=1.0, dialect="gyro")).save(log)
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        fit(
-            [log],
-            subject=Subject(board="pink"),
-            common=Common(workspace=tmp_path, json=str(tmp_path / "fit.json")),
-        )
+    run(tmp_path, log=log)
     content = json.loads((tmp_path / "fit.json").read_text())
     board = load_board(tmp_path / "data" / "boards" / "pink.toml")
     assert content["signal"] == "rate"

@@ -5,12 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from command_line import called
 from made import release
 
 from sysid.board import load_board
-from sysid.cli.console import Common
-from sysid.cli.fit import fit as fit_command
-from sysid.cli.subject import Subject
 from sysid.errors import SysidError
 from sysid.fitting.bootstrap import bootstrap, corrected_percentiles
 from sysid.fitting.intervals import agreements
@@ -162,18 +160,9 @@ def test_too_few_draws_are_refused():
 
 def test_the_command_prints_draws_and_writes_them(tmp_path, capsys):
     log = shipped_data() / "decays" / "pink_hidden.csv"
-    common = Common(json=str(tmp_path / "fit.json"), workspace=tmp_path)
-    assert (
-        fit_command(
-            [log],
-            subject=Subject(board="pink"),
-            effect=("coulomb",),
-            profile=True,
-            bootstrap=100,
-            common=common,
-        )
-        == 0
-    )
+    options = ("--effect", "coulomb", "--profile", "--bootstrap", 100)
+    place = ("--workspace", tmp_path, "--json", tmp_path / "fit.json")
+    assert called("fit", log, "--board", "pink", *options, *place) == 0
     out = json.loads((tmp_path / "fit.json").read_text())
     assert set(out["profile"]) == set(out["bootstrap"]["ci95"]) == set(out["parameters"])
     low, high = out["profile"]["coulomb.torque"]["ci95"]

@@ -4,12 +4,9 @@ from pathlib import Path
 from shutil import copy
 
 import pytest
-from command_line import husky
+from command_line import called, husky
 
-from reports.evidence import find_logs
-from sysid.cli.console import Common
-from sysid.cli.fit import fit
-from sysid.cli.subject import Subject
+from reports.log_files import find_logs
 from sysid.workspace import Workspace, shipped_data
 
 
@@ -20,8 +17,7 @@ def test_a_workspace_is_looked_at_from_another_folder(tmp_path: Path, monkeypatc
     copy(shipped_data() / "decays" / "pink.csv", measured / "log.csv")
     (elsewhere / "log.csv").write_text("another log")
     monkeypatch.chdir(measured)
-    common = Common(json=str(tmp_path / "fit.json"), workspace=Path("../mine"))
-    assert fit([Path("log.csv")], subject=Subject(board="pink"), common=common) == 0
+    assert called("fit", "log.csv", "--board", "pink", "--workspace", "../mine") == 0
     monkeypatch.chdir(elsewhere)
     space = Workspace(Path("../mine"))
     board = space.load_board("pink")

@@ -52,7 +52,7 @@ def test_main_table_has_every_row_and_says_what_is_missing(measured, tmp_path):
     assert "| HUSKY | paper | 1.000 ± 0.000 | 0.056 ± 0.013 |" in lines
     assert "| HUSKY | mine on pink | 1.000 [0.342, 1.000] |" in lines
     assert len(section.missing) == len(MAIN) - 1
-    assert "pushing by tracking: husky-sysid train --pushing tracking" in section.missing
+    assert "pushing by tracking: husky-sysid train --set pushing=tracking" in section.missing
 
 
 def test_options_of_every_row_are_options_of_the_training():

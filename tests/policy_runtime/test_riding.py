@@ -247,7 +247,7 @@ def test_play_writes_picture_and_recording(capsys, tmp_path, monkeypatch):
     told = {}
     monkeypatch.setattr("sysid.cli.play.working", lambda _: listening(told.setdefault))
     code, said = call(
-        capsys, "play", "stand", "--board", "pink", "--start", "steer", "--start-speed", 1, "--gantry",
+        capsys, "play", "stand", "--board", "pink", "--start", "steer", "--gantry",
         "--duration", 1, "-o", tmp_path, "--json", "-",
     )  # fmt: skip
     assert code == 0
@@ -295,7 +295,7 @@ def test_the_real_robot_takes_only_boards_that_passed(capsys, tmp_path):
 def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
     world_or_skip()
     code, said = call(
-        capsys, "evaluate", "zero", "-b", "pink", "--episodes", 2, "--seeds", 1, "--workers", 1, "--breakdown",
+        capsys, "evaluate", "zero", "-b", "pink", "--episodes", 2, "--seeds", 1, "--workers", 1,
         "-o", tmp_path, "--json", tmp_path / "e.json",
     )  # fmt: skip
     assert code == 0
@@ -304,10 +304,6 @@ def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
     result = json.loads((tmp_path / "e.json").read_text())
     assert result["E_succ"]["value"] == 0
     assert result["E_yaw"]["value"] is None
-    assert "speed by pushing phase, m/s" in said.out
-    assert (
-        "heading by turn asked for" not in said.out
-    )  # no ride lived to steer; a table without rows tells nothing
     first, *_ = result["breakdown"]
     assert first["rows"]["phase 1"]["v_cmd"] > 0.1
     assert (tmp_path / "evaluate-zero-mujoco.png").stat().st_size > 10_000
@@ -333,12 +329,9 @@ def test_motions_lists_plots_and_plays(capsys, tmp_path):
         (("play", "zero"), "zero: not an exported folder.* --board"),
         (("play", "zero", "-b", "pinck"), "Did you mean 'pink'"),
         (("run", "zero", "-b", "pink", "--dry-run", "--robot", "rehearsal"), "was not trained on anything"),
-        (("run", "zero", "-b", "pink", "--joint-margin", "-1"), "--joint-margin -1: must not be negative"),
         (("play", "zero", "-b", "pink", "--speed", "9"), "--speed 9: policies are trained for 0 to 1.5"),
         (("play", "zero", "-b", "pink", "--commands", "none.csv"), "none.csv: cannot be read"),
-        (("evaluate", "zero", "-b", "pink", "--episodes", "0"), "at least 1"),
         (("evaluate", "zero", "-b", "pink", "--board-scale", "k:4"), "expected factors like k=4"),
-        (("evaluate", "zero", "-b", "pink", "--pushes", "-1"), "--pushes -1: must not be negative"),
     ],
 )
 def test_wrong_use_is_refused_in_words(capsys, arguments, message):

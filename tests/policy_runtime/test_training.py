@@ -121,7 +121,7 @@ def begun(tmp_path, monkeypatch):
     monkeypatch.setattr(curves, "draw_curves", lambda rows, picture, title: picture)
     for name in ("_require_mjlab", "_require_gpus", "_iterations_of"):
         monkeypatch.setattr(command, name, lambda *given: None)
-    monkeypatch.setattr(command, "_run", lambda folder, gpus, *given: starts.append(gpus))
+    monkeypatch.setattr(command, "_run", lambda folder, machines, *given: starts.append(machines.gpus))
     folder = RunFolder(tmp_path / "run")
     folder.begin(RunConfig(learn=LearnOptions(environments=16, iterations=3)), PINK, gpus=0)
     return folder, starts
@@ -146,14 +146,33 @@ def test_a_run_goes_on_where_it_began_and_beyond_its_end_with_a_new_total(begun,
     assert folder.read_config().learn.iterations == 5
 
 
-@pytest.mark.parametrize("option", ["environments=0", "mount-steps=-3", "iterations=0", "minutes=0"])
+@pytest.mark.parametrize(
+    "option",
+    ["--minutes=0", "--set=mount_steps=-3", "--set=lift=high", "--set=pushing=jump", "--set=puhsing=amp"],
+)
 def test_an_impossible_option_starts_nothing(begun, tmp_path, option):
     from cyclopts import ValidationError
 
-    with pytest.raises(ValidationError, match=f"--{option.split('=')[0]}"):
-        called("train", "--board", "pink", "--force", "--workspace", tmp_path, f"--{option}")
+    with pytest.raises((ValidationError, SysidError), match=option.split("=")[0]):
+        called("train", "--board", "pink", "--force", "--workspace", tmp_path, option)
     assert begun[1] == []
     assert not (tmp_path / "reports").exists()
+
+
+def test_any_option_of_a_run_is_set_by_its_name():
+    config = RunConfig()
+    for text in ("pushing=tracking", "tilt_guidance=false", "entropy=0", "foot_place=[-0.1, 0.0]"):
+        config = config.changed(text)
+    assert (config.task.pushing, config.task.tilt_guidance) == ("tracking", False)
+    assert (config.learn.entropy, config.task.foot_place) == (0.0, (-0.1, 0.0))
+
+
+def test_a_run_that_goes_on_takes_no_other_options(begun):
+    folder, starts = begun
+    with_checkpoint(folder, 2)
+    with pytest.raises(SysidError, match="--resume goes on with the run's own options"):
+        resumed(folder, "--set", "lift=0.3")
+    assert starts == []
 
 
 def test_boards_are_drawn_about_the_record_and_reach_the_simulator():

@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from command_line import called
 from made import release
 
 from sim.board.scene import board_spec
@@ -17,9 +18,6 @@ from sim.compensation.parasitics import measure, measure_parasitics
 from sim.compensation.scene import compensate_in_scene, scene_from_file, training_scene
 from sim.compensation.step import compensate_step
 from sysid.board import Board, BoardEffect, load_board
-from sysid.cli.check import check
-from sysid.cli.console import Common
-from sysid.cli.subject import Subject
 from sysid.errors import QualityGateError, SysidError
 from sysid.joint import JointLaw, simulate
 from sysid.logs import LogOptions, read_roll
@@ -112,9 +110,9 @@ def test_the_lying_scene_is_made_by_its_script():
 
 
 def test_a_scene_that_lies_is_found_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    common = Common(json=str(tmp_path / "out.json"), workspace=tmp_path)
+    place = ("--workspace", tmp_path, "--json", tmp_path / "out.json")
     with pytest.raises(QualityGateError) as error:
-        check([DECAYS / "pink.csv"], subject=Subject(board="pink"), scene_file=LYING, common=common)
+        called("check", DECAYS / "pink.csv", "--board", "pink", "--scene-file", LYING, *place)
     assert error.value.exit_code == 3
     for words in (
         "does not swing", "servos +45", "stop the deck at ±0.0577", "weighs 7.58 kg", "deck by itself"
@@ -133,9 +131,8 @@ def test_a_scene_that_lies_is_found_out(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 def test_check_writes_its_verdict_into_the_workspace(tmp_path: Path):
-    common = Common(json="-", workspace=tmp_path)
     shipped = (shipped_data() / "boards" / "pink.toml").read_bytes()
-    assert check([DECAYS / "pink.csv"], subject=Subject(board="pink"), common=common) == 0
+    assert called("check", DECAYS / "pink.csv", "--board", "pink", "--workspace", tmp_path) == 0
     board = Workspace(tmp_path).load_board("pink")
     assert board.passed
     assert board.last_check["nrmse"] < 0.01
@@ -143,7 +140,8 @@ def test_check_writes_its_verdict_into_the_workspace(tmp_path: Path):
     with pytest.raises(
         QualityGateError, match=r"inertia .*expected.*5 ms step and the export alone cost 5\.\d %"
     ):
-        check([DECAYS / "black.csv"], subject=Subject(board="black"), export="physical", common=common)
+        options = ("--export", "physical", "--workspace", tmp_path)
+        called("check", DECAYS / "black.csv", "--board", "black", *options)
     assert not Workspace(tmp_path).load_board("black").passed
     assert (shipped_data() / "boards" / "pink.toml").read_bytes() == shipped
 

@@ -1,21 +1,20 @@
 """The written file is the board: it loads, says where its numbers come from, and decays as it should."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from command_line import called
 from made import release, with_effect
 
 from sim.check.decays import check_scene
 from sim.compensation.scene import scene_from_file
 from sim.mjcf import board_mjcf
 from sysid.board import Board, BoardEffect, load_board, save_board
-from sysid.cli.console import Common
-from sysid.cli.mjcf import mjcf
-from sysid.cli.subject import Subject
 from sysid.effects import catalogue
 from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
@@ -64,35 +63,30 @@ def test_a_file_needs_nothing_newer_than_mujoco_3_11(name: str):
 
 
 def test_what_mujoco_cannot_hold_is_said_with_its_cost(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    from sysid.cli.check import check
     from sysid.errors import QualityGateError
 
     save_board(with_effect(Board.load("pink"), "bouc-wen"), tmp_path / "data" / "boards" / "pink.toml")
-    common = Common(json=str(tmp_path / "out.json"), workspace=tmp_path)
+    place = ("--workspace", tmp_path, "--json", tmp_path / "out.json")
     path = tmp_path / "board.xml"
-    assert mjcf(board="pink", output=path, bench=True, timestep=0.001, common=common) == 0
+    assert called("mjcf", "--board", "pink", "-o", path, "--bench", "--timestep", 0.001, *place) == 0
     assert "warning: effect 'bouc-wen': MuJoCo has nothing that unloads so" in (
         said := capsys.readouterr().err
     )
-    assert "is off by 3" in said
+    assert "is 3.0 % off the board" in said
     assert "LuGre" in json.loads((tmp_path / "out.json").read_text())["substitutes"][0]
     with pytest.raises(QualityGateError, match=r"Why: .*bouc-wen"):
-        check([shipped_data() / "decays" / "pink.csv"], subject=Subject(board="pink"), common=common)
+        called("check", shipped_data() / "decays" / "pink.csv", "--board", "pink", *place)
 
 
 def test_the_command_writes_file_and_json(tmp_path: Path):
     path = tmp_path / "deep" / "board.xml"
-    common = Common(json=str(tmp_path / "out.json"), workspace=tmp_path)
-    assert mjcf(board="black", output=path, bench=True, common=common) == 0
+    place = ("--workspace", tmp_path, "--json", tmp_path / "out.json")
+    assert called("mjcf", "--board", "black", "-o", path, "--bench", *place) == 0
     out = json.loads((tmp_path / "out.json").read_text())
     assert out["export"] == "step-compensated"
     assert out["written"]["inertia_kgm2"] == pytest.approx(0.831 * 0.00715, rel=1e-3)
     assert out["decay_nrmse"] < 1e-3 < out["decay_nrmse_uncompensated"]
     assert mujoco.MjModel.from_xml_path(str(path)).nv == 1
-    with pytest.raises(SysidError, match="exclude each other"):
-        mjcf(board="black", output=path, bench=True, scene=True, common=common)
-    with pytest.raises(SysidError, match="expected seconds"):
-        mjcf(board="black", output=path, timestep=5.0, common=common)
 
 
 def test_a_scene_that_is_unstable_is_refused_and_leaves_no_log_of_mujoco(
@@ -118,11 +112,11 @@ def test_a_scene_that_is_unstable_is_refused_and_leaves_no_log_of_mujoco(
     assert mujoco.get_mju_user_warning() is None
 
 
-def light(tmp_path: Path, damping: float) -> Common:
+def write_light(tmp_path: Path, damping: float, *options: str) -> None:
     pink = load_board(shipped_data() / "boards" / "pink.toml")
     board = pink.with_tilt(damping=Quantity(damping, 0.0, "N*m*s/rad"))
     save_board(board, tmp_path / "data" / "boards" / "pink.toml")
-    return Common(workspace=tmp_path)
+    called("mjcf", "--board", "pink", "-o", tmp_path / "board.xml", "--workspace", tmp_path, *options)
 
 
 @pytest.mark.slow
@@ -130,13 +124,13 @@ def test_a_scene_that_is_known_to_be_wrong_is_not_written_without_a_word(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     """The wheels, dragged by the joint equality, damp more than a very light board does."""
-    path = tmp_path / "board.xml"
-    with pytest.raises(SysidError, match=r"29\.\d % off the board's.*--coupling direct"):
-        mjcf(board="pink", output=path, common=light(tmp_path, 0.01))
-    assert not path.exists()
-    mjcf(board="pink", output=path, coupling="direct", common=light(tmp_path, 0.01))
+    write_light(tmp_path, 0.01)
+    assert re.search(
+        r"29\.\d % off the board's.*--coupling direct", " ".join(capsys.readouterr().err.split())
+    )
+    write_light(tmp_path, 0.01, "--coupling", "direct")
     assert "off the board's" not in capsys.readouterr().err
-    mjcf(board="pink", output=path, common=light(tmp_path, 0.045))
+    write_light(tmp_path, 0.045)
     assert "2.2 % off the board's" in " ".join(capsys.readouterr().err.split())
 
 

@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 from sysid.board import Board
 from sysid.effects import catalogue
 from sysid.errors import SysidError
-from sysid.quantity import GRAVITY
 from sysid.synth import SynthOptions, synthesise
-from sysid.synth.sensors import Sensor
+from sysid.synth.sensors import GRAVITY, Sensor
 from sysid.workspace import Workspace
 
 QUIET = SynthOptions(sensor=Sensor(gyro_bias=0.0, gyro_noise=0.0, accelerometer_noise=0.0), tremor=0.0)
@@ -162,7 +161,7 @@ def test_accelerometer_feels_gravity_and_the_lever_arm(pink: Board) -> None:
         arm[1] * np.cos(roll) - arm[2] * np.sin(roll), arm[1] * np.sin(roll) + arm[2] * np.cos(roll)
     ))  # fmt: skip
     step = log.time[1] - log.time[0]
-    world = np.gradient(np.gradient(place, step, axis=0), step, axis=0) + np.array([0.0, GRAVITY.value])
+    world = np.gradient(np.gradient(place, step, axis=0), step, axis=0) + np.array([0.0, GRAVITY])
     felt_y = np.cos(roll) * world[:, 0] + np.sin(roll) * world[:, 1]
     felt_z = -np.sin(roll) * world[:, 0] + np.cos(roll) * world[:, 1]
     assert log.channels[3:-3, 1] == pytest.approx(felt_y[3:-3], abs=0.03)
@@ -250,7 +249,7 @@ JOINTS = """<mujoco><worldbody>
 def test_a_pendulum_of_a_model_moves_as_mujoco_moves_it(tmp_path: Path) -> None:
     (tmp_path / "joints.xml").write_text(JOINTS)
     husky("synth", "--model", tmp_path / "joints.xml", "--joint", "knee", "--release-angle", "40", "--rate", "200", "--no-hand",
-          "--noise-deg", "0", "-o", tmp_path / "knee.csv")  # fmt: skip
+          "--noise", "0", "-o", tmp_path / "knee.csv")  # fmt: skip
     time, angle = np.loadtxt(tmp_path / "knee.csv", delimiter=",", skiprows=1).T
     model = mujoco.MjModel.from_xml_string(JOINTS)
     model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, 1e-3
@@ -278,7 +277,7 @@ def test_a_slide_of_a_model_is_made_in_its_own_units(tmp_path: Path) -> None:
     assert decay["stiffness"]["value"] == pytest.approx(40.0, rel=0.01)
     assert decay["damping"]["value"] == pytest.approx(1.0, rel=0.02)
     for options, match in (
-        (("--noise-deg", "1"), "give --noise-mm"),
+        (("--noise", "1deg"), "write 20, 20mm"),
         (("--dialect", "imu"), "'position' for a joint that slides"),
         (("--release-angle", "5deg"), "write 20, 20mm or 0.02m"),
     ):

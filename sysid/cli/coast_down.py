@@ -19,7 +19,7 @@ IMU = ("time_s", "forward_m_s2", "yaw_rate_rad_s", "roll_rad")
 """Columns of the two kinds of log."""
 
 
-def rollout(
+def coast_down(
     *log: Path,
     board: BoardName,
     slope_deg: float = 0.0,
@@ -29,8 +29,6 @@ def rollout(
     common: Common = Common(),
 ) -> int:
     """Measure rake and rolling resistance of a whole board that rolls by itself, after a push or on a slope.
-
-    For the rake, tilt its deck to both sides while it rolls, by a weight beside the axis or by hand.
 
     Args:
         log: CSV files. From above (film, motion capture): time_s,x_m,y_m,roll_rad of the free motion. y is left of x, roll
