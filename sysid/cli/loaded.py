@@ -67,7 +67,7 @@ def _read(text: str) -> "LoadedDecay":
     """Return one decay of '--reading MASS,HEIGHT,OMEGA[,OWN]'.
 
     Raises:
-        SysidError: It is none, or a number is negative.
+        SysidError: A field is missing, not a quantity, or negative.
     """
     from sysid.experiments.loaded_decays import LoadedDecay
 

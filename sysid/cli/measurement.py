@@ -88,13 +88,13 @@ def read_logs(
     films: bool = False,
     may_be_gone: bool = False,
 ) -> MeasuredLogs:
-    """Read logs of a joint; those of its record's fit, as they were read then, if none is given.
+    """Read the given logs of a joint, or without them those of its record's fit as they were read then.
 
     Args:
         record: The joint; read from its file or model if left out.
         outputs: Outputs of the command, by option.
         films: Keep the pictures of films.
-        may_be_gone: Accept that none of the logs of the fit is there any more.
+        may_be_gone: Accept that all logs of the fit are gone.
 
     Raises:
         SysidError: No log is known or there, one cannot be read or was given twice, or an output would overwrite one.
