@@ -15,9 +15,8 @@ import numpy as np
 from reports.evidence import Evidence, LastDiagnosis
 from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
-from sysid.comparison.force_surface import TorqueProfile
 from sysid.comparison.release import ComparedRelease
-from sysid.diagnosis.demand import demand_of
+from sysid.diagnosis.demand import TorqueProfile, demand_of
 from sysid.diagnosis.report import TIE as TIED
 from sysid.effects import effect
 from sysid.errors import SysidError

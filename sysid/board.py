@@ -159,6 +159,12 @@ class Board(Shown):
         return self.tilt["rest_angle"].value
 
     @property
+    def quantities(self) -> dict[str, Quantity]:
+        """Quantities of the joint by name: those of the tilt joint, and 'effect.parameter'."""
+        of_effects = {f"{part.name}.{n}": q for part in self.effects for n, q in part.parameters.items()}
+        return {**self.tilt, **of_effects}
+
+    @property
     def is_unmeasured(self) -> bool:
         """Whether no parameter of the joint has been measured."""
         return self.stiffness == 0 == self.damping and not self.fit
@@ -425,29 +431,19 @@ class _Reader:
     def _told(self, where: str, raw: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return a table that commands wrote; the fields that they read have the right kind."""
         for key in TOLD_NUMBERS & raw.keys():
-            number = raw[key]
-            whole = (
-                isinstance(number, int) and not isinstance(number, bool) and abs(number) < sys.float_info.max
-            )
-            if not whole and not isinstance(number, float):
-                raise SysidError(f"{self.path}: field '{where}.{key}' is {number!r}; expected a number.")
+            self._number(raw, key, f"{where}.{key}")
         arrays: dict[str, tuple[type, str]] = {"effects": (str, "names of effects")}
         if where == "fit":  # a check's logs are names
             arrays["logs"] = Mapping, "tables with path and sha256"
         for key, (of, kind) in arrays.items():
             items: Any = raw.get(key, [])
             if not isinstance(items, list) or not all(isinstance(item, of) for item in items):
-                raise SysidError(
-                    f"{self.path}: field '{where}.{key}' is {items!r}; expected an array of {kind}."
-                )
-        if where == "fit":
-            if "reading" in raw:
-                self._text(raw, "reading", "fit.reading")
-            for i, log in enumerate(raw.get("logs", ())):
-                self._text(log, "path", f"fit.logs[{i}].path")
-        if where == "model":
-            for key in ("file", "joint"):
-                self._text(raw, key, f"model.{key}")
+                raise self._wrong(f"field '{where}.{key}'", items, f"an array of {kind}")
+        texts = {"fit": [key for key in ("reading",) if key in raw], "model": ["file", "joint"]}
+        for key in texts.get(where, ()):
+            self._text(raw, key, f"{where}.{key}")
+        for i, log in enumerate(raw.get("logs", ()) if where == "fit" else ()):
+            self._text(log, "path", f"fit.logs[{i}].path")
         return raw
 
     def _effect(self, where: str, raw: Mapping[str, Any], unit_of: Callable[[str], str]) -> BoardEffect:
@@ -485,55 +481,50 @@ class _Reader:
         return found
 
     def _quantity(self, raw: Any, where: str, unit: str | None, *, positive: bool = False) -> Quantity:
-        shape = f"{{ value = …, std = …, unit = '{unit or '…'}' }}"
-        if raw is None:
-            raise SysidError(f"{self.path}: field '{where}' is missing; expected {shape}.")
         if not isinstance(raw, Mapping):
-            raise SysidError(f"{self.path}: field '{where}' is {raw!r}; expected {shape}.")
-        numbers: dict[str, float] = {}
-        for key in ("value", "std"):
-            number: Any = raw.get(key)
-            if isinstance(number, bool) or not isinstance(number, int | float):
-                raise SysidError(f"{self.path}: field '{where}.{key}' is {number!r}; expected a number.")
-            # TOML's whole numbers may exceed a float.
-            numbers[key] = float(number) if abs(number) < sys.float_info.max else math.inf
+            shape = f"{{ value = …, std = …, unit = '{unit or '…'}' }}"
+            raise self._wrong(f"field '{where}'", raw, shape)
+        value, std = (self._number(raw, key, f"{where}.{key}") for key in ("value", "std"))
         if raw.get("unit") != unit and not (unit is None and isinstance(raw.get("unit"), str)):
-            raise SysidError(f"{self.path}: field '{where}.unit' is {raw.get('unit')!r}; expected {unit!r}.")
-        if not 0 <= numbers["std"] < math.inf:
-            raise SysidError(f"{self.path}: field '{where}.std' is {numbers['std']}; expected 0 or more.")
-        if not math.isfinite(numbers["value"]) or (positive and numbers["value"] <= 0):
+            raise self._wrong(f"field '{where}.unit'", raw.get("unit"), repr(unit))
+        if not 0 <= std < math.inf:
+            raise self._wrong(f"field '{where}.std'", std, "0 or more")
+        if not math.isfinite(value) or (positive and value <= 0):
             kind = "a positive number" if positive else "a finite number"
-            raise SysidError(f"{self.path}: field '{where}.value' is {numbers['value']}; expected {kind}.")
-        (least, most), size = PHYSICAL, abs(numbers["value"])
-        least = FINEST if unit in ("m", "kg") else least
-        most = math.pi if unit == "rad" else most
-        if unit is not None and ((positive and size < least) or size > most):
+            raise self._wrong(f"field '{where}.value'", value, kind)
+        least = FINEST if unit in ("m", "kg") else PHYSICAL[0]
+        most = math.pi if unit == "rad" else PHYSICAL[1]
+        if unit is not None and ((positive and abs(value) < least) or abs(value) > most):
             raise SysidError(
-                f"{self.path}: field '{where}.value' is {numbers['value']:g} {unit}; expected {least:g} to {most:.4g}. Is it in "
-                "another unit?"
+                f"{self.path}: field '{where}.value' is {value:g} {unit}; expected {least:g} to {most:.4g}. Is it in another unit?"
             )
-        return Quantity(numbers["value"], numbers["std"], str(raw["unit"]))
+        return Quantity(value, std, str(raw["unit"]))
+
+    def _number(self, raw: Mapping[str, Any], key: str, where: str) -> float:
+        number: Any = raw.get(key)
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            raise self._wrong(f"field '{where}'", number, "a number")
+        # TOML's whole numbers may exceed a float.
+        return float(number) if abs(number) < sys.float_info.max else math.inf
 
     def _table(self, raw: Mapping[str, Any], key: str, where: str = "") -> Mapping[str, Any]:
         value = raw.get(key)
         if not isinstance(value, Mapping):
-            raise SysidError(
-                f"{self.path}: section '[{where or key}]' is {'missing' if value is None else repr(value)}; "
-                "expected a table."
-            )
+            raise self._wrong(f"section '[{where or key}]'", value, "a table")
         return value
 
     def _tables(self, raw: Mapping[str, Any], key: str) -> Sequence[Mapping[str, Any]]:
         value: Any = raw.get(key, [])
         if not isinstance(value, list) or not all(isinstance(item, Mapping) for item in value):
-            raise SysidError(f"{self.path}: '[[{key}]]' is {value!r}; expected an array of tables.")
+            raise self._wrong(f"'[[{key}]]'", value, "an array of tables")
         return value
 
     def _text(self, raw: Mapping[str, Any], key: str, where: str = "") -> str:
         value = raw.get(key)
         if not isinstance(value, str):
-            raise SysidError(
-                f"{self.path}: field '{where or key}' is {'missing' if value is None else repr(value)}; "
-                "expected a text."
-            )
+            raise self._wrong(f"field '{where or key}'", value, "a text")
         return value
+
+    def _wrong(self, what: str, value: object, expected: str) -> SysidError:
+        found = "missing" if value is None else repr(value)
+        return SysidError(f"{self.path}: {what} is {found}; expected {expected}.")

@@ -16,7 +16,7 @@ from sysid.errors import SysidError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MAX_TEXT = 4 << 20
+MAX_TEXT = 4_000_000
 """Largest record or manifest [bytes]."""
 RECORDS = "data/boards/*.toml"
 """Records of boards in a workspace."""
@@ -44,10 +44,10 @@ def read_small(path: Path, encoding: str = "utf-8") -> str:
     """Return the text of a file that people write by hand, such as a record or a manifest.
 
     Raises:
-        OSError: It cannot be read, or is larger than 4 MiB, ten times a record with a thousand refits.
+        OSError: It cannot be read, or is larger than 4 MB, ten times a record with a thousand refits.
     """
     if regular(path).stat().st_size > MAX_TEXT:
-        raise OSError(errno.EFBIG, "more than 4 MiB: too long for a text typed by hand", str(path))
+        raise OSError(errno.EFBIG, "more than 4 MB: too long for a text typed by hand", str(path))
     return path.read_text(encoding=encoding)
 
 

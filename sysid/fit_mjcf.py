@@ -18,7 +18,7 @@ from sysid.fitting import report as fit_report
 from sysid.fitting.joint import FitOptions, check_effects, fit_joint
 from sysid.fitting.ladder import Rung, ladder, rung_name
 from sysid.fitting.record_update import error_of, left_open, require_usable, updated_board
-from sysid.fitting.records import Signal, signal_of
+from sysid.fitting.records import signal_of
 from sysid.fitting.result import TOLERANCE, JointFit
 from sysid.joint.law import JointLaw
 from sysid.noise.floor import NoiseFloor
@@ -168,10 +168,10 @@ def _leaning_on_record(
     """
     wanting = {name.split(".")[0] for name in left_open(joint) if "." in name}
     known = [
-        f"{part.name}.{name}"
-        for part in board.effects if part.name in wanting
-        for name, q in part.parameters.items() if 0 < q.std < math.inf and f"{part.name}.{name}" in joint.quantities
-    ]  # fmt: skip
+        name
+        for name, quantity in board.quantities.items()
+        if name.split(".")[0] in wanting and name in joint.quantities and 0 < quantity.std < math.inf
+    ]
     if not known:
         return options, joint, []
     richer = replace(options, priors=tuple(dict.fromkeys((*options.priors, *known))))
@@ -203,11 +203,9 @@ def fit(
     effects: Sequence[str] = (),
     *,
     plain: bool = False,
-    robust: bool = False,
     fixed: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     priors: Sequence[str] = (),
-    signal: Signal = "auto",
     any_period: bool = False,
 ) -> Fit:
     """Fit stiffness, damping, rest angle and effects to recordings.
@@ -219,11 +217,9 @@ def fit(
         board: The record.
         effects: Effects to add to those of the record.
         plain: Drop the effects of the record.
-        robust: Reduce the weight of outliers.
         fixed: Parameters held at a value, by 'stiffness', 'damping', 'rest_angle' or 'effect.parameter'.
         bounds: Lowest and highest value of parameters, by the same names.
         priors: Parameters whose value and standard deviation in the record count as a measurement, by the same names.
-        signal: Fit the roll or the rate; 'auto' fits the measured one.
         any_period: Accept a natural period above 100 s or below 1 ms. Without it, such a period is a wrong unit of time.
 
     Raises:
@@ -233,9 +229,7 @@ def fit(
     require_record(board)
     check_effects(effects, [part.name for part in board.effects])
     kept = tuple(part.name for part in board.effects if not plain or effect(part.name).is_known)
-    options = FitOptions(
-        robust=robust, fixed=fixed or {}, bounds=bounds or {}, priors=tuple(priors), **signal_of(releases, signal)
-    )  # fmt: skip
+    options = FitOptions(fixed=fixed or {}, bounds=bounds or {}, priors=tuple(priors), **signal_of(releases))
     warnings = [*reading_warnings(recordings), *weak, *amplitude_warnings(releases, board)]
     every = tuple(sorted(dict.fromkeys((*kept, *effects)), key=LEARNED.__eq__))  # tables hold the rest
     formula, leant = None, list[str]()

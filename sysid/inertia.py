@@ -16,11 +16,9 @@ import numpy as np
 from sysid.board import Board, BoardEffect
 from sysid.decay.numbers import decay_from_peaks
 from sysid.errors import SysidError
-from sysid.quantity import Quantity, propagate
+from sysid.quantity import GRAVITY, Quantity, propagate
 
 UNIT = "kg*m^2"
-GRAVITY = Quantity(9.80665, 0.013, "m/s^2")
-"""Standard gravity, with the standard deviation over places on Earth."""
 ON_AXIS = Quantity(0.0, 0.0, "m")
 TURNED = ("stiffness", "damping")
 """Quantities of the tilt joint that scale with the inertia."""

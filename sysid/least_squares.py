@@ -48,7 +48,6 @@ def minimise(
     *,
     iterations: int = 60,
     tolerance: float | Callable[[float], float] = 1e-7,
-    known: Normal | None = None,
     abandons: bool = False,
 ) -> Minimum:
     """Minimise half the sum of squares over a box (Marquardt 1963; Moré 1978 for the scaling).
@@ -59,12 +58,10 @@ def minimise(
         low: Lower bounds, shape (p,).
         high: Upper bounds, shape (p,).
         tolerance: Relative fall of the cost, predicted and found, at which the search ends; or a function of the cost that gives it.
-        known: Cost and normal equations at the start, if an earlier search has them.
         abandons: Whether `evaluate` also takes the current cost; it may stop at a larger one and return infinity, as the step fails.
     """
     point = np.clip(start, low, high)
-    here = evaluate(point) if known is None else known
-    evaluations, factor = int(known is None), 1e-3
+    here, evaluations, factor = evaluate(point), 1, 1e-3
     status: Status = "out of iterations"
     for _ in range(iterations):
         small = tolerance(here.cost) if callable(tolerance) else tolerance

@@ -7,7 +7,7 @@ the steps after the fit as methods; `fit`, `compare` and `diagnose` accept them.
 import math
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -58,7 +58,6 @@ class Joint(records.Board):
         free: Sequence[str] = (),
         payload: Sequence[str] = (),
         mass_error: float = 0.0,
-        name: str = "",
     ) -> Self:
         """Take a hinge or slide of a MuJoCo model, in the setup of the measurement.
 
@@ -70,7 +69,6 @@ class Joint(records.Board):
             free: Other joints that moved freely.
             payload: Known added masses: 'MASS@X,Y,Z' [kg, m] in the frame of the joint's body, or 'MASS@SITE'.
             mass_error: Half-width of the 95 % interval of the model's masses, as a share.
-            name: Of the record; MODEL_JOINT if left out.
 
         Raises:
             SysidError: The file cannot be read, lacks the joint, or a loop holds it.
@@ -84,8 +82,7 @@ class Joint(records.Board):
             file=Path(path), joint=joint, keyframe=keyframe, pose=dict(pose or {}), free=tuple(free),
             payload=tuple(map(Payload.parse, payload)),
         )  # fmt: skip
-        record, _ = board_of(setup, mass_error=mass_error)
-        return cls.of(replace(record, name=name) if name else record)
+        return cls.of(board_of(setup, mass_error=mass_error)[0])
 
     @classmethod
     def new(cls, name: str, inertia: Quantity | float | str, *, description: str = "a joint") -> Self:

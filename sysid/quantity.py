@@ -13,13 +13,12 @@ Z95 = 1.959963984540054
 """Half-width of a 95 % interval of a normal variable, in standard deviations."""
 SURE = 4.0
 """Standard deviations from which a difference is certain: by chance in one of 16,000."""
+_DEGREE = math.radians(1.0)
 _UNITS: dict[str, dict[str, float]] = {
-    "kg": {"kg": 1.0, "g": 1e-3},
-    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
-    "s": {"s": 1.0, "ms": 1e-3},
-    "rad": {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180},
-    "rad/s": {"rad/s": 1.0, "Hz": 2 * math.pi},
-}
+    "kg": {"g": 1e-3}, "m": {"cm": 1e-2, "mm": 1e-3}, "s": {"ms": 1e-3}, "rad": {"deg": _DEGREE, "°": _DEGREE},
+    "rad/s": {"Hz": math.tau},
+}  # fmt: skip
+"""Other units of a quantity, in its SI unit."""
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PATTERN = re.compile(rf"\s*({_NUMBER})\s*(?:(?:±|\+-|\+/-)\s*({_NUMBER}))?\s*(\S*)\s*")
 
@@ -121,7 +120,7 @@ def parse_quantity(text: str, unit: str, name: str = "the quantity", *, positive
     Raises:
         SysidError: The text is not a quantity, or its unit is not one of `unit`'s kind.
     """
-    scales = _UNITS.get(unit, {unit: 1.0})
+    scales = {unit: 1.0, **_UNITS.get(unit, {})}
     match = _PATTERN.fullmatch(text)
     if match is None or match[3] not in ("", *scales):
         kinds = f", in {unit}" + (f" or with {', '.join(list(scales)[1:])}" if len(scales) > 1 else "")
@@ -185,3 +184,7 @@ def t95(degrees_of_freedom: float) -> float:
 
 def _finite(number: float) -> float | None:
     return number if math.isfinite(number) else None
+
+
+GRAVITY = Quantity(9.80665, 0.013, "m/s^2")
+"""Standard gravity, with the standard deviation over places on Earth."""

@@ -78,13 +78,10 @@ def effort(*, slides: bool) -> str:
     return "force [N]" if slides else "torque [N·m]"
 
 
-LEAST_REST = 5e-4
-"""Smallest rest angle in a printed law [rad]."""
-
-
 def linear_law(inertia: float, damping: float, stiffness: float, rest: float) -> str:
-    """Return the left-hand side of a linear joint, e.g. '8.70e-3 φ̈ + 0.402 φ̇ + 14.68 (φ - 0.0100)', all SI."""
-    roll = "φ" if abs(rest) < LEAST_REST else f"(φ {'-' if rest > 0 else '+'} {abs(rest):.4f})"
+    """Return the left-hand side of a linear joint, e.g. '8.70e-3 φ̈ + 0.402 φ̇ + 14.68 (φ - 0.010)', all SI."""
+    moved = round(abs(rest), 3)
+    roll = f"(φ {'-' if rest > 0 else '+'} {moved:.3f})" if moved else "φ"
     leading = "φ̈" if inertia == 1 else f"{short(inertia)} φ̈"
     spring = f" + {stiffness:.4g} {roll}" if stiffness else ""
     return f"{leading} + {short(damping)} φ̇{spring}"

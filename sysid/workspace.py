@@ -10,9 +10,7 @@ from sysid.board import Board, boards_folder, find_record, load_board, load_name
 from sysid.errors import SysidError
 from sysid.files import locked, write_atomically
 from sysid.files import shipped_data as shipped_data
-
-MOST_NAMED = 4
-"""Most logs in a printed command."""
+from sysid.shown import MOST_SHOWN
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +34,7 @@ class Workspace:
             logs: Its logs; no logs or many are written as 'LOG...'. None: a command without logs.
         """
         named = [] if logs is None else [str(log) for log in logs]
-        if logs is not None and not 0 < len(named) <= MOST_NAMED:
+        if logs is not None and not 0 < len(named) <= MOST_SHOWN:
             named = ["LOG..."]
         where = [] if self.root.resolve() == Path.cwd() else ["--workspace", str(self.root)]
         reading = [] if logs is None else self.reading

@@ -15,10 +15,10 @@ from sysid import inertia
 from sysid.board import Board, BoardEffect
 from sysid.errors import SysidError
 from sysid.experiments.static_tilt import Weighing, static_tilt
-from sysid.quantity import Quantity, parse_quantity
+from sysid.quantity import GRAVITY, Quantity, parse_quantity
 from sysid.workspace import Workspace
 
-G = inertia.GRAVITY.value
+G = GRAVITY.value
 
 
 def q(value: float, std: float, unit: str) -> Quantity:
@@ -204,11 +204,7 @@ def test_uncertainty_agrees_with_monte_carlo(name: str) -> None:
     method, inputs = METHODS[name]
     rng = np.random.default_rng(7)
     draws = []
-    gravity = (
-        {}
-        if name in ("cuboid", "cylinder", "point", "shifted", "torsional")
-        else {"gravity": inertia.GRAVITY}
-    )
+    gravity = {} if name in ("cuboid", "cylinder", "point", "shifted", "torsional") else {"gravity": GRAVITY}
     for _ in range(4000):
         drawn = {
             key: Quantity(quantity.value + quantity.std * rng.standard_normal(), 0.0, quantity.unit)

@@ -10,7 +10,8 @@ from command_line import husky
 from sysid.cli.console import Common
 from sysid.cli.log_options import LogArguments, VideoArguments
 from sysid.cli.measurement import Measurement
-from sysid.workspace import MOST_NAMED, Workspace, shipped_data
+from sysid.shown import MOST_SHOWN
+from sysid.workspace import Workspace, shipped_data
 
 
 @pytest.mark.parametrize(
@@ -19,7 +20,7 @@ from sysid.workspace import MOST_NAMED, Workspace, shipped_data
         (".", ["a.csv"], "fit a.csv --board pink"),
         ("w", ["a.csv", "b c.csv"], "fit a.csv 'b c.csv' --board pink --workspace w"),
         ("my w", [], "fit LOG... --board pink --workspace 'my w'"),
-        ("w", ["a.csv"] * (MOST_NAMED + 1), "fit LOG... --board pink --workspace w"),
+        ("w", ["a.csv"] * (MOST_SHOWN + 1), "fit LOG... --board pink --workspace w"),
         ("w", None, "fit --board pink --workspace w"),
     ],
 )

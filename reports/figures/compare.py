@@ -8,7 +8,7 @@ from reports.figures.style import MOST_ROWS, styled
 from reports.figures.svg import thin
 from reports.story import release_name
 from sysid.comparison.compare import Comparison
-from sysid.comparison.force_surface import MissingTorque, TorqueProfile
+from sysid.diagnosis.demand import Demand, TorqueProfile
 from sysid.quantity import Z95
 from sysid.roll import Array
 from sysid.text import Display, display, effort
@@ -82,11 +82,11 @@ def _lower_panels(result: Comparison) -> "list[Callable[[Axes], None]]":
     return panels
 
 
-def profiles(missing: MissingTorque, *, slides: bool) -> list[tuple[TorqueProfile, Display]]:
+def profiles(missing: Demand, *, slides: bool) -> list[tuple[TorqueProfile, Display]]:
     """Return a missing torque over rate and over tilt, and how each of these is shown."""
     return [
-        (missing.over_rate, display(is_rate=True, slides=slides)),
-        (missing.over_angle, display(is_rate=False, slides=slides)),
+        (missing.over(missing.rate), display(is_rate=True, slides=slides)),
+        (missing.over(missing.angle), display(is_rate=False, slides=slides)),
     ]
 
 

@@ -267,7 +267,7 @@ def _moving(release: ComparedRelease, result: Comparison) -> npt.NDArray[np.int6
 
 
 def _log_missing(stream: "rr.RecordingStream", result: Comparison) -> None:
-    """Log the missing torque as a picture with axes, and as the tensor behind it."""
+    """Log the missing torque as a picture with axes."""
     import rerun as rr
 
     if result.missing is None:
@@ -284,8 +284,6 @@ def _log_missing(stream: "rr.RecordingStream", result: Comparison) -> None:
     figure.savefig(picture, format="png", dpi=130, facecolor="white")
     image = rr.EncodedImage(contents=picture.getvalue(), media_type="image/png")
     stream.log("missing_torque", image, static=True)
-    values = rr.Tensor(result.missing.torque, dim_names=["tilt", "rate"])
-    stream.log("missing_torque_values", values, static=True)
 
 
 def _release_tab(

@@ -13,7 +13,7 @@ from sim.board.learned import apply, left_out
 from sim.board.scene import add_effects, integrator_value, roll_inertia
 from sysid.board import Board
 from sysid.errors import SysidError
-from sysid.inertia import GRAVITY
+from sysid.quantity import GRAVITY
 from sysid.roll import Array
 
 AfterStep = Callable[[mujoco.MjModel, mujoco.MjData], None]

@@ -11,9 +11,8 @@ from sysid.cli.parameter_options import measured
 from sysid.cli.subject import Subject
 from sysid.effects import weight
 from sysid.errors import SysidError, UsageError
-from sysid.inertia import GRAVITY
 from sysid.loop import Joint
-from sysid.quantity import Quantity, parse_quantity, propagate
+from sysid.quantity import GRAVITY, Quantity, parse_quantity, propagate
 
 Kind = Literal["board", "pendulum", "rig", "joint"]
 QUESTIONS = {

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.comparison.force_surface import derivatives, filter_length
-from sysid.comparison.release import ComparedRelease
+from sysid.comparison.release import ComparedRelease, smoothed
 from sysid.joint.law import JointLaw
 from sysid.roll import Array
 
@@ -34,35 +33,29 @@ def backbone_of(
         signals: Measured or simulated angles [rad], or rates [rad/s] if these were measured, shape (n,) each.
         noise: Their standard deviation.
     """
-    parts: list[tuple[Array, Array, Array]] = []
+    parts = [np.empty((3, 0))]
     for release, signal in zip(compared, signals, strict=True):
-        rest = 0.0 if release.measures_rate else law.rest_angle
-        window = filter_length(release, law)
-        amplitude, period, damping = _half_swings(release.time, signal - rest, window, noise)
-        if release.measures_rate:
-            amplitude = amplitude * period * np.sqrt(1 - damping**2) / (2 * np.pi)
-        parts.append((amplitude, period, damping))
-    amplitude, period, damping = (np.concatenate([part[i] for part in parts]) for i in range(3))
-    order = np.argsort(amplitude)
-    return Backbone(amplitude[order], period[order], damping[order])
+        if release.window is not None:
+            rest = 0.0 if release.record.is_rate else law.rest_angle
+            swings = _half_swings(
+                release.time, smoothed(release.time, signal - rest, release.window)[0], noise
+            )
+            if release.record.is_rate:
+                swings[0] *= swings[1] * np.sqrt(1 - swings[2] ** 2) / (2 * np.pi)
+            parts.append(swings)
+    together = np.concatenate(parts, axis=1)
+    return Backbone(*together[:, np.argsort(together[0])])
 
 
-def _half_swings(time: Array, tilt: Array, window: int | None, noise: float) -> tuple[Array, Array, Array]:
-    """Return amplitude, period and damping ratio of each half swing between turning points."""
-    if window is None:
-        return np.empty(0), np.empty(0), np.empty(0)
-    y = derivatives(time, tilt, window)[0]
-    least = max(6 * noise, 0.01 * float(np.abs(tilt).max()))
-    clear = np.flatnonzero(np.abs(y) >= least)
-    swings = np.split(clear, np.flatnonzero(np.diff(np.signbit(y[clear]))) + 1)
-    peaks = np.array([swing[np.abs(y[swing]).argmax()] for swing in swings if len(swing)], dtype=int)
-    peaks = peaks[(peaks > 0) & (peaks < len(y) - 1)]  # a swing cut off by an end has no peak
-    if len(peaks) < 2:
-        return np.empty(0), np.empty(0), np.empty(0)
-    size = np.abs(y[peaks])
+def _half_swings(time: Array, tilt: Array, noise: float) -> Array:
+    """Return amplitude, period and damping ratio of each half swing between turning points, shape (3, m)."""
+    clear = np.flatnonzero(np.abs(tilt) >= max(6 * noise, 0.01 * float(np.abs(tilt).max())))
+    swings = np.split(clear, np.flatnonzero(np.diff(np.signbit(tilt[clear]))) + 1)
+    peaks = np.array([swing[np.abs(tilt[swing]).argmax()] for swing in swings if len(swing)], dtype=int)
+    peaks = peaks[(peaks > 0) & (peaks < len(tilt) - 1)]  # a swing cut off by an end has no peak
+    size = np.abs(tilt[peaks])
     shrink = np.log(size[:-1] / size[1:])
-    usable = shrink > 0
-    amplitude = np.sqrt(size[:-1] * size[1:])[usable]
-    period = 2 * np.diff(time[peaks])[usable]
-    damping = (shrink / np.hypot(np.pi, shrink))[usable]
-    return amplitude, period, damping
+    found = np.stack(
+        [np.sqrt(size[:-1] * size[1:]), 2 * np.diff(time[peaks]), shrink / np.hypot(np.pi, shrink)]
+    )
+    return found[:, shrink > 0]

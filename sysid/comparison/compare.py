@@ -14,14 +14,14 @@ from sysid.board import Board, require_record
 from sysid.comparison import report as comparison_report
 from sysid.comparison.backbone import Backbone, backbone_of
 from sysid.comparison.error_map import Place, describe_error, locate_error
-from sysid.comparison.force_surface import MissingTorque, missing_torque
 from sysid.comparison.release import ComparedRelease
 from sysid.decay.plausibility import amplitude_warnings
+from sysid.diagnosis.demand import Demand, demand_of
 from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.fitting.initial_state import fit_initial_states
 from sysid.fitting.joint import FitOptions, held_parameters
-from sysid.fitting.records import Bias, Record, Signal, make_records, read_at_rest, signal_of
+from sysid.fitting.records import Bias, Record, make_records, read_at_rest, signal_of
 from sysid.fitting.result import TOLERANCE
 from sysid.joint import JointLaw, simulate
 from sysid.noise.floor import NoiseFloor, noise_floor
@@ -70,9 +70,14 @@ class Comparison(Shown):
     """The logs; empty if only releases were given."""
 
     @cached_property
-    def missing(self) -> MissingTorque | None:
-        """The missing torque over angle and rate, made when it is asked for; None if the sampling is too slow to differentiate."""
-        return missing_torque(self.releases, self.law)
+    def missing(self) -> Demand | None:
+        """The torque that the measured motion demands beyond the law; None if too little of the motion is above the noise."""
+        effects = [name for name, _ in self.law.effects]
+        releases = [release.record.release for release in self.releases]
+        try:
+            return demand_of(releases, self.law, self.noise.std, rate=self.is_rate, beside=effects)
+        except SysidError:
+            return None
 
     @property
     def show(self) -> Display:
@@ -126,7 +131,6 @@ def compare(
     board: Board,
     *,
     law: JointLaw | None = None,
-    signal: Signal = "auto",
     tolerance: float = TOLERANCE,
 ) -> Comparison:
     """Simulate each release with a board's law and compare.
@@ -141,7 +145,7 @@ def compare(
     """
     recordings, releases, weak = unpack(data)
     require_record(board)
-    chosen = signal_of(releases, signal)
+    chosen = signal_of(releases)
     odd = amplitude_warnings(releases, board)
     law = law or JointLaw.from_board(board)
     if law.stiffness + law.stiffness_of_effects <= 0:
@@ -216,14 +220,4 @@ def _compared(law: JointLaw, record: Record, residual: Array, start: tuple[float
     path = simulate(
         law.posed(known), record.time, *start, hold=max(record.release.hold, 0.0), begin=record.release.start
     )
-    return ComparedRelease(
-        log=record.release.log,
-        number=record.release.number,
-        time=record.time,
-        measured=record.signal,
-        simulated=record.signal + residual,
-        roll=path.roll,
-        rate=path.rate,
-        rmse=float(np.sqrt(np.mean(residual**2))),
-        measures_rate=record.is_rate,
-    )
+    return ComparedRelease(record=record, simulated=record.signal + residual, roll=path.roll, rate=path.rate)

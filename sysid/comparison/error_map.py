@@ -7,8 +7,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.board import Board
-from sysid.comparison.force_surface import derivatives, filter_length
-from sysid.comparison.release import ComparedRelease
+from sysid.comparison.release import ComparedRelease, smoothed
 from sysid.joint.law import JointLaw
 from sysid.noise.floor import NoiseFloor
 from sysid.roll import Array
@@ -21,8 +20,6 @@ SIDES = (
     ("at positions beyond the rest", "at positions below the rest"),
 )
 """Names of both sides of a board, and of a joint without a deck."""
-AT_THE_FLOOR = 1.05
-"""Largest error over noise floor that is all noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +40,8 @@ def locate_error(
     """Divide the squared error beyond the noise along five axes and return the parts, largest first."""
     error = np.concatenate([c.residual**2 - noise.std**2 for c in compared])
     total = float(error.sum())
-    least = max(AT_THE_FLOOR * noise.std, noise.highest)
-    if total <= 0 or total < (least**2 - noise.std**2) * len(error):
-        return ()
+    if total <= (noise.highest**2 - noise.std**2) * len(error):
+        return ()  # the noise may be all of it
     # The measured motion, not that of a wrong model.
     tilt, rate = (np.concatenate(parts) for parts in zip(*(_motion(c, law) for c in compared), strict=True))
     time = np.concatenate([c.time for c in compared])
@@ -69,11 +65,10 @@ def locate_error(
 
 
 def _motion(release: ComparedRelease, law: JointLaw) -> tuple[Array, Array]:
-    """Return tilt about rest [rad] and rate [rad/s] as measured, or as simulated if the samples are too few to differentiate."""
-    window = None if release.measures_rate else filter_length(release, law)
-    if window is None:
+    """Return tilt about rest [rad] and rate [rad/s]: as measured, or as simulated where a rate or few samples were measured."""
+    if release.record.is_rate or release.window is None:
         return release.roll - law.rest_angle, release.rate
-    roll, rate, _ = derivatives(release.time, release.measured, window)
+    roll, rate = smoothed(release.time, release.measured, release.window)
     return roll - law.rest_angle, rate
 
 
@@ -94,14 +89,8 @@ def _range_text(axis: str, low: float, high: float, *, last: bool, slides: bool)
     return f"{what} between {low:.2g} and {high:.2g}{unit}" if low else f"{what} below {high:.2g}{unit}"
 
 
-_FRACTIONS = (
-    (0.95, "nearly all"), (0.85, "nine tenths"), (0.72, "three quarters"), (0.62, "two thirds"),
-    (0.45, "half"), (0.3, "a third"), (0.0, "part"),
-)  # fmt: skip
-
-
 def describe_error(where: Sequence[Place], rmse: float, noise: float) -> str:
-    """Return the location of the error, e.g. 'two thirds of the error is at amplitudes below 3°, while slowing down'."""
+    """Return the location of the error, e.g. '67 % of the error is at amplitudes below 3°, while slowing down'."""
     if not where:
         return f"The error is the sensor's noise ({rmse / noise:.2f} times the floor): there is nothing to locate."
     best: dict[str, Place] = {}
@@ -114,5 +103,4 @@ def describe_error(where: Sequence[Place], rmse: float, noise: float) -> str:
             words.append(best[axis].text)
     if best["side"].share <= 0.65:
         words.append("on both sides")
-    fraction = next(name for least, name in _FRACTIONS if main.share >= least)
-    return f"{fraction.capitalize()} of the error is {', '.join(words)}."
+    return f"{100 * main.share:.0f} % of the error is {', '.join(words)}."

@@ -1,15 +1,14 @@
 """A comparison in words, tables and JSON."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from sysid.comparison.backbone import Backbone
+from sysid.roll import Array
 from sysid.text import WIDTH, table
 
 if TYPE_CHECKING:
     from sysid.comparison.compare import Comparison
+    from sysid.diagnosis.demand import Demand
 
 
 def report(result: "Comparison", width: int = WIDTH) -> str:
@@ -17,10 +16,7 @@ def report(result: "Comparison", width: int = WIDTH) -> str:
     show = result.show
     releases = table(
         ("release", "error", "error / noise"),
-        [
-            (f"{Path(r.log).name} {r.number}", show(r.rmse), f"{r.rmse / result.noise.std:.2f}")
-            for r in result.releases
-        ],
+        [(r.name, show(r.rmse), f"{r.rmse / result.noise.std:.2f}") for r in result.releases],
         width=width,
     )
     lines = [
@@ -58,20 +54,7 @@ def to_json(result: "Comparison") -> dict[str, Any]:
         "summary": result.summary,
         "missing_torque": None
         if missing is None
-        else {
-            "angle_edges_rad": missing.angle.tolist(),
-            "rate_edges_rad_s": missing.rate.tolist(),
-            "torque_nm": [[v if np.isfinite(v) else None for v in row] for row in missing.torque.tolist()],
-            "samples": missing.count.tolist(),
-            **{
-                axis: {
-                    "at": profile.at.tolist(),
-                    "torque_nm": profile.torque.tolist(),
-                    "std_nm": profile.std.tolist(),
-                }
-                for axis, profile in (("over_angle", missing.over_angle), ("over_rate", missing.over_rate))
-            },
-        },
+        else {"over_angle": _profile(missing, missing.angle), "over_rate": _profile(missing, missing.rate)},
         "backbone": {
             "measured": _backbone(result.measured_backbone),
             "simulated": _backbone(result.simulated_backbone),
@@ -79,6 +62,11 @@ def to_json(result: "Comparison") -> dict[str, Any]:
         "passed": result.passed,
         "tolerance": result.tolerance,
     }
+
+
+def _profile(missing: "Demand", at: Array) -> dict[str, list[float]]:
+    profile = missing.over(at)
+    return {"at": profile.at.tolist(), "torque_nm": profile.torque.tolist(), "std_nm": profile.std.tolist()}
 
 
 def _backbone(backbone: Backbone) -> dict[str, list[float]]:

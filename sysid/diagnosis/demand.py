@@ -13,18 +13,29 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sysid.comparison.force_surface import TorqueProfile
 from sysid.diagnosis.evidence import STRENGTH, marginalised
+from sysid.diagnosis.laws import Laws, Shape
 from sysid.diagnosis.motion import Motion, motion_of
 from sysid.diagnosis.nuisances import named_functions, nameless, sensor
 from sysid.diagnosis.posterior import NAMELESS, PASSES, SHARES, levels, linear_joint, until_still
 from sysid.diagnosis.smoother import Smoothed, Smoother
 from sysid.joint.law import JointLaw
-from sysid.joint.torques import effect_torque
 from sysid.roll import Array, Release
 
 BINS = 25
 """Bins of a profile, of equal width."""
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueProfile:
+    """A torque against angle or rate alone."""
+
+    at: Array
+    """Mean angle [rad] or rate [rad/s] of each bin, shape (n,)."""
+    torque: Array
+    """Mean torque [N*m], shape (n,)."""
+    std: Array
+    """Standard deviation of that mean [N*m], shape (n,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,16 +89,18 @@ def demand_of(
     table, inside = found.table, motion.inside
     if motion.zero != "known":  # a constant torque is the zero of the sensor
         table[:, 2 : 2 + len(levels(motion))] = 0.0
-    # Torque of a spring with ω₀ at the widest swing.
-    unit = law.inertia * motion.frequency**2 * motion.amplitude
     x, v = found.smoothed.angle[inside], found.smoothed.rate[inside]
-    spring = law.stiffness / (law.inertia * motion.frequency**2)
-    damper = law.damping / (law.inertia * motion.frequency)
-    angle, speed = motion.amplitude * x, motion.amplitude * motion.frequency * v
+    inertia = law.inertia * law.inertia_ratio
+    spring = law.stiffness / (inertia * motion.frequency**2)
+    damper = law.damping / (inertia * motion.frequency)
     opposing = table @ found.means + (stiffness - spring) * x + (damping - damper) * v
-    known = _torque_of(law, beside, motion, angle, speed)
+    laws = Laws(motion, inertia, spring, damper)
+    opposing -= _opposing(laws, law, beside, found.smoothed)[inside]
     return Demand(
-        angle=angle, rate=speed, torque=-unit * opposing - known, spread=unit * (table @ found.root)
+        angle=motion.amplitude * x,
+        rate=motion.amplitude * motion.frequency * v,
+        torque=-laws.unit * opposing,
+        spread=laws.unit * (table @ found.root),
     )
 
 
@@ -150,12 +163,15 @@ def _functions(motion: Motion, smoothed: Smoothed, stiffness: float, damping: fl
     return np.column_stack([base, known, free]), np.concatenate(deviations)
 
 
-def _torque_of(law: JointLaw, names: Sequence[str], motion: Motion, angle: Array, rate: Array) -> Array:
-    """Return the torque of some effects of a law along a motion [N*m], shape (n,)."""
-    total, rows = np.zeros_like(angle), np.nonzero(motion.inside)[0]
-    for row in np.unique(rows):
-        one = rows == row
-        time = np.arange(np.count_nonzero(one), dtype=np.float64) * (motion.step / motion.frequency)
-        for name in names:
-            total[one] += effect_torque(law, name, time, motion.rest + angle[one], rate[one])
-    return total
+def _opposing(laws: Laws, law: JointLaw, names: Sequence[str], smoothed: Smoothed) -> Array:
+    """Return the opposing torque of some effects of a law over I ω₀² A [1], shape (r, n)."""
+    values = dict(law.effects)
+    own = [(part, part.named(values[part.name])) for part in law.structure.torques if part.name in names]
+    found = laws.recorded(smoothed, own)
+    for part in law.structure.supports:
+        if part.name in names:
+            sizes = [p.size(laws.scales) for p in part.parameters]
+            at = Shape(tuple(v / size for v, size in zip(values[part.name], sizes, strict=True)), 1.0, ())
+            terms = laws.terms(smoothed, {part.name: part}, {part.name: [at]})
+            found += [term.columns[..., 0] for term in terms]
+    return sum(found, np.zeros_like(smoothed.angle))

@@ -28,7 +28,7 @@ from sysid.effects import effect
 from sysid.effects._base import TorqueEffect
 from sysid.errors import SysidError
 from sysid.fitting.joint import FitOptions, Trial, check_parameters, fit_joint, trial_fit
-from sysid.fitting.records import Signal, signal_of
+from sysid.fitting.records import signal_of
 from sysid.fitting.result import JointFit
 from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.progress import Listener, listening, stage
@@ -205,7 +205,6 @@ def diagnose(
     data: Data,
     board: Board,
     *,
-    signal: Signal = "auto",
     fixed: Mapping[str, float] | None = None,
     progress: Listener | None = None,
 ) -> Diagnosis:
@@ -214,7 +213,6 @@ def diagnose(
     Args:
         data: Free decays of one joint: a recording, several, or releases.
         board: The record.
-        signal: Signal that is judged.
         fixed: Parameters held in every fit, by 'stiffness', 'damping', 'rest_angle' or 'effect.parameter'.
         progress: Called as the work goes on.
 
@@ -222,12 +220,12 @@ def diagnose(
         SysidError: Too little motion, or a record without an inertia.
     """
     with listening(progress):
-        return _diagnosed(data, board, signal, dict(fixed or {}))
+        return _diagnosed(data, board, dict(fixed or {}))
 
 
-def _diagnosed(data: Data, board: Board, signal: Signal, fixed: Mapping[str, float]) -> Diagnosis:
+def _diagnosed(data: Data, board: Board, fixed: Mapping[str, float]) -> Diagnosis:
     recordings, releases, weak = unpack(data)
-    chosen = signal_of(releases, signal)
+    chosen = signal_of(releases)
     options = FitOptions(fixed=fixed, bounds_friction=False, **chosen)
     own = tuple(part.name for part in board.effects)
     check_parameters(own, options, board)

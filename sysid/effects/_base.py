@@ -129,25 +129,27 @@ class Parameter:
         return self.low * size, self.high * size
 
 
+def at_zero(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
+    """Return 0."""
+    return 0 * tilt
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
     """One internal variable of an effect, e.g. the elongation of a Maxwell arm."""
 
     name: str
-    start: Callable[[Algebra, Value, Value, Value, Values], Value]
-    """`start(m, tilt, hold, stiffness, parameters)`: its value at release, after a hold of that length; for a sensor
-    `tilt` is the absolute roll."""
+    start: Callable[[Algebra, Value, Value, Value, Values], Value] = at_zero
+    """`start(m, tilt, hold, stiffness, parameters)`: its value at release, after a hold of that length; for a sensor `tilt` is the
+    absolute roll."""
     size: Callable[[Scales], float]
     """Its typical size, to scale a fit."""
     most: float = 10.0
     """Its largest size at a release, after any motion before, in units of `size`."""
     rate: Callable[[Algebra, JointState, Sequence[Value], Values], Value] | None = None
     """`rate(m, motion, states, parameters)`: its time derivative, from all states of its effect."""
-    late_release: Callable[[Algebra, Value, Value, Value, Values], Value] | None = None
-    """Of a sensor: `late_release(m, roll, rate, acceleration, parameters)`, its value at a release that was detected late, at that
-    rate."""
-    in_motion: Callable[[Value, Value, LinearJoint, Values], Value] | None = None
-    """Of a sensor: `in_motion(roll, rate, joint, parameters)`, its value amid a decay, without a hold before."""
+    sensed: Callable[[Algebra, Value, Value, Value, LinearJoint, Values], Value] | None = None
+    """Of a sensor, where a fit begins: `sensed(m, roll, rate, hold, joint, parameters)`, with that roll and rate of the joint."""
     detection_delay: Callable[[float, float, Numbers], float] | None = None
     """Of a sensor: `detection_delay(acceleration, noise, parameters)`, the time until a release shows in its reading [s]."""
     settles: Callable[[Numbers], float] | None = None
@@ -210,11 +212,17 @@ def unchanged(m: Algebra, reading: Reading, parameters: Values, states: Sequence
     return reading
 
 
-def belongs_to_log(
-    spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False
-) -> tuple[str, ...]:
-    """Write nothing: the effect belongs to the measurement, not to the model."""
-    return ()
+def left_out(*reasons: str) -> ToMjcf:
+    """Return a writer that writes nothing but reasons."""
+
+    def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
+        return reasons
+
+    return write
+
+
+BELONGS_TO_LOG = left_out()
+"""Writes nothing: the effect belongs to the measurement, not to the model."""
 
 
 BOARD_RANGE = 0.2
@@ -419,7 +427,7 @@ class SensorEffect(Effect):
     """
 
     role: Role = "measurement"
-    to_mjcf: ToMjcf = belongs_to_log
+    to_mjcf: ToMjcf = BELONGS_TO_LOG
     mujoco: MujocoSupport = MujocoSupport(means="nothing: it belongs to the log", since="")
     observe: Callable[[Algebra, Reading, Values, Sequence[Value]], Reading] = unchanged
     """`observe(m, reading, parameters, states)`: the reading after this effect."""

@@ -5,8 +5,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from sysid.effects._algebra import Numbers
-from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, Scales, ToMjcf
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, Scales, ToMjcf
 from sysid.errors import SysidError
 
 UNREACHABLE_TILT = 10.0
@@ -34,6 +34,22 @@ def add_tendon(spec: MjSpec, joint: MjsJoint, name: str, stiffness: float, slack
     return tendon
 
 
+def add_hinged_body(
+    parent: Any, joint: MjsJoint, name: str, pos: Sequence[float], *, inertia: float, stiffness: float,
+    damping: float,
+) -> Any:  # fmt: skip
+    """Add a body of an inertia [kg*m^2] on a hinge with the joint's axis, its spring and its damper in SI, and return the hinge."""
+    import mujoco
+
+    body = parent.add_body(name=f"{joint.name}_{name}", pos=list(pos))
+    body.explicitinertial, body.mass, body.inertia = True, 1e-3, [inertia] * 3
+    body.ipos = [0.0, 0.0, 0.0]  # the default of MjSpec is the position of the body
+    hinge = body.add_joint(name=f"{joint.name}_{name}_joint", axis=list(joint.axis))
+    hinge.type = mujoco.mjtJoint.mjJNT_HINGE
+    hinge.stiffness[0], hinge.damping[0] = stiffness, damping
+    return hinge
+
+
 def set_friction(holder: Any, torque: float) -> None:
     """Give a joint or a tendon dry friction [N*m], its constraint hardened.
 
@@ -46,9 +62,17 @@ def set_friction(holder: Any, torque: float) -> None:
 
 
 def polynomial(effect: str, of: Literal["stiffness", "damping"], power: int, **limits: Any) -> dict[str, Any]:
-    """Return fields of an effect of one parameter: the first, second or third coefficient of the joint's spring or damper."""
+    """Return fields of an effect of one parameter, a coefficient of the joint's spring or damper: its torque and its MJCF.
+
+    The spring has x, x² and x³, the damper v, v|v| and v³, each with a negative sign.
+    """
     unit = f"N*m/rad^{power}" if of == "stiffness" else f"N*m*s^{power}/rad^{power}"
     place = ("first", "second", "third")[power - 1]
+
+    def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+        x, v = motion.tilt, motion.rate
+        powers = (x, x**2, x**3) if of == "stiffness" else (v, v * m.abs(v), v**3)
+        return -parameters["coefficient"] * powers[power - 1]
 
     def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
         getattr(joint, of)[power - 1] += parameters["coefficient"]
@@ -66,6 +90,7 @@ def polynomial(effect: str, of: Literal["stiffness", "damping"], power: int, **l
     means = f"joint {of} polynomial, {place} coefficient"
     return {
         "parameters": (Parameter("coefficient", unit, size, **limits),),
+        "torque": torque,
         "mujoco": MujocoSupport(means=means, since="3.7"),
         "to_mjcf": write,
         "from_mjcf": read,
@@ -114,14 +139,5 @@ def on_actuators(change: Callable[[Any, Numbers], str]) -> ToMjcf:
         if not found:
             return (f"joint '{joint.name}' has no actuator in the model: {dict(parameters)} is not written",)
         return tuple(f"actuator '{one.name}': {change(one, parameters)}" for one in found)
-
-    return write
-
-
-def left_out(reason: str) -> ToMjcf:
-    """Return a writer that writes nothing but the reason."""
-
-    def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
-        return (reason,)
 
     return write

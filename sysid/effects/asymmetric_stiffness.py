@@ -1,16 +1,7 @@
 """Left and right springs that differ."""
 
-from collections.abc import Sequence
-
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, TorqueEffect
+from sysid.effects._base import TorqueEffect
 from sysid.effects._mjcf import polynomial
-
-
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
-    """Return -b x² [N*m]: the same sign on both sides."""
-    return -parameters["coefficient"] * motion.tilt**2
-
 
 EFFECT = TorqueEffect(
     name="asymmetric-stiffness",
@@ -25,5 +16,4 @@ EFFECT = TorqueEffect(
     experiment="Release once from each side, and from {3°} and {12°}: only unequal springs treat them unequally.",
     **polynomial("asymmetric-stiffness", "stiffness", 2, low=-0.9, high=0.9, starts=(0.05, -0.05)),
     example=(25.0,),
-    torque=torque,
 )

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 from sysid.effects import compliance
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import Parameter
-from sysid.effects._mjcf import left_out
+from sysid.effects._base import Parameter, left_out
 
 JOINT = "a joint of its own between motor and link, with the gap as its range"
 

@@ -1,8 +1,7 @@
 """Torque of a motor that comes back with every pole or tooth."""
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import Actuation, DriveEffect, MujocoSupport, Parameter
-from sysid.effects._mjcf import left_out
+from sysid.effects._base import Actuation, DriveEffect, MujocoSupport, Parameter, left_out
 
 
 def act(m: Algebra, actuation: Actuation, parameters: Values) -> Value:

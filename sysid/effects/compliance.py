@@ -1,8 +1,7 @@
 """A gear that twists: rotor and joint are two bodies on a spring."""
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import DriveEffect, MujocoSupport, Parameter
-from sysid.effects._mjcf import left_out
+from sysid.effects._base import DriveEffect, MujocoSupport, Parameter, left_out
 
 
 def transmit(m: Algebra, twist: Value, rate: Value, parameters: Values) -> Value:

@@ -1,16 +1,7 @@
 """Damping that grows with the cube of the rate."""
 
-from collections.abc import Sequence
-
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, TorqueEffect
+from sysid.effects._base import TorqueEffect
 from sysid.effects._mjcf import polynomial
-
-
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
-    """Return -c v³ [N*m]."""
-    return -parameters["coefficient"] * motion.rate**3
-
 
 EFFECT = TorqueEffect(
     name="cubic-damping",
@@ -25,5 +16,4 @@ EFFECT = TorqueEffect(
     experiment="Release from {3°}, {7°} and {12°}: damping rises with amplitude for v|v|, with its square for v³.",
     **polynomial("cubic-damping", "damping", 3, low=0.0, high=10.0, starts=(0.05, 0.5)),
     example=(0.02,),
-    torque=torque,
 )

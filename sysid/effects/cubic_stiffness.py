@@ -1,16 +1,7 @@
 """A spring that hardens or softens with tilt."""
 
-from collections.abc import Sequence
-
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, TorqueEffect
+from sysid.effects._base import TorqueEffect
 from sysid.effects._mjcf import polynomial
-
-
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
-    """Return -c x³ [N*m]."""
-    return -parameters["coefficient"] * motion.tilt**3
-
 
 EFFECT = TorqueEffect(
     name="cubic-stiffness",
@@ -25,5 +16,4 @@ EFFECT = TorqueEffect(
     experiment="Release from {3°}, {7°} and {12°}: a cubic changes the period with the square of the amplitude.",
     **polynomial("cubic-stiffness", "stiffness", 3, low=-0.95, high=20.0, starts=(0.05, -0.2, 0.5)),
     example=(200.0,),
-    torque=torque,
 )

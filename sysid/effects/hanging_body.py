@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
+from sysid.effects._mjcf import add_hinged_body
 
 
 def coupling(motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
@@ -33,11 +34,6 @@ def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Val
     return tilt
 
 
-def still(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
-    """Return the body's rate at release: 0 [rad/s]."""
-    return 0 * tilt
-
-
 def settles(parameters: Numbers) -> float:
     """Return ζ ω [1/s]: while the deck is held, the body's own damper stops it."""
     return parameters["damping_ratio"] * parameters["frequency"]
@@ -45,18 +41,11 @@ def settles(parameters: Numbers) -> float:
 
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Add the body to the deck, on a hinge of the same axis with its spring and damper."""
-    import mujoco
-
     inertia, frequency = parameters["inertia"], parameters["frequency"]
-    body = joint.parent.add_body(name=f"{joint.name}_hanging_body", pos=list(joint.pos))
-    body.explicitinertial = True
-    body.ipos = [0.0, 0.0, 0.0]  # the default of MjSpec is the position of the body
-    body.mass = 1e-3
-    body.inertia = [inertia, inertia, inertia]
-    hinge = body.add_joint(name=f"{joint.name}_hanging_joint", axis=list(joint.axis))
-    hinge.type = mujoco.mjtJoint.mjJNT_HINGE
-    hinge.stiffness[0] = inertia * frequency**2
-    hinge.damping[0] = 2 * parameters["damping_ratio"] * frequency * inertia
+    add_hinged_body(
+        joint.parent, joint, "hanging", joint.pos, inertia=inertia, stiffness=inertia * frequency**2,
+        damping=2 * parameters["damping_ratio"] * frequency * inertia,
+    )  # fmt: skip
     return (
         f"hanging-body: {inertia:.6g} kg*m^2 on the joint at {frequency:.6g} rad/s, damping ratio "
         f"{parameters['damping_ratio']:.6g}, on a hinge of its own",
@@ -94,9 +83,7 @@ EFFECT = TorqueEffect(
     stepped=("frequency", "damping_ratio"),
     states=(
         State(name="roll", start=held, size=lambda s: s.amplitude, most=4.0, rate=own_rate, settles=settles),
-        State(
-            name="rate", start=still, size=lambda s: s.rate, most=4.0, rate=own_acceleration, settles=settles
-        ),
+        State(name="rate", size=lambda s: s.rate, most=4.0, rate=own_acceleration, settles=settles),
     ),
     sharpness=1.5,
 )

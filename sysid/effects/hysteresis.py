@@ -12,7 +12,7 @@ from sysid.effects._base import (
     State,
     TorqueEffect,
 )
-from sysid.effects._mjcf import add_tendon, rest_of, set_friction
+from sysid.effects._mjcf import add_hinged_body, add_tendon, rest_of, set_friction
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
@@ -31,14 +31,12 @@ def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Val
     return slip(m, 0.0, tilt, parameters)
 
 
-_SHARE, _DAMPING_RATIO = 3e-4, 0.7
-"""Inertia of the slider's body, as a share of the joint's own, and its damping ratio on its spring [1]."""
+_SHARE = 3e-4
+"""Inertia of the slider's body, as a share of the joint's own [1]."""
 
 
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Write a small body on the spring, dragged along by dry friction, or a tendon that yields (MuJoCo 4.0)."""
-    import mujoco
-
     stiffness, limit, rest = parameters["stiffness"], parameters["torque"], rest_of(spec, joint)
     if stiffness <= 0:
         return ()
@@ -46,14 +44,12 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
         tendon = add_tendon(spec, joint, "hysteresis", stiffness, (rest, rest))
         tendon.springyield = limit / stiffness
         return (f"hysteresis: tendon of {stiffness:.6g} N*m/rad that yields at {limit:.6g} N*m",)
-    # The lightest body that the friction constraint and the time step allow; damped, it is at rest soon after it slips.
+    # The lightest body that the friction constraint and the time step allow. Its damping ratio of 1/√2 stops it soonest.
     inertia = max(_SHARE * float(joint.parent.inertia[0]), stiffness * float(spec.option.timestep) ** 2)
-    slider = joint.parent.parent.add_body(name=f"{joint.name}_slider", pos=list(joint.parent.pos))
-    slider.explicitinertial, slider.mass, slider.inertia = True, 1e-3, [inertia] * 3
-    slider.ipos = [0.0, 0.0, 0.0]  # the default of MjSpec is the position of the body
-    hinge = slider.add_joint(name=f"{joint.name}_slider_joint", axis=list(joint.axis))
-    hinge.type = mujoco.mjtJoint.mjJNT_HINGE
-    hinge.stiffness[0], hinge.damping[0] = stiffness, 2 * _DAMPING_RATIO * (stiffness * inertia) ** 0.5
+    hinge = add_hinged_body(
+        joint.parent.parent, joint, "slider", joint.parent.pos, inertia=inertia, stiffness=stiffness,
+        damping=(2 * stiffness * inertia) ** 0.5,
+    )  # fmt: skip
     tendon = spec.add_tendon(name=f"{joint.name}_on_slider")
     tendon.wrap_joint(joint.name, 1.0)
     tendon.wrap_joint(hinge.name, -1.0)

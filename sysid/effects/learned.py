@@ -85,6 +85,8 @@ def smoothness() -> Smoothness:
 
     Most laws are odd: they act alike to both sides. The table over both is split by the rate: damping is odd in it.
     """
+    from scipy.linalg import block_diag
+
     plain, each = bending(BOTH_KNOTS), np.eye(2 * BOTH_KNOTS)
     rough = (bending(TILT_KNOTS), bending(RATE_KNOTS), np.kron(plain, each) + np.kron(each, plain))
     mirrors = (np.eye(len(TILT))[::-1], np.eye(len(RATE))[::-1], np.kron(each, each[::-1]))
@@ -103,7 +105,10 @@ def smoothness() -> Smoothness:
         spaces.append(np.column_stack(own))
     part = np.repeat(np.arange(len(values)), [len(v) for v in values])
     return Smoothness(
-        names=(*TILT, *RATE, *BOTH), space=_blocks(spaces), roughness=np.concatenate(values), part=part
+        names=(*TILT, *RATE, *BOTH),
+        space=np.asarray(block_diag(*spaces)),
+        roughness=np.concatenate(values),
+        part=part,
     )
 
 
@@ -117,16 +122,6 @@ def _onto(direction: Array) -> Array:
     return np.outer(direction, direction) / float(direction @ direction)
 
 
-def _blocks(parts: Sequence[Array]) -> Array:
-    """Return a matrix with some matrices along its diagonal."""
-    whole = np.zeros(tuple(np.sum([part.shape for part in parts], axis=0)))
-    row = column = 0
-    for part in parts:
-        whole[row : row + part.shape[0], column : column + part.shape[1]] = part
-        row, column = row + part.shape[0], column + part.shape[1]
-    return whole
-
-
 NUMERIC = "_learned_torque"
 """Custom numbers of a model, after the joint's name: rest angle, the damper's polynomial in place of g, support and tables."""
 
@@ -135,22 +130,18 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     """Write f as slack tendons, g as the nearest polynomial damper, and the tables for `Remainder`."""
     rest = rest_of(spec, joint)
     at, torques = _bends(parameters)
-    slopes = np.concatenate([[0.0], np.diff(torques) / np.diff(at), [0.0]])
-    here = int(np.searchsorted(at, 0.0))
     earlier = sum(NUMERIC in other.name for other in spec.numerics)
     count = 0
-    for index, bend in enumerate(np.diff(slopes)):
-        # A change of slope at a knot is a tendon that is slack up to the knot.
-        sides = [bend] if index != here else [slopes[index + 1], -slopes[index]]
-        for side, change in zip(
-            (1, -1) if index == here else (1 if index > here else -1,), sides, strict=True
+    for side in (1, -1):
+        mine = np.flatnonzero(side * at >= 0)[::side]  # outwards from the rest
+        away, own = side * at[mine], side * torques[mine]
+        for bend, change in zip(
+            away, np.diff(np.diff(own) / np.diff(away), prepend=0.0, append=0.0), strict=True
         ):
-            if abs(change) < 1e-9:
-                continue
-            bent = rest + at[index]
-            slack = (rest - UNREACHABLE_TILT, bent) if side > 0 else (bent, rest + UNREACHABLE_TILT)
-            add_tendon(spec, joint, f"learned{earlier}_{count}", -side * change, slack)
-            count += 1
+            if abs(change) > 1e-9:  # a change of slope at a knot is a tendon that is slack up to the knot
+                slack = sorted((rest - side * UNREACHABLE_TILT, rest + side * bend))
+                add_tendon(spec, joint, f"learned{earlier}_{count}", -change, slack)
+                count += 1
     damper = _damper(parameters, float(joint.damping[0]))
     for power, coefficient in enumerate(damper):
         joint.damping[power] += coefficient

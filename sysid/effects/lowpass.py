@@ -22,26 +22,24 @@ def settled(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: 
     return tilt
 
 
-def late_release(m: Algebra, roll: Value, rate: Value, acceleration: Value, parameters: Values) -> Value:
-    """Return the reading of a settled filter after a release, at the current rate of the deck [rad].
+def at_release(
+    m: Algebra, roll: Value, rate: Value, hold: Value, joint: LinearJoint, parameters: Values
+) -> Value:
+    """Return the reading of the filter at the start of a record [rad].
 
-    A filter hides the first milliseconds, so the release is detected late, by δ = v/α. With a constant acceleration α the
-    reading is `φ - α T² (u - 1 + e^-u)`, u = δ/T.
+    A filter hides the first milliseconds after a hold, so the release is detected late, by δ = v/α. With a constant acceleration α
+    the reading is `φ - α T² (u - 1 + e^-u)`, u = δ/T. Amid the linear decay `I φ̈ = -k x - d φ̇`, without a hold, it is
+    `φ - T (I φ̇ + T k x) / (I - T d + T² k)`, the solution of `T ṁ = φ - m` that decays with φ.
     """
-    time_constant = m.maximum(parameters["time_constant"], 1e-6)
-    u = m.maximum(rate * acceleration / (time_constant * (acceleration**2 + 1e-9)), -1.0)
-    return roll - acceleration * time_constant**2 * (u - 1.0 + m.exp(-u))
-
-
-def in_motion(roll: Value, rate: Value, joint: LinearJoint, parameters: Values) -> Value:
-    """Return the reading of a filter well after the start of the linear decay `I φ̈ = -k x - d φ̇` [rad].
-
-    It is `φ - T (I φ̇ + T k x) / (I - T d + T² k)`, the solution of `T ṁ = φ - m` that decays with φ.
-    """
+    time_constant, tilt = m.maximum(parameters["time_constant"], 1e-6), roll - joint.rest_angle
+    pull = -joint.stiffness * tilt / joint.inertia
+    u = m.maximum(rate * pull / (time_constant * (pull**2 + 1e-9)), -1.0)
+    late = roll - pull * time_constant**2 * (u - 1.0 + m.exp(-u))
     time_constant = parameters["time_constant"]
     square = time_constant * joint.stiffness
-    behind = time_constant * (joint.inertia * rate + square * (roll - joint.rest_angle))
-    return roll - behind / (joint.inertia - time_constant * joint.damping + time_constant * square)
+    behind = time_constant * (joint.inertia * rate + square * tilt)
+    moving = roll - behind / (joint.inertia - time_constant * joint.damping + time_constant * square)
+    return m.where(hold > 0, late, moving)
 
 
 def detection_delay(acceleration: float, noise: float, parameters: Numbers) -> float:
@@ -71,8 +69,7 @@ EFFECT = SensorEffect(
             start=settled,
             size=lambda s: s.amplitude,
             rate=reading_rate,
-            late_release=late_release,
-            in_motion=in_motion,
+            sensed=at_release,
             detection_delay=detection_delay,
         ),
     ),

@@ -1,22 +1,9 @@
 """Weight of a known mass fixed to a joint, besides the model's own masses, which may be wrong."""
 
-from collections.abc import Sequence
-
-from sysid.effects._algebra import NUMPY, Algebra, Numbers, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, TorqueEffect
-from sysid.effects._harmonics import FORMULA, HARMONICS, held, slope_of, value_of
+from sysid.effects import weight
+from sysid.effects._base import MujocoSupport, TorqueEffect
+from sysid.effects._harmonics import FORMULA, HARMONICS, held
 from sysid.effects._mjcf import refusing
-
-
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
-    """Return the sum of harmonics [N*m]."""
-    return value_of(m, motion.roll, parameters)
-
-
-def slope(parameters: Numbers, roll: float) -> float:
-    """Return its stiffness for small motions about a roll [N*m/rad]."""
-    return -float(slope_of(NUMPY, roll, parameters))
-
 
 EFFECT = TorqueEffect(
     name="payload",
@@ -34,8 +21,8 @@ EFFECT = TorqueEffect(
         "a payload belongs to a measurement, not to a bench. Release the joint in its own model (--model, --joint, --payload)."
     ),
     example=(0.0,) * len(HARMONICS),
-    torque=torque,
+    torque=weight.torque,
     grounded=True,
     identifiable_from_decay=False,
-    slope=slope,
+    slope=weight.slope,
 )

@@ -1,16 +1,7 @@
 """Drag that grows with the square of the rate."""
 
-from collections.abc import Sequence
-
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, TorqueEffect
+from sysid.effects._base import TorqueEffect
 from sysid.effects._mjcf import polynomial
-
-
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
-    """Return -c v|v| [N*m]."""
-    return -parameters["coefficient"] * motion.rate * m.abs(motion.rate)
-
 
 EFFECT = TorqueEffect(
     name="quadratic-damping",
@@ -25,5 +16,4 @@ EFFECT = TorqueEffect(
     experiment="Release from {3°}, {7°} and {12°}: damping rises with amplitude for v|v|, with its square for v³.",
     **polynomial("quadratic-damping", "damping", 2, low=0.0, high=5.0, starts=(0.05, 0.5)),
     example=(0.06,),
-    torque=torque,
 )

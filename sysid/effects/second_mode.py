@@ -2,17 +2,12 @@
 
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, State, SupportEffect
-from sysid.effects._mjcf import rest_of
+from sysid.effects._mjcf import add_hinged_body, rest_of
 
 
 def support_at_release(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
     """Return the roll of the support while the deck is held still [rad]: both springs have the same torque."""
     return tilt * stiffness / (stiffness + parameters["stiffness"])
-
-
-def still(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
-    """Return the support's rate at release: 0 [rad/s]."""
-    return 0 * tilt
 
 
 def acceleration(m: Algebra, angle: Value, rate: Value, torque: Value, parameters: Values) -> Value:
@@ -32,19 +27,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
 
     The joint's own spring, damper and friction move to that tendon, so write this effect last.
     """
-    import mujoco
-
-    ground = joint.parent.parent
-    body = ground.add_body(name=f"{joint.name}_support", pos=list(joint.parent.pos))
-    body.explicitinertial = True
-    body.ipos = [0.0, 0.0, 0.0]  # the default of MjSpec is the position of the body
-    body.mass = 1e-3
-    inertia = parameters["inertia"]
-    body.inertia = [inertia, inertia, inertia]
-    hinge = body.add_joint(name=f"{joint.name}_support_joint", axis=[1, 0, 0])
-    hinge.type = mujoco.mjtJoint.mjJNT_HINGE
-    hinge.stiffness[0] = parameters["stiffness"]
-    hinge.damping[0] = parameters["damping"]
+    hinge = add_hinged_body(joint.parent.parent, joint, "support", joint.parent.pos, **parameters)
     rest = rest_of(spec, joint)
     tendon = spec.add_tendon(name=f"{joint.name}_on_support")
     tendon.wrap_joint(joint.name, 1.0)
@@ -56,7 +39,7 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     tendon.frictionloss, joint.frictionloss = joint.frictionloss, 0.0
     tendon.solref_friction, tendon.solimp_friction = joint.solref_friction, joint.solimp_friction
     return (
-        f"second-mode: support {inertia:.6g} kg*m^2 on {parameters['stiffness']:.6g} N*m/rad and "
+        f"second-mode: support {parameters['inertia']:.6g} kg*m^2 on {parameters['stiffness']:.6g} N*m/rad and "
         f"{parameters['damping']:.6g} N*m*s/rad; the tilt spring is a tendon between deck and support",
     )
 
@@ -99,7 +82,7 @@ EFFECT = SupportEffect(
             most=4.0,
             settles=settles,
         ),
-        State(name="support_rate", start=still, size=lambda s: 0.2 * s.rate, most=4.0, settles=settles),
+        State(name="support_rate", size=lambda s: 0.2 * s.rate, most=4.0, settles=settles),
     ),
     sharpness=1.5,
     acceleration=acceleration,

@@ -14,13 +14,13 @@ varies by 0.5 %."""
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
-    """Return s times the sum of harmonics [N*m]."""
-    return parameters["scale"] * value_of(m, motion.roll, parameters)
+    """Return s times the sum of harmonics [N*m]; s is 1 where it is no parameter."""
+    return parameters.get("scale", 1.0) * value_of(m, motion.roll, parameters)
 
 
 def slope(parameters: Numbers, roll: float) -> float:
     """Return its stiffness for small motions about a roll [N*m/rad]."""
-    return -parameters["scale"] * float(slope_of(NUMPY, roll, parameters))
+    return -parameters.get("scale", 1.0) * float(slope_of(NUMPY, roll, parameters))
 
 
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:

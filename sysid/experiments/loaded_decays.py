@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.inertia import GRAVITY
-from sysid.quantity import Quantity, propagate, t95
+from sysid.quantity import GRAVITY, Quantity, propagate, t95
 from sysid.roll import Array
 from sysid.text import count
 

@@ -17,8 +17,7 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.errors import SysidError
-from sysid.inertia import GRAVITY
-from sysid.quantity import Quantity, t95
+from sysid.quantity import GRAVITY, Quantity, t95
 from sysid.roll import Array
 
 INTERVAL = 0.25

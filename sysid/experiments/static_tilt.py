@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.inertia import GRAVITY, ON_AXIS, UNIT
-from sysid.quantity import Quantity, propagate, t95
+from sysid.inertia import ON_AXIS, UNIT
+from sysid.quantity import GRAVITY, Quantity, propagate, t95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,25 +21,13 @@ from sysid.roll import Array
 UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad"}
 
 
-def total_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
-    """Return the covariance of the free parameters in their units, with the errors common to all releases, shape (free, free)."""
-    own = parameter_covariance(problem, minimum, problem.residuals(minimum.point))
-    return own + common_covariance(problem, minimum, board)
-
-
 def common_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
     """Return the covariance of the free parameters from errors common to all releases, shape (free, free), in their units.
 
     These are the errors of the inertia, of a known weight, and of the sensor's scale: more releases leave them as they are.
     """
-    known = inertia_covariance(problem, minimum, board) + weight_covariance(problem, minimum, board)
-    return known + scale_covariance(problem, minimum)
-
-
-def scale_covariance(problem: Problem, minimum: Minimum) -> Array:
-    """Return the covariance of the free parameters from the sensor's scale alone, shape (free, free), in their units."""
-    shift = scale_shift(problem, minimum)
-    return np.outer(shift, shift)
+    shifts = (*torque_shifts(problem, minimum, board), scale_shift(problem, minimum))
+    return sum((np.outer(shift, shift) for shift in shifts), np.zeros((len(problem.names),) * 2))
 
 
 def scale_shift(problem: Problem, minimum: Minimum) -> Array:
@@ -51,40 +39,29 @@ def scale_shift(problem: Problem, minimum: Minimum) -> Array:
     if not any(stds):
         return np.zeros(shared)
     sensitivity = sensitivity_of(problem, minimum)
-    counted = problem.weights or [np.ones(len(row)) for row in sensitivity.rows]
     pull = np.zeros(shared)
-    for row, std, signal, weight in zip(sensitivity.rows, stds, problem.observed, counted, strict=True):
-        pull += row.T @ (std * signal * (weight >= 1))
+    for row, std, record in zip(sensitivity.rows, stds, problem.records, strict=True):
+        pull += row.T @ (std * record.signal)
     return sensitivity.root @ (sensitivity.root.T @ pull) * problem.sizes()[:shared]
 
 
-def inertia_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
-    """Return the covariance of the free parameters from the inertia's uncertainty alone, shape (free, free), in their units."""
-    parameters = problem.parameters(minimum.point)
-    by_inertia = np.array(
-        [parameters[n] / board.inertia.value if torque_like(problem, n) else 0.0 for n in problem.names]
-    )
-    return np.outer(by_inertia, by_inertia) * board.inertia.std**2
+def torque_shifts(problem: Problem, minimum: Minimum, board: Board) -> tuple[Array, Array]:
+    """Return how far one deviation of the inertia, and of a held weight, move the free parameters, shape (free,) each, in their units.
 
-
-def weight_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
-    """Return the covariance of the free parameters by the uncertainty of a held torque, shape (free, free), in their units.
-
-    A fitted inertia scales with the weight, as all torques do.
+    All torques scale with the inertia. A fitted inertia scales with the weight, as all torques do.
     """
-    parameters = problem.parameters(minimum.point)
+    parameters, inertia = problem.parameters(minimum.point), board.inertia
+    torques = np.array([parameters[n] if torque_like(problem, n) else 0.0 for n in problem.names])
+    added = {f"{part.name}.{part.adds_inertia}" for part in problem.structure.torques if part.adds_inertia}
     shares = [
         q.std / abs(q.value)
         for part in board.effects for p in effect(part.name).parameters
         if p.assumed and f"{part.name}.{p.name}" in problem.fixed and (q := part.parameters[p.name]).value
     ]  # fmt: skip
-    inertia = {f"{part.name}.{part.adds_inertia}": board.inertia.value for part in problem.structure.torques}
-    scaled = np.array(
-        [parameters[n] + inertia.get(n, 0.0) if torque_like(problem, n) else 0.0 for n in problem.names]
-    )
-    return np.outer(scaled, scaled) * (
-        sum(share**2 for share in shares) if {*inertia} & {*problem.names} else 0.0
-    )
+    if not added & {*problem.names}:
+        shares = []
+    scaled = torques + np.array([inertia.value if name in added else 0.0 for name in problem.names])
+    return torques * (inertia.std / inertia.value), scaled * float(np.linalg.norm(shares))
 
 
 def torque_like(problem: Problem, name: str) -> bool:
@@ -93,26 +70,14 @@ def torque_like(problem: Problem, name: str) -> bool:
 
 
 def parameter_quantities(
-    problem: Problem, minimum: Minimum, board: Board, covariance: Array | None = None, *, certain: bool = True
+    problem: Problem, minimum: Minimum, covariance: Array, *, slides: bool
 ) -> dict[str, Quantity]:
-    """Return the free parameters as quantities.
-
-    Args:
-        board: Gives the inertia's uncertainty.
-        covariance: Of the free parameters, shape (free, free), in their units; None to compute it.
-        certain: False leaves the deviations unknown, where no covariance is given, and is quick.
-    """
+    """Return the free parameters with their covariance, shape (free, free), in their units, as quantities."""
     units = {**UNITS, **_effect_units(problem.structure)}
-    if board.slides:
+    if slides:
         units = {name: slide_unit(unit) for name, unit in units.items()}
     parameters = problem.parameters(minimum.point)
-    if certain and covariance is None:
-        covariance = total_covariance(problem, minimum, board)
-    deviation = (
-        np.full(len(problem.names), np.nan)
-        if covariance is None
-        else np.sqrt(np.maximum(np.diag(covariance), 0))
-    )
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0))
     return {
         name: Quantity(parameters[name], float(std), units[name], "least squares of the decay")
         for name, std in zip(problem.names, deviation, strict=True)
@@ -137,8 +102,7 @@ def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence
     """Return the covariance of the free parameters, with residuals that may be correlated.
 
     The sandwich H⁻¹ (Jᵀ R J) H⁻¹, where R is the covariance of the noise behind the residuals
-    (`sysid.noise.autoregression`); for white noise R = σ² 1. Under a robust loss the influence of each residual is
-    bounded, in both layers. A film states slow errors, which a fit takes for motion: the stated deviation is the least.
+    (`sysid.noise.autoregression`); for white noise R = σ² 1. A film states slow errors, which a fit takes for motion: the stated deviation is the least.
 
     Returns:
         Covariance, shape (free, free), in the parameters' units.
@@ -191,8 +155,6 @@ class Sensitivity:
     """Of each record, shape (n, free); zero in columns of parameters at a bound."""
     own: tuple[Array, ...]
     """Orthonormal columns that span the record's own unknowns, shape (n, own)."""
-    counted: tuple[Array, ...]
-    """JᵀJ of each record's rows that a robust loss does not limit, shape (free, free)."""
     root: Array
     """A root of H⁻¹ = (JᵀJ + prior)⁻¹, which is root rootᵀ, shape (free, free); zero for parameters at a bound."""
     lent: Array
@@ -208,22 +170,19 @@ def sensitivity_of(problem: Problem, minimum: Minimum) -> Sensitivity:
     free = ~minimum.at_bound
     rows: list[Array] = []
     own: list[Array] = []
-    counted: list[Array] = []
     squares = np.zeros(shared)
     for index, (_, jacobian) in enumerate(problem.linearise(minimum.point)):
         where, _ = problem.places[index]
         scaled = jacobian * (sizes * free)[where]
         slopes, mine = scaled[:, :shared], scaled[:, shared:]
-        inside = slice(None) if problem.weights is None else problem.weights[index] >= 1
-        mine = mine @ _root(mine[inside].T @ mine[inside])[0]
-        squares += np.sum(slopes[inside] ** 2, axis=0)
-        rows.append(slopes - mine @ (mine[inside].T @ slopes[inside]))
+        mine = mine @ _root(mine.T @ mine)[0]
+        squares += np.sum(slopes**2, axis=0)
+        rows.append(slopes - mine @ (mine.T @ slopes))
         own.append(mine)
-        counted.append(rows[-1][inside].T @ rows[-1][inside])
-    square = sum(counted, np.zeros((shared, shared)))
+    square = sum((row.T @ row for row in rows), np.zeros((shared, shared)))
     prior = problem.records[0].std ** 2 * problem.prior
     root, lent = _free_root(square + prior, squares + prior.diagonal(), free[:shared])
-    return Sensitivity(tuple(rows), tuple(own), tuple(counted), root, lent)
+    return Sensitivity(tuple(rows), tuple(own), root, lent)
 
 
 def _free_root(matrix: Array, sizes: Array, free: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
@@ -245,10 +204,10 @@ def known_together(problem: Problem, minimum: Minimum) -> dict[str, tuple[float,
     if len(set(poses)) < 2:
         return {}
     sensitivity = sensitivity_of(problem, minimum)
-    shared, sizes, noise = len(problem.names), problem.sizes(), problem.records[0].std
+    rows, shared, sizes, noise = sensitivity.rows, len(problem.names), problem.sizes(), problem.records[0].std
 
     def spread(chosen: Sequence[int]) -> Array:
-        square = sum((sensitivity.counted[i] for i in chosen), np.zeros_like(sensitivity.root))
+        square = sum((rows[i].T @ rows[i] for i in chosen), np.zeros_like(sensitivity.root))
         used = np.flatnonzero(np.diag(square) > 0)
         found = np.full(len(square), np.inf)
         found[used] = np.linalg.norm(_root(square[np.ix_(used, used)])[0], axis=1)
@@ -264,8 +223,6 @@ def noise_behind(
 ) -> ResidualNoise:
     """Return the noise behind the residuals [rad or rad/s], shape (n,) each, of a minimum with this sensitivity."""
     sensitivity = sensitivity or sensitivity_of(problem, minimum)
-    if problem.weights is not None:
-        residuals = [r * w for r, w in zip(residuals, problem.weights, strict=True)]
     directions = [
         np.column_stack((row @ sensitivity.root, own))
         for row, own in zip(sensitivity.rows, sensitivity.own, strict=True)

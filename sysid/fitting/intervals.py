@@ -86,14 +86,8 @@ def _bend(quantity: Quantity, shape: Profile) -> str:
             "ended in a side valley; fit again, with more releases if it persists"
         )
     if not (np.isfinite(low) and np.isfinite(high)):
-        side = "either side" if not (np.isfinite(low) or np.isfinite(high)) else (
-            "above" if np.isfinite(low) else "below"
-        )  # fmt: skip
-        return (
-            f"the logs do not bound it on {side}"
-            if side == "either side"
-            else f"the logs do not bound it {side}"
-        )
+        side = "above" if np.isfinite(low) else "below" if np.isfinite(high) else "on either side"
+        return f"the logs do not bound it {side}"
     if any(shape.at_bound):
         end = low if shape.at_bound[0] else high
         return (

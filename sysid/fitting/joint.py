@@ -30,8 +30,6 @@ class FitOptions:
 
     bias: Bias = "shared"
     """One sensor zero for all releases, or one each (for integrated gyros)."""
-    robust: bool = False
-    """Huber's loss, against outliers of the sensor."""
     use_rate: bool = False
     """Fit the measured rate instead of the roll."""
     fixed: Mapping[str, float] = field(default_factory=dict[str, float])
@@ -109,16 +107,14 @@ def pulls_back(structure: Structure, board: Board) -> bool:
     """Whether something else than a spring may, or, where that is known, does pull the joint to its rest."""
     values = record_values(board)
     slopes = (
-        part.slope({p: values[f"{part.name}.{p}"] for p in part.parameter_names}, board.rest_angle)
-        for part in structure.torques
-        if part.slope is not None
+        part.slope(part.of(values), board.rest_angle) for part in structure.torques if part.slope is not None
     )
     return any(part.adds_stiffness for part in structure.torques) or sum(slopes) > 0
 
 
 def record_values(board: Board) -> dict[str, float]:
     """Return the parameters of the record's effects by 'effect.parameter'."""
-    return {f"{part.name}.{name}": q.value for part in board.effects for name, q in part.parameters.items()}
+    return {name: quantity.value for name, quantity in board.quantities.items() if "." in name}
 
 
 def held_parameters(structure: Structure, board: Board, options: FitOptions) -> tuple[dict[str, float], Bias]:
@@ -183,9 +179,9 @@ def prior_in_words(board: Board, name: str, prior: tuple[float, float]) -> str:
     Args:
         prior: Its value and standard deviation, in its unit.
     """
-    known = {**board.tilt, **{f"{p.name}.{n}": q for p in board.effects for n, q in p.parameters.items()}}
-    said = "from the record" if known[name].std else "assumed, for the record says nothing of it"
-    return f"prior of {name}, {said}: {replace(known[name], value=prior[0], std=prior[1])}"
+    known = board.quantities[name]
+    said = "from the record" if known.std else "assumed, for the record says nothing of it"
+    return f"prior of {name}, {said}: {replace(known, value=prior[0], std=prior[1])}"
 
 
 def priors_of(board: Board, options: FitOptions) -> dict[str, tuple[float, float]]:
@@ -194,7 +190,7 @@ def priors_of(board: Board, options: FitOptions) -> dict[str, tuple[float, float
     Raises:
         SysidError: It knows nothing of one, or knows it exactly.
     """
-    known = {**board.tilt, **{f"{p.name}.{n}": q for p in board.effects for n, q in p.parameters.items()}}
+    known = board.quantities
     for name in options.priors:
         if name not in known or not 0 < known[name].std < np.inf:
             raise SysidError(
@@ -316,7 +312,7 @@ def trial_fit(
 def finished(
     problem: Problem, minimum: Minimum, board: Board, options: FitOptions, noise: NoiseFloor, evaluations: int
 ) -> JointFit:
-    """Return a fit from its minimum: no damper that drives, outliers down-weighted on request.
+    """Return a fit from its minimum: no damper that drives.
 
     Raises:
         SysidError: The motion has no bound.
@@ -324,8 +320,6 @@ def finished(
     free = {*problem.names} - {*problem.bounded}
     if "damping" in free and problem.parameters(minimum.point)["damping"] <= 0:
         problem, minimum = _without_damper(problem, minimum)
-    if options.robust:
-        problem, minimum = _robust(problem, minimum)
     if not np.isfinite(minimum.normal.cost):
         raise SysidError("the fit found no parameters with a bounded motion. Check the unit of the log.")
     found = summarise(problem, minimum, board, noise, evaluations)
@@ -436,18 +430,3 @@ def _without_damper(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimu
     simpler = problem.with_(fixed={**problem.fixed, "damping": 0.0})
     start = np.delete(minimum.point, problem.names.index("damping"))
     return simpler, simpler.fitted(start, tolerance=1e-7)
-
-
-def _robust(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum]:
-    """Refit with Huber's weights (1.345 standard deviations), iterated to a standstill."""
-    for _ in range(8):
-        residuals = problem.residuals(minimum.point)
-        spread = 1.4826 * float(np.median(np.abs(np.concatenate(residuals))))
-        weights = [np.minimum(1.0, 1.345 * spread / np.maximum(np.abs(r), 1e-300)) for r in residuals]
-        problem.weights = weights
-        following = problem.fitted(minimum.point, tolerance=1e-7)
-        done = float(np.max(np.abs(following.point - minimum.point))) < 1e-6
-        minimum = following
-        if done:
-            break
-    return problem, minimum

@@ -5,7 +5,7 @@ on request its own sensor bias. Unknowns are scaled by their sizes, so that one 
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -15,33 +15,47 @@ import numpy.typing as npt
 from sysid.effects._algebra import Numbers
 from sysid.effects._base import Effect, Scales, SensorEffect, Smoothness
 from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record, first_from, measured_rest
-from sysid.fitting.shooting import Shooting
 from sysid.joint.hermite import hermite_matrix
 from sysid.joint.integrator import Buffered, Rollout, block_of, build_initial, build_stepper, steps_for
 from sysid.joint.sensor import at_samples, clock_ratio, reader
 from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, Normal, minimise
+from sysid.quantity import SURE
 from sysid.roll import Array, Release
 
 ZERO_TABLE_WEIGHT = 1e12
 """Weight of a table that is zero, and of the part that spring and damper hold."""
 _ROUGH = 1e-3
 """Relative fall of the cost that is not noticed far above the noise: of a dozen independent values, 0.006 nats."""
-_WIDE = 6.0
-"""Standard deviations of a prior within which a parameter stays, if its own bounds are nearer: a choice."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Path:
-    """The functions that turn one record into residuals."""
+class _Shooting:
+    """Integrates one record's motion, with sensitivities, and reads it off at the record's samples."""
 
-    shooting: Shooting
-    signal: Array
+    begin: Buffered
+    """(parameters, unknowns, hold) → state and sensitivities at release."""
+    path: Rollout
+    at: Any
+    """Sparse matrix from grid values and slopes to samples, shape (n, 2 steps)."""
+    hold: float
+    """Time of the hold before the release [s]."""
     clock: Array
-    std: float
-    """Signal, time on the log's clock and noise of the samples, or of means of neighbours; shape (n,)."""
+    """Time of the samples on the log's clock [s], shape (n,)."""
     reader: Buffered | None
     """The sensor's effect on samples; None without one."""
+
+    def read(self, vector: Array, own: Array, step: float) -> Array:
+        """Return values and sensitivities, shape (n, 1 + columns of the stepper), in SI, as the parameters are, shape (p,).
+
+        Each record's own, shape (u,), is roll, rate and free internal states at release; the step is the integration's [s].
+        """
+        parameters, unknowns, hold = self.begin.inputs
+        parameters[:], unknowns[:], hold[:] = vector, own, self.hold
+        self.begin.run()
+        grid = self.path(self.begin.outputs[0], np.concatenate((vector, (step,))))
+        with np.errstate(all="ignore"):
+            return np.asarray(self.at @ grid)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,12 +94,10 @@ class Problem:
     steps_per_period: int = 40
     smoothing: tuple[float, ...] = ()
     """Weight of each part of a learned torque, by which its roughness counts as a measurement."""
-    weights: Sequence[Array] | None = None
-    """Of each sample of each record, for robust losses; None for all ones."""
 
     def with_(self, **changes: Any) -> "Problem":
-        """Return the problem with some of its fields changed; weights belong to the records and do not go along."""
-        return replace(self, **{"weights": None, **changes})
+        """Return the problem with some of its fields changed."""
+        return replace(self, **changes)
 
     def of(self, kept: Sequence[int], point: Array) -> tuple["Problem", Array]:
         """Return the problem of some of its records, and the same point in it, in units of the unknowns' sizes, shape (p,)."""
@@ -93,28 +105,19 @@ class Problem:
         return some, np.r_[point[: len(self.names)], self.own(point)[kept].ravel()]
 
     def fitted(
-        self, start: Array, iterations: int = 60, tolerance: float | Callable[[float], float] | None = None,
-        known: Normal | None = None,
-    ) -> Minimum:  # fmt: skip
+        self, start: Array, iterations: int = 60, tolerance: float | Callable[[float], float] | None = None
+    ) -> Minimum:
         """Return the minimum that a search from some unknowns reaches.
 
         Args:
             start: In units of their sizes, shape (p,).
             tolerance: Relative fall of the cost at which it ends [1], or what says it of a cost; `unnoticed` if left out.
-            known: Normal equations at the start, where an earlier search has them.
         """
         small = self.unnoticed if tolerance is None else tolerance
         low, high = self.bounds()
         if not self.smoothing:
             return minimise(
-                self.normal,
-                start,
-                low,
-                high,
-                iterations=iterations,
-                tolerance=small,
-                known=known,
-                abandons=True,
+                self.normal, start, low, high, iterations=iterations, tolerance=small, abandons=True
             )
         turn = self._turn
 
@@ -125,7 +128,7 @@ class Problem:
         ends = [np.where(alone, turn.T @ end, side) for end, side in ((low, -np.inf), (high, np.inf))]
         found = minimise(
             lambda z, most=np.inf: turned(self.normal(turn @ z, most)), turn.T @ start, *ends, iterations=iterations,
-            tolerance=small, known=None if known is None else turned(known), abandons=True,
+            tolerance=small, abandons=True,
         )  # fmt: skip
         point, at_bound = turn @ found.point, (turn[:, alone] @ found.at_bound[alone]) > 0
         return Minimum(point, self.normal(point), found.status, found.evaluations + 1, at_bound)
@@ -136,11 +139,11 @@ class Problem:
         return 2 * np.pi / self.scales.frequency / self.steps_per_period
 
     @cached_property
-    def _paths(self) -> list[_Path]:
-        """Grids, functions and buffers: made when first needed, and left behind when a problem is pickled."""
+    def _shootings(self) -> list[_Shooting]:
+        """Grids, functions and buffers: made when first needed."""
         stepper = build_stepper(self.structure, free_states=self.free_states, sensitivities=True)
         begin, block = Buffered(stepper.initial), block_of(stepper)
-        paths: list[_Path] = []
+        shootings: list[_Shooting] = []
         sensed = bool(at_samples(self.structure))
         ratio = clock_ratio(self.structure, self.fixed)
         for record in self.records:
@@ -148,19 +151,14 @@ class Problem:
             steps = steps_for(float(time[-1]), self.step)
             slopes = (False, True) if sensed else (record.is_rate,)
             at = _on_grid(time.tobytes(), self.step, steps, slopes)
-            signal = record.signal
-            paths.append(
-                _Path(
-                    shooting=Shooting(begin, Rollout(stepper, steps, block), at, max(release.hold, 0.0)),
-                    signal=signal,
-                    clock=record.time + float(release.time[0]),
-                    std=record.std,
-                    reader=Buffered(reader(self.structure).map("readings", "serial", len(signal), [3], []))
-                    if sensed
-                    else None,
+            read = reader(self.structure).map("readings", "serial", len(time), [3], []) if sensed else None
+            shootings.append(
+                _Shooting(
+                    begin=begin, path=Rollout(stepper, steps, block), at=at, hold=max(release.hold, 0.0),
+                    clock=record.time + float(release.time[0]), reader=None if read is None else Buffered(read),
                 )
-            )
-        return paths
+            )  # fmt: skip
+        return shootings
 
     @cached_property
     def _starts(self) -> list[_Start]:
@@ -179,10 +177,6 @@ class Problem:
             inward = -float(np.sign(release.roll[0] - release.rest))
             starts.append(_Start(unsure if release.hold > 0 else 0.0, pull, std, inward))
         return starts
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave out cached values."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -223,8 +217,8 @@ class Problem:
     def _products(self) -> list[Array]:
         """Scales of the products of a record's rows, to units of noise and sizes, shape (1 + free + own,) * 2 each."""
         rows = [
-            np.r_[1.0, self.sizes()[where]] / path.std
-            for path, (where, _) in zip(self._paths, self.places, strict=True)
+            np.r_[1.0, self.sizes()[where]] / record.std
+            for record, (where, _) in zip(self.records, self.places, strict=True)
         ]
         return [np.outer(row, row) for row in rows]
 
@@ -239,14 +233,9 @@ class Problem:
         At the noise, it is a fiftieth of the chance gain of one parameter. Far above the noise the residual is the law's error, and alike
         in each swing: few independent values, however many samples there are.
         """
-        used = max(1.0, self.samples if self.weights is None else sum(float(w.sum()) for w in self.weights))
+        used = max(1, self.samples)
         beyond = max(1.0 - 0.5 * used / cost, 0.0) if cost > 0 else 0.0
         return max(1e-5, 0.02 / used) + _ROUGH * beyond**2
-
-    @property
-    def observed(self) -> list[Array]:
-        """The fitted data of each record: its samples, or means of neighbours [rad or rad/s], shape (n,)."""
-        return [path.signal for path in self._paths]
 
     def sizes(self) -> Array:
         """Return the size of each unknown in its own unit, shape (p,)."""
@@ -294,7 +283,7 @@ class Problem:
         for index, name in enumerate(self.names):
             if name in self.priors:  # small swings are no bound for a stop that wide ones have met
                 value, std = self.priors[name]
-                low, high = np.array([value, value + _WIDE * std]) / self.sizes()[index]
+                low, high = np.array([value, value + SURE * std]) / self.sizes()[index]
                 pairs[index] = min(pairs[index, 0], low), max(pairs[index, 1], high)
             if name in self.bounded:
                 pairs[index] = np.array(self.bounded[name]) / self.sizes()[index]
@@ -371,14 +360,14 @@ class Problem:
         """Yield each record's residual beside its Jacobian, as `linearise` has them, shape (n, 1 + free + own)."""
         parameters = self.parameters(unknowns)
         own = self.own(unknowns * self.sizes())
-        for path, record, mine in zip(self._paths, self.records, own, strict=True):
+        for shooting, record, mine in zip(self._shootings, self.records, own, strict=True):
             vector = self.vector_of(parameters, record)
-            at = path.shooting.read(vector, mine[: self._motion], self.step)
+            at = shooting.read(vector, mine[: self._motion], self.step)
             if len(self._columns) < at.shape[1]:
                 at = at[:, self._columns]
-            if path.reader is not None:
-                at = self._read(path.reader, path.clock, at, vector)
-            at[:, 0] -= path.signal
+            if shooting.reader is not None:
+                at = self._read(shooting.reader, shooting.clock, at, vector)
+            at[:, 0] -= record.signal
             if self.bias == "per-release":
                 at[:, 0] += mine[-1]
                 at = np.column_stack([at, np.ones(len(at))])
@@ -456,8 +445,6 @@ class Problem:
         hessian[:shared, :shared] += self.prior
         for index, rows in enumerate(self._rows(unknowns)):
             with np.errstate(all="ignore"):
-                if self.weights is not None:
-                    rows *= np.sqrt(self.weights[index])[:, None]
                 products = rows.T @ rows
                 products *= self._products[index]
             if not np.isfinite(products).all():

@@ -10,9 +10,6 @@ from sysid.roll import Array, Release
 
 Bias = Literal["shared", "per-release"]
 """Sensor zero: one for all releases (it is then part of the rest angle), or one for each."""
-Signal = Literal["auto", "roll", "rate", "per-release"]
-"""Fitted signal: the roll with one zero for all releases, the measured rate, or the roll with a zero for each release. 'auto' chooses by
-the sensor and the drift of its zero."""
 
 
 class SignalOptions(TypedDict):
@@ -22,17 +19,15 @@ class SignalOptions(TypedDict):
     bias: Bias
 
 
-def signal_of(releases: Sequence[Release], signal: Signal = "auto") -> SignalOptions:
+def signal_of(releases: Sequence[Release]) -> SignalOptions:
     """Return which signal of some releases to fit.
 
     Of a gyro the rate is fitted. A roll that is integrated from it drifts, and a roll fused with an accelerometer has slow errors that
     look like motion. The zero of a gyro, as of any drifting roll, differs from release to release.
     """
-    if signal == "auto":
-        drifting = any(release.zero == "drifting" for release in releases)
-        gyro = all(release.rate is not None for release in releases)
-        signal = "roll" if not drifting else "rate" if gyro else "per-release"
-    return {"use_rate": signal == "rate", "bias": "shared" if signal == "roll" else "per-release"}
+    drifting = any(release.zero == "drifting" for release in releases)
+    gyro = all(release.rate is not None for release in releases)
+    return {"use_rate": drifting and gyro, "bias": "per-release" if drifting else "shared"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

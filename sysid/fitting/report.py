@@ -31,14 +31,7 @@ def report(fit: "Fit", width: int = WIDTH) -> str:
     """Return the quantities before and after, and the errors from the linear joint up."""
     show = display(is_rate=fit.is_rate, slides=fit.before.slides)
     values = table_values(fit.law.structure)
-    known = {
-        **{name: quantity for name, quantity in fit.before.tilt.items() if name != "range"},
-        **{
-            f"{part.name}.{name}": quantity
-            for part in fit.before.effects
-            for name, quantity in part.parameters.items()
-        },
-    }
+    known = fit.before.quantities
     quantities = table(
         ("quantity", "before", "after ± 95 %"),
         [

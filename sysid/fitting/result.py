@@ -102,7 +102,7 @@ def summarise(
     parameters = problem.parameters(minimum.point)
     own = parameter_covariance(problem, minimum, residuals)
     covariance = own + common_covariance(problem, minimum, board)
-    quantities = parameter_quantities(problem, minimum, board, covariance)
+    quantities = parameter_quantities(problem, minimum, covariance, slides=board.slides)
     vector = problem.vector_of(parameters)
     squares = sum(float(r @ r) for r in residuals)
     return JointFit(

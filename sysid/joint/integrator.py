@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.effects._algebra import Values
-from sysid.effects._base import SensorEffect, State
+from sysid.effects._base import SensorEffect
 from sysid.joint.equations import EquationsOfMotion, items_of
 from sysid.joint.sensor import filtered
 from sysid.joint.structure import Structure
@@ -209,30 +208,19 @@ def _first_state(equations: EquationsOfMotion, unknowns: Any, hold: Any, *, free
     import casadi
 
     ca: Any = casadi
-    tilt = unknowns[0] - equations.joint.rest_angle
+    m, joint = equations.m, equations.joint
+    tilt = unknowns[0] - joint.rest_angle
     internal: list[Any] = []
     free = iter(items_of(unknowns, slice(2, unknowns.shape[0])))
     for part, values, _ in equations.layout:
         for state in part.states:
-            if isinstance(part, SensorEffect):
-                internal.append(_first_reading(equations, state, unknowns, hold, values))
-            elif free_states:
+            if state.sensed is not None:
+                internal.append(state.sensed(m, unknowns[0], unknowns[1], hold, joint, values))
+            elif free_states and not isinstance(part, SensorEffect):
                 internal.append(next(free))
             else:
-                internal.append(state.start(equations.m, tilt, hold, equations.joint.stiffness, values))
+                internal.append(state.start(m, tilt, hold, joint.stiffness, values))
     return ca.vertcat(unknowns[:2], *internal)
-
-
-def _first_reading(
-    equations: EquationsOfMotion, state: State, unknowns: Any, hold: Any, values: Values
-) -> Any:
-    """Return a state of the sensor at release: after a hold, a late detection, or a motion."""
-    m, joint, roll, rate = equations.m, equations.joint, unknowns[0], unknowns[1]
-    if state.late_release is None or state.in_motion is None:
-        return state.start(m, roll, hold, joint.stiffness, values)
-    pull = -joint.stiffness * (roll - joint.rest_angle) / joint.inertia
-    late = state.late_release(m, roll, rate, pull, values)
-    return m.where(hold > 0, late, state.in_motion(roll, rate, joint, values))
 
 
 @cache

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import casadi as ca
+import mujoco
 
 from sysid.errors import SysidError, did_you_mean
 
@@ -27,10 +28,6 @@ Torque = Callable[[Expression, Expression], Expression]
 
 Pair = tuple[float, float]
 Impedance = tuple[float, float, float, float, float]
-
-_MIN_IMPEDANCE, _MAX_IMPEDANCE = 0.0001, 0.9999
-_MIN_VALUE = 1e-15
-"""MuJoCo's own limits of impedance and width [1]: mjMINIMP, mjMAXIMP, mjMINVAL."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,12 +188,17 @@ def _solved(
     return result
 
 
+def _possible(impedance: float) -> float:
+    """Return an impedance [1] within MuJoCo's limits."""
+    return min(max(impedance, mujoco.mjMINIMP), mujoco.mjMAXIMP)
+
+
 def _impedance(solimp: Impedance, distance: Expression) -> Expression:
     """MuJoCo's impedance d(r): from d₀ to d_width along a power curve."""
-    start, end = (min(max(d, _MIN_IMPEDANCE), _MAX_IMPEDANCE) for d in solimp[:2])
+    start, end = map(_possible, solimp[:2])
     width, power = max(solimp[2], 0.0), max(solimp[4], 1.0)
-    midpoint = min(max(solimp[3], _MIN_IMPEDANCE), _MAX_IMPEDANCE)
-    if start == end or width <= _MIN_VALUE:
+    midpoint = _possible(solimp[3])
+    if start == end or width <= mujoco.mjMINVAL:
         return 0.5 * (start + end)
     x = ca.fmin(ca.fabs(distance) / width, 1.0)
     below = x**power / midpoint ** (power - 1)
@@ -209,7 +211,7 @@ def _reference(solref: Pair, solimp: Impedance, shortest: Expression) -> tuple[E
 
     `shortest` is the least time constant that the flag refsafe allows [s].
     """
-    end = min(max(solimp[1], _MIN_IMPEDANCE), _MAX_IMPEDANCE)
+    end = _possible(solimp[1])
     if solref[0] <= 0:
         return -solref[0] / end**2, -solref[1] / end
     constant = ca.fmax(solref[0], shortest)
@@ -247,8 +249,8 @@ def _discrete(
 
     def row(solref: Pair, solimp: Impedance, distance: Expression, side: float, *, spring: bool) -> _Row:
         impedance = _impedance(solimp, distance)
-        end = min(max(solimp[1], _MIN_IMPEDANCE), _MAX_IMPEDANCE)
-        most = _MAX_IMPEDANCE / (1 - _MAX_IMPEDANCE) * (1 - impedance) / impedance
+        end = _possible(solimp[1])
+        most = mujoco.mjMAXIMP / (1 - mujoco.mjMAXIMP) * (1 - impedance) / impedance
         shortest = timestep * ca.sqrt(impedance) / (solref[1] * end) if spring and solref[0] > 0 else 0.0
         pull, damper = _reference(solref, solimp, shortest)
         if spring and solref[0] > 0:

@@ -10,7 +10,6 @@ from sysid.errors import SysidError
 from sysid.joint.hermite import hermite_matrix
 from sysid.joint.integrator import Rollout, build_stepper, steps_for
 from sysid.joint.law import JointLaw
-from sysid.joint.sampled import stepped
 from sysid.joint.sensor import clock_ratio, read
 from sysid.roll import Array
 from sysid.shown import Shown
@@ -20,8 +19,8 @@ if TYPE_CHECKING:
 
 STEPS_PER_PERIOD = 120
 """RK4 steps in one natural period: the local error is below 1e-8 of the amplitude."""
-FINER = (1, 2, 4, 8)
-"""Factors of that number, tried in turn where the motion diverges: a stiff internal state may need shorter steps."""
+HALVINGS = 3
+"""How often the step is halved where the motion diverges: a stiff internal state may need shorter steps."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -66,14 +65,16 @@ def simulate(
     """
     law = JointLaw.from_board(law) if isinstance(law, Board) else law
     if law.timestep:
+        from sysid.joint.sampled import stepped
+
         return Trajectory(np.asarray(time), *stepped(law, time, angle, rate))
     structure, vector = law.structure, law.vector
     ratio = clock_ratio(structure, law.parameters)
     stepper = build_stepper(structure, free_states=False, sensitivities=False)
     true_time = np.asarray(time, dtype=np.float64) / ratio
     start = np.asarray(stepper.initial(vector, [angle, rate], hold)).ravel()
-    for finer in FINER:
-        h = 2 * np.pi / law.frequency / STEPS_PER_PERIOD / finer
+    for halving in range(HALVINGS + 1):
+        h = 2 * np.pi / law.frequency / STEPS_PER_PERIOD / 2**halving
         steps = steps_for(float(true_time[-1]), h)
         grid = Rollout(stepper, steps)(start, np.append(vector, h))[:, 0]
         if np.all(np.isfinite(grid)):

@@ -9,8 +9,6 @@ from sysid.effects._algebra import NUMPY
 from sysid.effects._base import Effect, JointState, TorqueEffect
 from sysid.errors import SysidError
 
-_UNTOUCHED = 1e6
-"""Time of rest before a log [s]."""
 _MOVE = 1e-8
 """Tilt over which the slope of a rate-independent state is taken [rad]."""
 
@@ -43,7 +41,7 @@ class CatalogueLaw:
 
     def at_rest(self) -> list[float]:
         """Return its internal states in an untouched deck."""
-        starts = (s.start(NUMPY, 0.0, _UNTOUCHED, self.stiffness, self.values) for s in self.effect.states)
+        starts = (s.start(NUMPY, 0.0, math.inf, self.stiffness, self.values) for s in self.effect.states)
         return [float(start) for start in starts]
 
 

@@ -32,8 +32,6 @@ Array = npt.NDArray[np.float64]
 RTOL = 1e-8
 ATOL = 1e-10
 """Tolerances of DOP853, relative and in rad: the motion is right to about 1e-8 rad, 1e-5 of a sensor's noise."""
-_LARGEST = 2 * math.pi
-"""Roll beyond which a deck has turned over [rad]."""
 _MAX_STEPS = 20_000
 """A few seconds of computing: a release needs some hundred steps, with hard stops some thousand."""
 
@@ -261,7 +259,7 @@ def simulate(
         while solver.status == "running" and event is None:
             steps += 1
             message = solver.step()
-            if message is not None or steps > _MAX_STEPS or not abs(float(solver.y[0])) < _LARGEST:
+            if message is not None or steps > _MAX_STEPS or not abs(float(solver.y[0])) < math.tau:
                 raise ArithmeticError(f"beyond t = {solver.t:.6g} s")
             step = solver.step_size
             stop = len(times) if solver.t >= end else int(np.searchsorted(times, solver.t))

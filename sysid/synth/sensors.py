@@ -5,6 +5,7 @@ import math
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -13,6 +14,7 @@ import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.files import write_atomically
+from sysid.quantity import GRAVITY
 
 Array = npt.NDArray[np.float64]
 
@@ -22,10 +24,8 @@ a CSV, a phyphox or a Sensor Logger export."""
 ANGLES: tuple[Dialect, ...] = ("angle", "angle-deg", "position")
 """Dialects with the position of the joint."""
 DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
-GRAVITY = 9.80665
-"""Standard gravity [m/s²], the unit g of accelerometers."""
-_EPOCH_NS = 1_780_000_000_000_000_000
-"""Sensor Logger stamps samples with nanoseconds since 1970."""
+_DAY = datetime(2026, 1, 1, tzinfo=UTC)
+"""Date of all archives: the same log is the same file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,8 +90,8 @@ def measure(time: Array, motion: Array, sensor: Sensor, dialect: Dialect, rng: n
 def _specific_force(roll: Array, rate: Array, acceleration: Array, sensor: Sensor) -> Array:
     """Return the specific force on the deck [m/s^2], shape (n, 3): gravity, tangential, centripetal."""
     _, left, up = sensor.lever_arm
-    y = GRAVITY * np.sin(roll) - acceleration * up - rate**2 * left
-    z = GRAVITY * np.cos(roll) + acceleration * left - rate**2 * up
+    y = GRAVITY.value * np.sin(roll) - acceleration * up - rate**2 * left
+    z = GRAVITY.value * np.cos(roll) + acceleration * left - rate**2 * up
     c, s = math.cos(sensor.bias), math.sin(sensor.bias)
     return np.column_stack((np.zeros_like(roll), c * y + s * z, c * z - s * y))
 
@@ -156,24 +156,25 @@ def _table(time: Array, channels: Array, dialect: Dialect) -> str:
             header += ",".join(f"gyro_{a}_rad_s" for a in "xyz")
             return _csv(header, ["%.6f"] + ["%.5f"] * 3 + ["%.6f"] * 3, time, channels)
         case _:
-            header = '"Time (s)",' + ",".join(f'"Acceleration {a} (m/s^2)"' for a in "xyz") + ","
-            header += ",".join(f'"Gyroscope {a} (rad/s)"' for a in "xyz")
+            header = f"{_TIME},{_ACCELERATION},{_ROTATION}"
             return _csv(header, ["%.9E"] + ["%.6E"] * 6, time, channels)
+
+
+_TIME = '"Time (s)"'
+_ACCELERATION = ",".join(f'"Acceleration {axis} (m/s^2)"' for axis in "xyz")
+_ROTATION = ",".join(f'"Gyroscope {axis} (rad/s)"' for axis in "xyz")
+"""Columns of phyphox."""
 
 
 def _archived_tables(time: Array, channels: Array, dialect: Dialect) -> Mapping[str, str]:
     acceleration, rates = channels[:, :3], channels[:, 3:]
     if dialect == "phyphox":
-        heads = [
-            '"Time (s)",' + ",".join(f'"{kind} {a} ({unit})"' for a in "xyz")
-            for kind, unit in (("Acceleration", "m/s^2"), ("Gyroscope", "rad/s"))
-        ]
         formats = ["%.9E"] * 4
         return {
-            "Accelerometer.csv": _csv(heads[0], formats, time, acceleration),
-            "Gyroscope.csv": _csv(heads[1], formats, time, rates),
+            "Accelerometer.csv": _csv(f"{_TIME},{_ACCELERATION}", formats, time, acceleration),
+            "Gyroscope.csv": _csv(f"{_TIME},{_ROTATION}", formats, time, rates),
         }
-    stamps = (_EPOCH_NS + np.round(1e9 * time).astype(np.int64)).astype(np.str_)
+    stamps = (int(_DAY.timestamp()) * 10**9 + np.round(1e9 * time).astype(np.int64)).astype(np.str_)
     tables: dict[str, str] = {}
     for name, values in (("TotalAcceleration", acceleration), ("Gyroscope", rates)):
         body = _csv("seconds_elapsed,z,y,x", ["%.7f"] * 4, time, values[:, ::-1]).splitlines()
@@ -194,6 +195,5 @@ def _archive(tables: Mapping[str, str]) -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in tables.items():
-            # A fixed date: the same log is the same file.
-            archive.writestr(zipfile.ZipInfo(name, (2026, 1, 1, 0, 0, 0)), text, zipfile.ZIP_DEFLATED)
+            archive.writestr(zipfile.ZipInfo(name, _DAY.timetuple()[:6]), text, zipfile.ZIP_DEFLATED)
     return buffer.getvalue()

@@ -20,9 +20,8 @@ def test_panels_have_units_and_none_is_empty():
     }
     assert set(by_label) == {"rate [rad/s]", "angle [°]"}
     drawn = by_label["rate [rad/s]"].lines[-1].get_xydata()
-    assert (
-        drawn == list(zip(result.missing.over_rate.at, result.missing.over_rate.torque, strict=True))
-    ).all()
+    profile = result.missing.over(result.missing.rate)
+    assert (drawn == list(zip(profile.at, profile.torque, strict=True))).all()
     assert "sim - real [°]" in [axes.get_ylabel() for axes in figure.axes]
     assert all(axes.has_data() for axes in figure.axes)
     assert not len(

@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from sysid.board import Board
 from sysid.effects import catalogue
 from sysid.errors import SysidError
+from sysid.quantity import GRAVITY
 from sysid.synth import SynthOptions, synthesise
-from sysid.synth.sensors import GRAVITY, Sensor
+from sysid.synth.sensors import Sensor
 from sysid.workspace import Workspace
 
 QUIET = SynthOptions(sensor=Sensor(gyro_bias=0.0, gyro_noise=0.0, accelerometer_noise=0.0), tremor=0.0)
@@ -161,7 +162,7 @@ def test_accelerometer_feels_gravity_and_the_lever_arm(pink: Board) -> None:
         arm[1] * np.cos(roll) - arm[2] * np.sin(roll), arm[1] * np.sin(roll) + arm[2] * np.cos(roll)
     ))  # fmt: skip
     step = log.time[1] - log.time[0]
-    world = np.gradient(np.gradient(place, step, axis=0), step, axis=0) + np.array([0.0, GRAVITY])
+    world = np.gradient(np.gradient(place, step, axis=0), step, axis=0) + np.array([0.0, GRAVITY.value])
     felt_y = np.cos(roll) * world[:, 0] + np.sin(roll) * world[:, 1]
     felt_z = -np.sin(roll) * world[:, 0] + np.cos(roll) * world[:, 1]
     assert log.channels[3:-3, 1] == pytest.approx(felt_y[3:-3], abs=0.03)
