@@ -71,11 +71,23 @@ class Comparison(Shown):
 
     @cached_property
     def missing(self) -> Demand | None:
-        """The torque that the measured motion demands beyond the law; None if too little of the motion is above the noise."""
-        effects = [name for name, _ in self.law.effects]
-        releases = [release.record.release for release in self.releases]
+        """The torque that the measured motion demands beyond the simulated one; None if too little motion is above the noise.
+
+        Effects with memory act alike in both motions, and so does the smoothing.
+        """
+        law, noise, beside = (
+            self.law,
+            self.noise.std,
+            [p.name for p in self.law.structure.parts if not p.states],
+        )
         try:
-            return demand_of(releases, self.law, self.noise.std, rate=self.is_rate, beside=effects)
+            measured = demand_of(
+                [one.release for one in self.releases], law, noise, rate=self.is_rate, beside=beside
+            )
+            simulated = [one.as_simulated() for one in self.releases]
+            return measured.less(
+                demand_of(simulated, law, noise, rate=self.is_rate, beside=beside, like=measured)
+            )
         except SysidError:
             return None
 

@@ -1,6 +1,6 @@
 """One release, measured and simulated."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.diagnosis.motion import natural_frequency
 from sysid.fitting.records import Record
-from sysid.roll import Array
+from sysid.roll import Array, Release
 
 FEWEST = 5
 """Samples that a local parabola smooths: two more than it has coefficients."""
@@ -61,6 +61,16 @@ class ComparedRelease:
         """Root mean square residual."""
         return float(np.sqrt(np.mean(self.residual**2)))
 
+    @property
+    def release(self) -> Release:
+        """The compared samples of the release."""
+        whole = self.record.release
+        return whole[np.isin(whole.time - whole.time[0], self.time)]
+
+    def as_simulated(self) -> Release:
+        """Return the same samples with the simulated readings."""
+        return replace(self.release, roll=self.roll, rate=self.simulated if self.record.is_rate else None)
+
     @cached_property
     def window(self) -> int | None:
         """Samples in a sixth of the measured period, an odd number; None if that needs more than a third of one.
@@ -79,7 +89,7 @@ def smoothed(time: Array, signal: Array, window: int) -> tuple[Array, Array]:
     Savitzky and Golay, Analytical Chemistry 36 (1964). Each end is continued by its reflection in the last sample.
     """
     half = window // 2
-    fit = np.asarray(np.linalg.pinv(np.vander(np.arange(-half, half + 1) / half, 3)), dtype=np.float64)
+    fit = np.linalg.pinv(np.vander(np.arange(-half, half + 1) / half, 3))
     longer = np.pad(signal, half, mode="reflect", reflect_type="odd")
-    _, slope, level = (np.convolve(longer, row[::-1], "valid") for row in fit)
+    _, slope, level = np.array([np.convolve(longer, row[::-1], "valid") for row in fit], dtype=np.float64)
     return level, slope / (half * float(np.median(np.diff(time))))

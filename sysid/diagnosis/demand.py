@@ -8,10 +8,11 @@ Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, s
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.diagnosis.evidence import STRENGTH, marginalised
 from sysid.diagnosis.laws import Laws, Shape
@@ -50,6 +51,25 @@ class Demand:
     """[N*m], shape (n,)."""
     spread: Array
     """Square root of its covariance [N*m], shape (n, f)."""
+    release: npt.NDArray[np.intp]
+    """Place of the release among those given, shape (n,)."""
+    time: Array
+    """On the log's clock [s], shape (n,)."""
+    frequency: float
+    """Natural frequency of the smoothed joint [rad/s]."""
+    share: float
+    """Share ε of torque noise in the smoothing [1]."""
+
+    def less(self, other: "Demand") -> "Demand":
+        """Return the demand beyond another one of the same releases, at the times that both have."""
+        beyond = np.full_like(self.torque, np.nan)
+        for release in np.unique(other.release):
+            mine, its = self.release == release, other.release == release
+            theirs = np.interp(self.time[mine], other.time[its], other.torque[its], left=np.nan, right=np.nan)
+            beyond[mine] = self.torque[mine] - theirs
+        both = np.isfinite(beyond)
+        parts = {name: getattr(self, name)[both] for name in ("angle", "rate", "spread", "release", "time")}
+        return replace(self, torque=beyond[both], **parts)
 
     def over(self, at: Array) -> TorqueProfile:
         """Return the mean torque in bins of the angle or the rate, with its deviation.
@@ -66,8 +86,9 @@ class Demand:
 
 
 def demand_of(
-    releases: Sequence[Release], law: JointLaw, noise: float, *, rate: bool, beside: Sequence[str] = ()
-) -> Demand:
+    releases: Sequence[Release], law: JointLaw, noise: float, *, rate: bool, beside: Sequence[str] = (),
+    like: Demand | None = None,
+) -> Demand:  # fmt: skip
     """Return the torque that releases demand beside spring and damper of a law.
 
     Args:
@@ -76,16 +97,19 @@ def demand_of(
         noise: Noise of a sample [rad or rad/s].
         rate: Whether to use the measured rate.
         beside: Effects of the law whose torque is taken off too.
+        like: A demand whose frequency and torque noise to use.
 
     Raises:
         SysidError: No release holds enough motion.
     """
-    motion = motion_of(releases, law.rest_angle, noise, rate=rate)
+    known = None if like is None else like.frequency
+    motion = motion_of(releases, law.rest_angle, noise, rate=rate, frequency=known)
     stiffness, damping = linear_joint(motion)
     motion = until_still(motion, stiffness, damping)
-    found = _regressed(motion, stiffness, damping, SHARES[-2], None)
+    shares = SHARES if like is None else (like.share,)
+    found = _regressed(motion, stiffness, damping, SHARES[-2], None, shares)
     for _ in range(PASSES - 1):
-        found = _regressed(motion, stiffness, damping, found.share, found.torque)
+        found = _regressed(motion, stiffness, damping, found.share, found.torque, shares)
     table, inside = found.table, motion.inside
     if motion.zero != "known":  # a constant torque is the zero of the sensor
         table[:, 2 : 2 + len(levels(motion))] = 0.0
@@ -101,6 +125,10 @@ def demand_of(
         rate=motion.amplitude * motion.frequency * v,
         torque=-laws.unit * opposing,
         spread=laws.unit * (table @ found.root),
+        release=np.broadcast_to(motion.releases[:, None], inside.shape)[inside],
+        time=(motion.starts[:, None] + np.arange(inside.shape[1]) * motion.step / motion.frequency)[inside],
+        frequency=motion.frequency,
+        share=found.share,
     )
 
 
@@ -121,16 +149,24 @@ class _Regressed(NamedTuple):
 
 
 def _regressed(
-    motion: Motion, stiffness: float, damping: float, share: float, torque: Array | None
+    motion: Motion,
+    stiffness: float,
+    damping: float,
+    share: float,
+    torque: Array | None,
+    shares: Sequence[float],
 ) -> _Regressed:
-    """Smooth the motion under a torque, shape (r, n) [1], and return the regression of the log on the smoothed motion."""
+    """Smooth the motion under a torque, shape (r, n) [1], and return the regression of the log on the smoothed motion.
+
+    The likeliest of some shares ε of torque noise [1] is used.
+    """
     smoother = Smoother(motion, stiffness, damping, motion.envelope)
     smoothed = smoother.smooth(share, torque)
     table, prior = _functions(motion, smoothed, stiffness, damping)
     sensed, loose = sensor(motion, smoothed)
     smoother.prepare(table, sensed)
     wide = np.concatenate([prior, loose])
-    likeliest = max(SHARES, key=lambda one: _log_evidence(smoother, one, wide))
+    likeliest = max(shares, key=lambda one: _log_evidence(smoother, one, wide))
     gram, _ = smoother.gram(likeliest)
     covariance = np.asarray(np.linalg.inv(gram[1:, 1:] + np.diag(wide**-2.0)), dtype=np.float64)
     kept = len(prior)

@@ -19,12 +19,13 @@ import math
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from sysid.errors import SysidError
+from sysid.synth.hand import HandMotion
 from sysid.synth.law import CatalogueLaw, Modes, TrueLaw
 
 Array = npt.NDArray[np.float64]
@@ -34,19 +35,6 @@ ATOL = 1e-10
 """Tolerances of DOP853, relative and in rad: the motion is right to about 1e-8 rad, 1e-5 of a sensor's noise."""
 _MAX_STEPS = 20_000
 """A few seconds of computing: a release needs some hundred steps, with hard stops some thousand."""
-
-
-class Hand(Protocol):
-    """A hand that leads the deck: roll acceleration [rad/s^2] at a time [s]."""
-
-    @property
-    def knots(self) -> Array:
-        """Times at which its acceleration is not smooth [s], shape (m,), ascending."""
-        ...
-
-    def acceleration(self, time: float) -> float:
-        """Return the roll acceleration [rad/s^2] at `time` [s]."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +60,7 @@ class _Motion:
 
     law: TrueLaw
     modes: Modes
-    hand: Hand | None
+    hand: HandMotion | None
 
     def accelerations(self, time: float, y: Array, friction: float | None) -> tuple[float, float, float]:
         """Return (deck acceleration, support acceleration, friction torque).
@@ -216,7 +204,7 @@ def _followed() -> Generator[None]:
 
 @_followed()
 def simulate(
-    law: TrueLaw, start: Condition, begin: float, end: float, times: Array, hand: Hand | None = None, *,
+    law: TrueLaw, start: Condition, begin: float, end: float, times: Array, hand: HandMotion | None = None, *,
     accelerations: bool = False, tolerances: tuple[float, float] = (RTOL, ATOL),
 ) -> tuple[Array, Condition]:  # fmt: skip
     """Integrate from `begin` to `end` [s] and sample at `times` [s], shape (n,), ascending, in between.

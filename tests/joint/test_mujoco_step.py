@@ -16,7 +16,11 @@ from sysid.joint.mujoco_step import Hinge
 pytestmark = pytest.mark.train
 
 STEPS = (0.001, 0.005)
-INTEGRATORS = ("Euler", "implicit", "implicitfast", "RK4")
+INTEGRATORS = [
+    name
+    for name in ("Euler", "implicit", "implicitfast", "RK4", "discrete")
+    if f"mjINT_{name.upper()}" in mujoco.mjtIntegrator.__members__
+]
 DURATION = 0.5
 """Of a rollout [s]: one to six periods."""
 
@@ -104,33 +108,29 @@ the modules loaded so far, so that a case may come up only after other tests."""
 
 
 @pytest.mark.parametrize("timestep", STEPS)
-@pytest.mark.parametrize("integrator", [*INTEGRATORS, "discrete"])
+@pytest.mark.parametrize("integrator", INTEGRATORS)
 @given(case=CASES)
 @EXACT
 def test_smooth_joints_equal_mujoco_to_rounding(integrator: str, timestep: float, case: dict[str, float]):
-    if integrator == "discrete" and "mjINT_DISCRETE" not in mujoco.mjtIntegrator.__members__:
-        pytest.skip("this MuJoCo has no integrator 'discrete'")
     spec = spec_of(case, integrator, timestep, friction=False, limit=False)
     assert largest_difference(spec, (case["start"], case["rate"]), integrator) < 1e-9
 
 
 @pytest.mark.parametrize("timestep", STEPS)
-@pytest.mark.parametrize("integrator", [*INTEGRATORS, "discrete"])
+@pytest.mark.parametrize("integrator", INTEGRATORS)
 @given(case=CASES, friction=st.booleans())
 @EXACT
 def test_friction_and_limits_equal_mujoco(
     integrator: str, timestep: float, case: dict[str, float], friction: bool
 ):
     """Through sticking, slipping and hits, for all forms of solref and solimp."""
-    if integrator == "discrete" and "mjINT_DISCRETE" not in mujoco.mjtIntegrator.__members__:
-        pytest.skip("this MuJoCo has no integrator 'discrete'")
     spec = spec_of(case, integrator, timestep, friction=friction, limit=True)
     assert largest_difference(spec, (case["start"], case["rate"]), integrator) < 1e-7
     spec = spec_of(case, integrator, timestep, friction=True, limit=not friction)
     assert largest_difference(spec, (case["start"], case["rate"]), integrator) < 1e-7
 
 
-@pytest.mark.parametrize("integrator", ["implicitfast", "discrete"])
+@pytest.mark.parametrize("integrator", [name for name in INTEGRATORS if name in ("implicitfast", "discrete")])
 @pytest.mark.parametrize(("solref", "solimp"), [
     ((0.001, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)), ((0.002, 0.3), (0.9, 0.9999, 0.01, 0.5, 2.0)),
     ((-2e4, -50.0), (0.9, 0.95, 0.001, 0.5, 2.0)), ((0.001, 1.0), (0.9, 0.99, 0.01, 0.5, 2.0)), ((0.05, 2.0), (0.5, 0.5, 0.001, 0.5, 2.0)),
@@ -139,8 +139,6 @@ def test_friction_and_limits_equal_mujoco(
 def test_rows_stiffer_than_the_step_allows_equal_mujoco(
     integrator: str, solref: tuple[float, float], solimp: tuple[float, ...]
 ):
-    if integrator == "discrete" and "mjINT_DISCRETE" not in mujoco.mjtIntegrator.__members__:
-        pytest.skip("this MuJoCo has no integrator 'discrete'")
     case = PLAIN | {"damping_ratio": 0.1, "armature": 0.1, "even": 0.2, "cubic": 1.0, "quadratic": 0.05}
     case |= {"cubic_damping": 0.01, "rest": 0.01, "friction": 0.02, "start": 0.18, "rate": 0.5}
     spec = spec_of(case, integrator, 0.005, friction=True, limit=True)

@@ -7,8 +7,7 @@ import mujoco
 import numpy as np
 from mujoco_rollout import rollout_function
 
-from sysid.errors import SysidError
-from sysid.joint.mujoco_step import Hinge, Impedance, Integrator, Torque
+from sysid.joint.mujoco_step import Hinge, Integrator, Torque
 
 
 def simulate_steps(
@@ -30,14 +29,7 @@ def hinge_from_model(model: mujoco.MjModel, joint: str, *, torque: Torque | None
     Args:
         model: Compiled MuJoCo model with one hinge joint.
         torque: What acts on the joint besides spring, damper, friction and limits.
-
-    Raises:
-        SysidError: The model has more than one degree of freedom.
     """
-    if model.nv != 1:
-        raise SysidError(
-            f"the model has {model.nv} degrees of freedom; its step has a closed form for one only."
-        )
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     mass = np.zeros((1, 1))
@@ -47,24 +39,19 @@ def hinge_from_model(model: mujoco.MjModel, joint: str, *, torque: Torque | None
     return Hinge(
         inertia=float(mass[0, 0]) - armature,
         armature=armature,
-        stiffness=(float(model.jnt_stiffness[index]), *_pair(model.jnt_stiffnesspoly[index])),
-        damping=(float(model.dof_damping[dof]), *_pair(model.dof_dampingpoly[dof])),
+        stiffness=(float(model.jnt_stiffness[index]), *numbers(model.jnt_stiffnesspoly[index])),
+        damping=(float(model.dof_damping[dof]), *numbers(model.dof_dampingpoly[dof])),
         springref=float(model.qpos_spring[model.jnt_qposadr[index]]),
         frictionloss=float(model.dof_frictionloss[dof]),
-        solref_friction=_pair(model.dof_solref[dof]),
-        solimp_friction=_impedance_parameters(model.dof_solimp[dof]),
-        limits=_pair(model.jnt_range[index]) if model.jnt_limited[index] else None,
-        solref_limit=_pair(model.jnt_solref[index]),
-        solimp_limit=_impedance_parameters(model.jnt_solimp[index]),
+        solref_friction=numbers(model.dof_solref[dof]),
+        solimp_friction=numbers(model.dof_solimp[dof]),
+        limits=numbers(model.jnt_range[index]) if model.jnt_limited[index] else None,
+        solref_limit=numbers(model.jnt_solref[index]),
+        solimp_limit=numbers(model.jnt_solimp[index]),
         torque=torque,
         eulerdamp=not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP),
     )
 
 
-def _pair(values: Any) -> tuple[float, float]:
-    return float(values[0]), float(values[1])
-
-
-def _impedance_parameters(values: Any) -> Impedance:
-    first, second, third, fourth, fifth = (float(value) for value in values)
-    return first, second, third, fourth, fifth
+def numbers(values: Any) -> tuple[float, ...]:
+    return tuple(map(float, values))
