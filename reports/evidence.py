@@ -8,7 +8,7 @@ from typing import Any
 from reports.log_files import LogFile
 from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
-from sysid.diagnosis.signatures import LookAlikes, Start, look_alikes
+from sysid.diagnosis.signatures import LookAlikes, look_alikes
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.files import regular
@@ -109,7 +109,8 @@ def gather(
     if fit is not None:
         warnings += fit.warnings
     with stage(0.8, 1.0, "look-alikes"):
-        alike = _look_alikes(compared, releases, fit) if heldout else None
+        law = compared.law if fit is None else fit.law
+        alike = look_alikes(releases, law, compared.noise.std, rate=compared.is_rate) if heldout else None
     return Evidence(
         board=board,
         files=tuple(files),
@@ -126,16 +127,3 @@ def gather(
         ),
         warnings=tuple(dict.fromkeys(warnings)),
     )
-
-
-def _look_alikes(
-    compared: Comparison, releases: Sequence[Release], fit: JointFit | None
-) -> LookAlikes | None:
-    if compared.is_rate:
-        return None
-    law = compared.law if fit is None else fit.law
-    starts = [
-        Start(part.time, float(part.roll[0]), float(part.rate[0]), release.hold)
-        for part, release in zip(compared.releases, releases, strict=True)
-    ]
-    return look_alikes(law, starts, compared.noise.std)

@@ -34,10 +34,10 @@ from reports.playground import playground
 from reports.story import release_name, story_of_board
 from sysid.board import Board
 from sysid.decay.report import inertia_share
-from sysid.diagnosis.signatures import ALIKE, SEEN, LookAlikes
+from sysid.diagnosis.signatures import ALIKE, LookAlikes
 from sysid.effects import effect
 from sysid.fitting.covariance import correlation_of
-from sysid.quantity import Quantity, slide_unit
+from sysid.quantity import SURE, Quantity, slide_unit
 from sysid.shown import MOST_SHOWN
 from sysid.text import count, display, percent, short
 from sysid.workspace import Workspace
@@ -251,7 +251,7 @@ def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
         shown, others = f"{name}{' (in the law)' if name in own else ''}", alike.alike(name)
         experiment = board.experiment(name) if others else ""
         rows.append((shown, _weakest(alike, i, slides=board.slides), ", ".join(others) or "-", experiment))
-    weak = int(np.count_nonzero(alike.visibility < SEEN))
+    weak = int(np.count_nonzero(alike.visibility < SURE))
     twins = {tuple(sorted((name, other))) for name in alike.names for other in alike.alike(name)}
     hidden = "Every effect would show"
     if weak:
@@ -267,7 +267,7 @@ def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
 
 def _weakest(alike: LookAlikes, index: int, *, slides: bool) -> str:
     """Return the strength at which an effect would be seen: its signature is taken as proportional to it."""
-    share = SEEN / float(alike.visibility[index])
+    share = SURE / float(alike.visibility[index])
     parameters = effect(alike.names[index]).parameters
     if parameters[0].neutral != 0.0:  # an end stop or a support does not grow with its first parameter
         return "shows here" if share < 1 else "does not show here"

@@ -9,6 +9,7 @@ Source: MacKay, Information Theory, Inference, and Learning Algorithms, 2003, ch
 keeps the signs, with independent marginals. Occam's factor is ln|A|: nothing else penalises a richer set.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,12 +23,14 @@ from sysid.roll import Array
 
 DEPTH = 3
 """Families of a set at most."""
-BREADTH = 10
-"""Sets of families from which larger sets grow."""
+BREADTH = 8
+"""Sets of families from which larger sets grow, and sets of effects that are fitted in full."""
 STRENGTH = 0.4
 """Prior deviation of a law's torque over the spring's, both RMS over the motion."""
 MOST_DEVIATIONS = 3.5
 """A strength within so many prior deviations is possible."""
+ODDS = 20.0
+"""Odds at which one set beats another: 95 %."""
 COMMON, OFTEN, SELDOM = ("friction", "drag", "hardening", "rest"), 0.15, 0.05
 """Families that most joints may have, their prior probability, and that of any other."""
 
@@ -107,25 +110,24 @@ class Problem:
         self.priors = np.array([item.log_prior for item in items])
 
 
-def items_of(terms: Sequence[Term | None], families: Sequence[str], first: int) -> list[Item]:
-    """Return terms as items whose columns follow each other from `first` on; None stands for another rest angle.
+def families_of(terms: Sequence[Term]) -> list[str]:
+    """Return the names of all families, by their numbers."""
+    return sorted({term.family for term in terms})
+
+
+def items_of(terms: Sequence[Term], first: int) -> list[Item]:
+    """Return terms as items whose columns follow each other from `first` on.
 
     The prior of a family is shared by its laws, then by their shapes.
     """
-    laws: dict[str, set[str]] = {}
-    for term in terms:
-        laws.setdefault("rest" if term is None else term.family, set()).add(
-            "offset" if term is None else term.effect
-        )
+    families, laws = families_of(terms), {(term.family, term.effect) for term in terms}
+    count = Counter(family for family, _ in laws)
     items: list[Item] = []
     for term in terms:
-        family, signs, part = (
-            ("rest", (0,), 1.0) if term is None else (term.family, term.signs, term.shape.share)
-        )
-        columns = tuple(range(first, first + len(signs)))
-        prior = log_odds(family) + float(np.log(part / len(laws[family])))
-        items.append(Item(family=families.index(family), columns=columns, signs=signs, log_prior=prior))
-        first += len(signs)
+        columns = tuple(range(first, first := first + len(term.signs)))
+        prior = log_odds(term.family) + float(np.log(term.shape.share / count[term.family]))
+        number = families.index(term.family)
+        items.append(Item(family=number, columns=columns, signs=term.signs, log_prior=prior))
     return items
 
 
@@ -268,8 +270,8 @@ def single(problem: Problem, scored: Scored) -> Sets:
 def joined(parts: Sequence[Sets]) -> Sets:
     """Return some sets together, each once."""
     items = np.concatenate([p.items for p in parts])
-    _, once = np.unique(items, axis=0, return_index=True)
+    _, kept = np.unique(items, axis=0, return_index=True)
     families, log = (
         np.concatenate([getattr(p, name) for p in parts]) for name in ("families", "log_evidence")
     )
-    return Sets(items=items[once], families=families[once], log_evidence=log[once])
+    return Sets(items=items[kept], families=families[kept], log_evidence=log[kept])

@@ -5,15 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.board import Board
+from sysid.diagnosis.evidence import ODDS
 from sysid.errors import SysidError
 from sysid.fitting.result import JointFit
 from sysid.joint.trajectory import simulate
 from sysid.text import display
 
-DECIDED = float(np.log(19.0))
-"""Log odds at 95 %."""
-ANGLES = np.radians([0.5, 1, 2, 3, 5, 7, 10, 15, 20, 30, 45, 60, 90, 120, 150])
-"""Release angles that a person can set [rad]."""
 WIDER = 1.5
 """A release may go so many times wider than the widest one in the logs, within the joint's range."""
 MOST = 5
@@ -44,7 +41,7 @@ def deciding(one: JointFit, other: JointFit, board: Board) -> Experiment | None:
     limit = min(WIDER * seen, max(board.tilt["range"].value, seen) if "range" in board.tilt else WIDER * seen)
     time = np.arange(0.0, float(max(r.time[-1] for r in one.records)), float(np.median(np.diff(record.time))))
     noise = max(one.rmse, one.noise.std)
-    possible = [a for a in ANGLES if seen / 4 <= a <= limit] or [seen]
+    possible = {*(abs(r.release.roll[0] - r.release.rest) for r in one.records), limit}
     found: list[Experiment] = []
     for angle in possible:
         for side in (1.0, -1.0):
@@ -58,7 +55,7 @@ def deciding(one: JointFit, other: JointFit, board: Board) -> Experiment | None:
             own = np.column_stack([a - (0.0 if record.is_rate else one.law.rest_angle), np.gradient(a, time)])
             apart = a - b - own @ np.linalg.lstsq(own, a - b, rcond=None)[0]
             odds = 0.5 * float(apart @ apart) / noise**2
-            number = int(np.ceil(DECIDED / max(odds, 1e-9)))
+            number = int(np.ceil(np.log(ODDS) / max(odds, 1e-9)))
             if number <= MOST:
                 found.append(
                     Experiment(

@@ -6,7 +6,7 @@ smoothed motion from the hold on.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -23,12 +23,10 @@ from sysid.roll import Array
 GRID = 12
 """Values of one shape parameter; of two, `GRID` and `COARSE`."""
 COARSE = 3
-LINEAR = 30.0
-"""A shape parameter whose bounds span a larger ratio is spaced geometrically, another one evenly."""
 SPAN = 100.0
-"""Ratio of the bounds where the lower one is 0."""
-RATIO = 30.0
-"""Largest ratio of two strengths of one law, in units of their sizes."""
+"""Ratio of the bounds of a shape parameter from which it is spaced geometrically; the ratio itself if the lower bound is 0."""
+SHOWS = 0.02
+"""Share of a law's torque beside spring, damper and a constant below which it is only another spring and damper."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,19 +42,14 @@ class Shape:
 
     def finer(self) -> "list[Shape]":
         """Return points a quarter as far apart, axis by axis, out to the neighbours."""
-        found: list[Shape] = []
-        for axis, (middle, ends) in enumerate(zip(self.values, self.spacing, strict=True)):
-            steps = [middle + f * (end - middle) for end in ends for f in (0.25, 0.5, 0.75) if end != middle]
-            for value in steps:
-                values = (*self.values[:axis], value, *self.values[axis + 1 :])
-                quarter = [
-                    (b - (b - a) / 4, b + (c - b) / 4) for b, (a, c) in zip(values, self.spacing, strict=True)
-                ]
-                found.append(Shape(values, self.share / 4, tuple(quarter)))
-        quarter = [
+        near = tuple(
             (b - (b - a) / 4, b + (c - b) / 4) for b, (a, c) in zip(self.values, self.spacing, strict=True)
-        ]
-        return [Shape(self.values, self.share / 4, tuple(quarter)), *found]
+        )
+        points = [self.values]
+        for axis, (middle, ends) in enumerate(zip(self.values, self.spacing, strict=True)):
+            moved = (middle + f * (end - middle) for end in ends for f in (0.25, 0.5, 0.75) if end != middle)
+            points += [(*self.values[:axis], value, *self.values[axis + 1 :]) for value in moved]
+        return [Shape(point, self.share / 4, near) for point in points]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,8 +70,22 @@ class Term:
     """1 where the strength cannot be negative, else 0."""
     parameters: Mapping[str, float]
     """All parameters at these strengths and shapes, in their units."""
-    ratios: tuple[str, ...]
+    ratios: tuple[str, ...] = ()
     """Those that scale with the first strength."""
+
+    def scaled(self, size: Array) -> "Term":
+        """Return the term with each column times a factor [1], shape (c,)."""
+        unit = tuple(float(u * s) for u, s in zip(self.unit, size, strict=True))
+        return replace(self, columns=self.columns * size, unit=unit)
+
+    def fitted(self, coefficients: Array) -> dict[str, float]:
+        """Return all parameters as 'effect.parameter' at some coefficients of the columns [1], shape (c,)."""
+        each = zip(self.strengths, coefficients, self.unit, strict=True)
+        strengths = {name: float(c * u) for name, c, u in each if name}
+        first = self.strengths[0]
+        scale = strengths[first] / self.parameters[first] if self.ratios else 1.0
+        ratios = {name: self.parameters[name] * scale for name in self.ratios}
+        return {f"{self.effect}.{name}": v for name, v in {**self.parameters, **ratios, **strengths}.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,8 +139,9 @@ def shape_values(p: Parameter, scales: Scales, count: int) -> Array:
     """Return values of a shape parameter between its bounds, in units of its size [1], shape (count,)."""
     if p.low < 0:
         return np.linspace(p.low, p.high, 2 * count)
-    low = p.low or p.high / SPAN
-    return np.linspace(low, p.high, count) if p.high / low <= LINEAR else np.geomspace(low, p.high, count)
+    if p.low and p.high / p.low < SPAN:
+        return np.linspace(p.low, p.high, count)
+    return np.geomspace(p.low or p.high / SPAN, p.high, count)
 
 
 def _torque(
@@ -160,36 +168,28 @@ class Laws:
         )  # fmt: skip
 
     def recorded(
-        self, smoothed: Smoothed, known: Sequence[tuple[TorqueEffect, Mapping[str, float]]]
+        self, smoothed: Smoothed, known: Sequence[tuple[Effect, Mapping[str, float]]]
     ) -> list[Array]:
         """Return the opposing torque over I ω₀² A of effects with given parameters [1], shape (r, n) each."""
         state, spread = self._state(smoothed)
-        wide = JointState(
-            state.tilt[..., None], state.rate[..., None], state.roll[..., None], state.stiffness
-        )
         found: list[Array] = []
         for part, values in known:
-            z = (
-                self._driven(part, wide, {n: np.array([v]) for n, v in values.items()})[0]
-                if part.states
-                else ()
-            )
-            found.append(
-                np.where(self.motion.inside, -_torque(part, state, values, z, spread) / self.unit, 0.0)
-            )
+            if isinstance(part, SupportEffect):
+                shape = Shape(tuple(values[p.name] / p.size(self.scales) for p in part.parameters), 1.0, ())
+                torque = self._support(part, state, [shape])[0][..., 0]
+            else:
+                assert isinstance(part, TorqueEffect)
+                z = self._driven(part, state, {n: np.array([v]) for n, v in values.items()})[0]
+                torque = -_torque(part, state, values, z, spread) / self.unit
+            found.append(np.where(self.motion.inside, torque, 0.0))
         return found
 
     def _state(self, smoothed: Smoothed) -> tuple[JointState, Array]:
         """Return the smoothed motion in SI units, and the deviation of its rate [rad/s]."""
-        a = self.motion.amplitude
-        rate_unit = a * self.motion.frequency
-        state = JointState(
-            smoothed.angle * a,
-            smoothed.rate * rate_unit,
-            smoothed.angle * a + self.motion.rest,
-            self.scales.stiffness,
-        )
-        return state, np.sqrt(smoothed.rate_variance) * rate_unit + 1e-12 * rate_unit
+        a, unit = self.motion.amplitude, self.motion.amplitude * self.motion.frequency
+        angle = smoothed.angle * a
+        state = JointState(angle, smoothed.rate * unit, angle + self.motion.rest, self.scales.stiffness)
+        return state, np.sqrt(smoothed.rate_variance) * unit + 1e-12 * unit
 
     def terms(
         self, smoothed: Smoothed, parts: Mapping[str, Effect], grids: Mapping[str, Sequence[Shape]]
@@ -207,7 +207,7 @@ class Laws:
             kinds = split(part, self.scales)
             shapes = list(grids.get(name) or self.grid(part))
             if isinstance(part, SupportEffect):
-                tables = self._support(part, smoothed, shapes)
+                tables = self._support(part, state, shapes)
                 strengths, unit, signs = ("",), (1.0,), (1,)
             else:
                 assert isinstance(part, TorqueEffect)
@@ -218,18 +218,27 @@ class Laws:
             for shape, columns in zip(shapes, tables, strict=True):
                 columns = np.where(inside[..., None], columns, 0.0)
                 peaks = np.abs(columns).max(axis=(0, 1))
-                if not np.isfinite(peaks).all() or peaks.min() < SEEN_TORQUE * max(peaks.max(), SEEN_TORQUE):
+                if not np.isfinite(peaks).all() or peaks.min() < SHOWS * max(peaks.max(), SHOWS):
                     continue
                 yield Term(
                     effect=name, family=part.family, shape=shape, strengths=strengths, columns=columns, unit=unit, signs=signs,
                     parameters=self._parameters(kinds, shape.values), ratios=tuple(p.name for p in kinds.ratios),
                 )  # fmt: skip
 
+    def rest(self) -> Term:
+        """Return another rest angle: a constant torque."""
+        return Term(
+            effect="offset", family="rest", shape=Shape((), 1.0, ()), strengths=("",), columns=np.ones((*self.motion.reading.shape, 1)),
+            unit=(1.0,), signs=(0,), parameters={},
+        )  # fmt: skip
+
     def grid(self, part: Effect) -> list[Shape]:
         """Return all shapes of a law, in units of the sizes of its shape parameters."""
         kinds = split(part, self.scales)
         axes = [shape_values(p, self.scales, GRID if i == 0 else COARSE) for i, p in enumerate(kinds.shapes)]
-        axes += [np.geomspace(1 / RATIO, RATIO, 2 * GRID if not axes else 2 * COARSE) for _ in kinds.ratios]
+        axes += [
+            np.geomspace(SPAN**-0.5, SPAN**0.5, 2 * GRID if not axes else 2 * COARSE) for _ in kinds.ratios
+        ]
         ends = [list(zip(np.r_[a[0], a[:-1]], a, np.r_[a[1:], a[-1]], strict=True)) for a in axes]
         points = list(product(*ends))
         return [
@@ -250,108 +259,92 @@ class Laws:
         self, part: TorqueEffect, kinds: Split, state: JointState, spread: Array, shapes: Sequence[Shape]
     ) -> list[Array]:
         """Return the columns of a law at each shape, shape (r, n, c)."""
-        sets = [self._parameters(kinds, shape.values) for shape in shapes]
-        stacked = {p.name: np.array([one[p.name] for one in sets]) for p in part.parameters}
-        wide = JointState(
-            state.tilt[..., None], state.rate[..., None], state.roll[..., None], state.stiffness
-        )
-        states = self._driven(part, wide, stacked) if part.states else [()] * len(sets)
+        sets, stacked = self._sets(part, kinds, shapes)
+        states = self._driven(part, state, stacked)
         found: list[Array] = []
-        for i, values in enumerate(sets):
+        for values, z in zip(sets, states, strict=True):
             alone = [
                 {**values, **{q.name: 0.0 for q in kinds.strengths if q is not p}} for p in kinds.strengths
             ]
-            torques = [_torque(part, state, one, states[i], spread) for one in alone or [values]]
+            torques = [_torque(part, state, one, z, spread) for one in alone or [values]]
             found.append(-np.stack(torques, axis=-1) / self.unit)
         return found
+
+    def _sets(
+        self, part: Effect, kinds: Split, shapes: Sequence[Shape]
+    ) -> tuple[list[dict[str, float]], dict[str, Array]]:
+        """Return the parameters at each of g shapes, and each parameter at all of them, shape (g,)."""
+        sets = [self._parameters(kinds, shape.values) for shape in shapes]
+        return sets, {p.name: np.array([one[p.name] for one in sets]) for p in part.parameters}
 
     def _driven(
         self, part: TorqueEffect, state: JointState, p: Mapping[str, Array]
     ) -> list[tuple[Array, ...]]:
-        """Return the states of a law at each of g shapes, driven by the motion: a tuple of shape (r, n) each."""
-        motion = self.motion
-        rows, nodes = motion.reading.shape
-        hold = motion.hold[:, None] * motion.amplitude
-        still = motion.held[:, None] / motion.frequency
-        z = [s.start(NUMPY, hold, still, self.scales.stiffness, p) + 0.0 * hold for s in part.states]
-        out = np.zeros((len(z), nodes, rows, len(next(iter(p.values())))))
-        h = motion.step / motion.frequency
-        tilt = np.concatenate([hold[:, None], state.tilt], axis=1)
-        rates: list[Callable[..., Any] | None] = [s.rate for s in part.states]
-        parts = 1 if part.states[0].return_map else SUBSTEPS
-        h /= parts
-        between = [] if part.states[0].return_map else _between(state, parts)
-        for j in range(nodes):
-            if part.states[0].return_map:
-                moved = tilt[:, j + 1] - tilt[:, j]
-                z = [
-                    s.return_map(NUMPY, zi, moved, p)
-                    for s, zi in zip(part.states, z, strict=True)
-                    if s.return_map
-                ]
-            elif j:
-                for i in range(2 * (j - 1) * parts, 2 * j * parts, 2):
-                    middle = [
-                        zi + h / 2 * r(NUMPY, between[i], z, p) for zi, r in zip(z, rates, strict=True) if r
-                    ]
-                    z = [
-                        zi + h * r(NUMPY, between[i + 1], middle, p)
-                        for zi, r in zip(z, rates, strict=True)
-                        if r
-                    ]
-            out[:, j] = z
-        bounded = np.where(np.abs(out) < 1e6, out, np.inf)
-        return [tuple(bounded[k, :, :, i].T for k in range(len(z))) for i in range(out.shape[3])]
-
-    def _support(self, part: SupportEffect, smoothed: Smoothed, shapes: Sequence[Shape]) -> list[Array]:
-        """Return the torque that the joint loses because its support gives way, driven by the motion, at each shape, shape (r, n, 1)."""
-        motion = self.motion
-        k, w = self.scales.stiffness, motion.frequency
-        kinds = Split((), tuple(part.parameters), ())
-        sets = [self._parameters(kinds, shape.values) for shape in shapes]
-        p = {q.name: np.array([one[q.name] for one in sets]) for q in part.parameters}
-        d = self.scales.damping
-        angle, rate = (
-            smoothed.angle[..., None] * motion.amplitude,
-            smoothed.rate[..., None] * motion.amplitude * w,
+        """Return the states of the law at each of g shapes, driven by the motion: a tuple of shape (r, n) each."""
+        if not part.states:
+            return [()] * len(next(iter(p.values())))
+        hold, still = (
+            a[:, None]
+            for a in (self.motion.hold * self.motion.amplitude, self.motion.held / self.motion.frequency)
         )
-        s = part.states[0].start(NUMPY, motion.hold[:, None] * motion.amplitude, 0.0, k, p)
-        v = np.zeros_like(s)
-        h = motion.step / w
-        out = np.zeros((*smoothed.angle.shape, len(shapes), 2))
-        out[:, 0, :, 0] = s
+        z = [s.start(NUMPY, hold, still, self.scales.stiffness, p) + 0.0 * hold for s in part.states]
+        maps = [s.return_map for s in part.states if s.return_map]
+        if not maps:
+            return self._moved(z, [s.rate for s in part.states if s.rate], state, p, SUBSTEPS)
+        steps = np.diff(state.tilt, axis=1, prepend=hold)
+        out = np.zeros((state.tilt.shape[1], len(z), len(hold), len(next(iter(p.values())))))
+        for j in range(len(out)):
+            z = [one(NUMPY, zi, steps[:, [j]], p) for one, zi in zip(maps, z, strict=True)]
+            out[j] = z
+        return [tuple(np.moveaxis(out[..., i], 0, -1)) for i in range(out.shape[3])]
 
-        def pushed(s: Array, v: Array, x: Array, xv: Array) -> Array:
-            return part.acceleration(NUMPY, s, v, -k * (x - s) - d * (xv - v), p)
+    def _moved(
+        self,
+        z: list[Any],
+        rates: Sequence[Callable[..., Any]],
+        state: JointState,
+        p: Mapping[str, Array],
+        parts: int,
+    ) -> list[tuple[Array, ...]]:
+        """Return states at each of g shapes, moved by their rates in some steps between two nodes, by the midpoint rule."""
+        h, between = self.motion.step / self.motion.frequency / parts, _between(state, parts)
+        rows, nodes = state.tilt.shape
+        out = np.zeros((nodes, len(z), rows, len(next(iter(p.values())))))
+        out[0] = z
+        with np.errstate(over="ignore", invalid="ignore"):  # a stiff law has no bound
+            for at in range(0, len(between), 2):
+                middle = [zi + h / 2 * r(NUMPY, between[at], z, p) for zi, r in zip(z, rates, strict=True)]
+                z = [zi + h * r(NUMPY, between[at + 1], middle, p) for zi, r in zip(z, rates, strict=True)]
+                if at % (2 * parts) == 2 * (parts - 1):
+                    out[at // (2 * parts) + 1] = z
+        bounded = np.where(np.abs(out) < 1e6, out, np.inf)
+        return [tuple(np.moveaxis(bounded[..., i], 0, -1)) for i in range(out.shape[3])]
 
-        fast = (k + p[part.series_stiffness]) / p["inertia"] * h * h > FASTEST**2
-        fast |= (d + p["damping"]) / p["inertia"] * h > FASTEST
-        p = {name: np.where(fast, 1.0, value) for name, value in p.items()}
-        for j in range(1, smoothed.angle.shape[1]):
-            x, xv = (angle[:, j - 1] + angle[:, j]) / 2, (rate[:, j - 1] + rate[:, j]) / 2
-            a = pushed(s, v, angle[:, j - 1], rate[:, j - 1])
-            middle, quick = s + h / 2 * v, v + h / 2 * a
-            s, v = s + h * quick, v + h * pushed(middle, quick, x, xv)
-            out[:, j, :, 0], out[:, j, :, 1] = s, v
-        out = np.where(fast[None, None, :, None], np.inf, out)
-        torque = -(k * out[..., 0] + d * out[..., 1]) / self.unit
-        return [torque[:, :, [i]] for i in range(len(shapes))]
+    def _support(self, part: SupportEffect, state: JointState, shapes: Sequence[Shape]) -> list[Array]:
+        """Return the torque that the joint loses because its support gives way, driven by the motion, at each shape, shape (r, n, 1)."""
+        k, d = self.scales.stiffness, self.scales.damping
+        _, p = self._sets(part, Split((), tuple(part.parameters), ()), shapes)
+
+        def acceleration(m: Any, joint: JointState, z: Sequence[Any], p: Mapping[str, Array]) -> Any:
+            pull = -k * (joint.tilt - z[0]) - d * (joint.rate - z[1])
+            return part.acceleration(m, z[0], z[1], pull, p)
+
+        hold = self.motion.hold[:, None] * self.motion.amplitude
+        start = part.states[0].start(NUMPY, hold, 0.0, k, p) + 0.0 * hold
+        rates = (lambda m, joint, z, p: z[1], acceleration)
+        moved = self._moved([start, 0.0 * start], rates, state, p, 1)
+        return [-(k * s + d * v)[..., None] / self.unit for s, v in moved]
 
 
 SUBSTEPS = 3
 """Steps of a law's states between two nodes."""
-FASTEST = 0.7
-"""Natural frequency of a support times the step of the grid, up to which the grid follows it."""
-SEEN_TORQUE = 1e-3
-"""Peak torque of a law, in units of its size, below which the motion does not show it."""
 
 
 def _between(state: JointState, parts: int) -> list[JointState]:
     """Return the states between the nodes, `parts` times two a step."""
     shares = np.arange(2 * parts) / (2 * parts)
-    each = []
-    for a in (state.tilt, state.rate, state.roll):
-        early, late = a[:, :-1, None], a[:, 1:, None]
-        fine = early + (late - early) * shares[None, None, :, None]
-        each.append(fine.reshape(len(a), -1, a.shape[2]).transpose(1, 0, 2))
+    each = (
+        (a[:, :-1, None] + np.diff(a, axis=1)[..., None] * shares).reshape(len(a), -1).T[..., None]
+        for a in (state.tilt, state.rate, state.roll)
+    )
     return [JointState(x, v, roll, state.stiffness) for x, v, roll in zip(*each, strict=True)]

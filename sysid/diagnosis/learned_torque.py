@@ -7,21 +7,19 @@ Computation 4, 1992); a part without evidence is zero. The regression on the smo
 A fit by output error follows from there, and its normal equations choose the weights again.
 """
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.ndimage import maximum_filter1d
 
 from sysid.board import Board
 from sysid.diagnosis.evidence import STRENGTH, closed, marginalised
 from sysid.diagnosis.laws import Laws
 from sysid.diagnosis.motion import Motion, motion_of
 from sysid.diagnosis.nuisances import sensor
-from sysid.diagnosis.posterior import PASSES, SHARES, linear_joint
+from sysid.diagnosis.posterior import PASSES, SHARES, levels, linear_joint
 from sysid.diagnosis.shapes import SHAPES, Formula, Shape
 from sysid.diagnosis.smoother import Smoothed, Smoother
 from sysid.effects.learned import EFFECT, SUPPORT, basis, smoothness
@@ -33,16 +31,11 @@ from sysid.fitting.records import measured_rest
 from sysid.fitting.result import JointFit
 from sysid.joint.structure import structure_of
 from sysid.least_squares import Minimum
-from sysid.noise.whiteness import correlation_length
 from sysid.roll import Array, Release
 
 NAME = EFFECT.name
 WEIGHTS = tuple(10.0**e for e in range(6, -3, -1))
 """Weights of roughness, for values in units of a tenth of the spring's torque: from straight to free."""
-NOISY, COLOURED = 1.15, 1.5
-"""Residual over the noise, and its correlation length [samples], from which it is more than noise."""
-DRIFTS = (1.0, 0.1, 0.01, 1e-6)
-"""Prior deviations of a drift that are tried, over those of a law: from as strong as a law to none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,10 +102,7 @@ class Pass:
         self.motion, self.smoother, self.laws = motion, smoother, laws
         inside = motion.inside
         self.x, self.v = smoothed.angle[inside], smoothed.rate[inside]
-        levels = [] if motion.is_rate else [self.x * 0 + 1]
-        if motion.zero == "drifting" and not motion.is_rate:
-            levels = list(np.eye(len(inside))[np.nonzero(inside)[0]].T)
-        self.base = np.column_stack([self.x, self.v, *levels, *(k[inside] for k in known)])
+        self.base = np.column_stack([self.x, self.v, *(k[inside] for k in (*levels(motion), *known))])
         self.wide = np.ones(self.base.shape[1])
         self.sensed, self.loose = sensor(motion, smoothed)
         a, w = motion.amplitude, motion.frequency
@@ -182,30 +172,28 @@ def regress(motion: Motion, plain: JointFit) -> Regressed:
         (part, {p: parameters[f"{part.name}.{p}"] for p in part.parameter_names})
         for part in law.structure.torques if part.changing is None and part.modifies is None
     ]  # fmt: skip
-    share, torque, envelope = SHARES[-2], None, motion.envelope
     unit = law.inertia * motion.frequency
-    last: Regressed | None = None
-    for _ in range(PASSES):
+
+    def regressed(share: float, torque: Array | None, envelope: Array) -> tuple[Regressed, Array]:
         smoother = Smoother(motion, k, d, envelope)
         smoothed = smoother.smooth(share, torque)
         here = Pass(motion, smoother, smoothed, laws, laws.recorded(smoothed, known))
         here.prepare(here.table)
-        best: tuple[float, float, Chosen] | None = None
+        likeliest: list[tuple[float, float, Chosen]] = []
         for one in SHARES:
             gram, constant = here.gram(one)
             chosen = choose(gram[1:, 1:], gram[1:, 0])
-            if best is None or constant + chosen.log_evidence > best[0]:
-                best = constant + chosen.log_evidence, one, chosen
-        assert best is not None
-        share, chosen = best[1], best[2]
+            likeliest.append((constant + chosen.log_evidence, one, chosen))
+        log_evidence, share, chosen = max(likeliest, key=lambda one: one[0])
         found, torque = here.beside(share, chosen.values)
-        local = maximum_filter1d(np.abs(torque), motion.nodes_a_period // 16 + 1, axis=1) / k
-        envelope = np.maximum(motion.envelope, local)
-        last = Regressed(
-            chosen=chosen, end=here, share=share, stiffness=(k + found[0]) * unit * motion.frequency,
-            damping=(d + found[1]) * unit, log_evidence=best[0],
-        )  # fmt: skip
-    assert last is not None
+        return Regressed(
+            chosen=chosen, end=here, share=share, stiffness=(k + found[0]) * unit * motion.frequency, damping=(d + found[1]) * unit,
+            log_evidence=log_evidence,
+        ), torque  # fmt: skip
+
+    last, torque = regressed(SHARES[-2], None, motion.envelope)
+    for _ in range(PASSES - 1):
+        last, torque = regressed(last.share, torque, motion.local(torque, k))
     return last
 
 
@@ -216,13 +204,11 @@ def changes_with_time(found: Regressed) -> bool:
     within, between = node / inside.shape[1], row / len(inside)
     drifts = [within, within**2, within**3, *([between] if len(inside) > 1 else [])]
     end.prepare(np.column_stack([end.scaled(drift * swing) for drift in drifts for swing in (end.x, end.v)]))
-    columns = np.arange(1, 1 + 2 * len(drifts))
-    sizes = list(itertools.product(DRIFTS, repeat=2))
-    best = -np.inf
-    for share in SHARES:
-        gram, constant = end.gram(share)
-        each = (closed(gram, columns, np.tile(STRENGTH * np.array(size), len(drifts)))[0] for size in sizes)
-        best = max(best, constant + max(each) - np.log(len(sizes)))
+    count = 2 * len(drifts)
+    each = (end.gram(share) for share in SHARES)
+    best = max(
+        constant + closed(g, np.arange(1, 1 + count), np.full(count, STRENGTH))[0] for g, constant in each
+    )
     return best > found.log_evidence
 
 
@@ -250,39 +236,29 @@ def _terms(end: Pass, each: Sequence[tuple[Shape, float]]) -> list[Term]:
 
 
 def _nearest(end: Pass, share: float, terms: Sequence[Term]) -> tuple[float, float, list[tuple[Term, float]]]:
-    """Return log evidence and log likelihood of the likeliest one or two terms, and their strengths."""
+    """Return log evidence and log likelihood of the likeliest term, alone or with another one, and their strengths."""
     end.prepare(np.column_stack([term.column for term in terms]))
     gram, _ = end.gram(share)
     names = [term.shape.name for term in terms]
-    number = np.unique(names, return_inverse=True)[1]
-    odds = -np.log(len(SHAPES)) - np.log(np.bincount(number)[number])
-    inner, right = gram[1:, 1:] + np.eye(len(terms)) / STRENGTH**2, gram[1:, 0]
-    own = np.diag(inner)
-    alone = 0.5 * right**2 / own
-    single = alone - 0.5 * np.log(own) - np.log(STRENGTH) + odds
-    i, j = np.triu_indices(len(terms), 1)
-    i, j = (k[number[i] != number[j]] for k in (i, j))
-    determinant = own[i] * own[j] - inner[i, j] ** 2
-    both = (
-        0.5
-        * (own[j] * right[i] ** 2 + own[i] * right[j] ** 2 - 2 * inner[i, j] * right[i] * right[j])
-        / determinant
-    )
-    pair = both - 0.5 * np.log(determinant) - 2 * np.log(STRENGTH) + odds[i] + odds[j]
-    best, two = int(np.argmax(single)), int(np.argmax(pair)) if len(pair) else -1
-    if two >= 0 and pair[two] > single[best]:
-        picked = [int(i[two]), int(j[two])]
-        evidence, likelihood = float(pair[two]), float(both[two])
-    else:
-        picked, evidence, likelihood = [best], float(single[best]), float(alone[best])
-    strengths = np.linalg.solve(inner[np.ix_(picked, picked)], right[picked])
-    return evidence, likelihood, [(terms[k], float(c)) for k, c in zip(picked, strengths, strict=True)]
+
+    def weighed(*picked: int) -> tuple[float, tuple[int, ...], Array]:
+        log, strengths, _ = closed(gram, np.array(picked) + 1, np.full(len(picked), STRENGTH))
+        return log - sum(np.log(len(SHAPES) * names.count(names[i])) for i in picked), picked, strengths
+
+    def evidence(one: tuple[float, tuple[int, ...], Array]) -> float:
+        return one[0]
+
+    first = max((weighed(i) for i in range(len(terms))), key=evidence)
+    pairs = (weighed(*first[1], j) for j, name in enumerate(names) if name != names[first[1][0]])
+    log, picked, strengths = max((first, *pairs), key=evidence)
+    likelihood = 0.5 * float(gram[0, np.array(picked) + 1] @ strengths)
+    return log, likelihood, [(terms[i], float(c)) for i, c in zip(picked, strengths, strict=True)]
 
 
 def formula_of(found: Regressed, *, slides: bool = False) -> Formula | None:
     """Return the formula nearest to the tables, None if nothing was learned.
 
-    All shapes, and all pairs, are weighed in the regression in the place of the tables; then the best widths are refined.
+    All shapes, and the best with any other, are weighed in the place of the tables; then the best widths are refined.
     """
     if found.chosen.is_nothing:
         return None
@@ -406,11 +382,10 @@ def _left(fit: JointFit, found: Regressed) -> list[str]:
             "the missing torque changes with time rather than with angle and rate (warming, loosening): a spring and a damper that drift are "
             "likelier. Compare early releases with late ones"
         ]
-    left = fit.rmse / fit.noise.std
-    if left < NOISY or correlation_length(fit.residuals) < COLOURED:
+    if fit.rmse <= fit.noise.highest:
         return []
     return [
-        f"a torque of angle and rate leaves {left:.2f} times the noise. The rest changes with time (warming, loosening, another push), "
+        f"a torque of angle and rate leaves {fit.rmse / fit.noise.std:.2f} times the noise. The rest changes with time (warming, loosening, another push), "
         "remembers the path, or is sensor noise. Compare early releases with late ones"
     ]
 

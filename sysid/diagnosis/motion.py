@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from sysid.errors import SysidError
 from sysid.roll import Array, Release
@@ -75,15 +76,14 @@ class Motion:
         """Return the nodes a period."""
         return round(2 * np.pi / self.step)
 
+    def local(self, torque: Array, stiffness: float) -> Array:
+        """Return the envelope, or a torque over the stiffness where that is larger near by [1], shape (r, n) each."""
+        size = self.nodes_a_period // 16 + 1
+        return np.maximum(self.envelope, maximum_filter1d(np.abs(torque), size, axis=1) / stiffness)
+
 
 def motion_of(
-    releases: Sequence[Release],
-    rest: float,
-    noise: float,
-    *,
-    rate: bool,
-    nodes: int = NODES,
-    frequency: float | None = None,
+    releases: Sequence[Release], rest: float, noise: float, *, rate: bool, frequency: float | None = None
 ) -> Motion:
     """Put the free motion of some releases on a grid.
 
@@ -92,8 +92,7 @@ def motion_of(
         rest: Angle from which the motion counts where the sensor's zero is the joint's [rad].
         noise: Noise of a sample [rad or rad/s]: that of the usual one, where the log states one for each.
         rate: Whether to use the measured rate.
-        nodes: Grid nodes a period.
-        frequency: Natural frequency [rad/s]; estimated where left out.
+        frequency: Natural frequency [rad/s]; estimated if left out.
 
     Raises:
         SysidError: No release holds enough motion.
@@ -112,25 +111,28 @@ def motion_of(
             f"no release has {SHORTEST} samples of motion above the noise. Record faster, or start wider."
         )
     seconds = [float(releases[i].time[cuts[i][1] - 1] - releases[i].time[cuts[i][0]]) for i in used]
-    nodes = int(np.clip(MOST_NODES * period / sum(seconds), FEWEST, nodes))
+    nodes = int(np.clip(MOST_NODES * period / sum(seconds), FEWEST, NODES))
     step = period / nodes
     count = max(round(s / step) for s in seconds) + 1
-    rows: list[_Row] = []
+    places, means, variances, lags, angles = ([] for _ in range(5))
     for i in used:
         part = slice(*cuts[i][:2])
         values, stds = (a[part] for a in _measured(releases[i], levels[i], rate=rate))
-        rows.append(_row(releases[i].time[part], values, stds * (noise / np.median(stds)), step, count))
-    angle = np.array([
-        np.interp(np.arange(count), row.place, (releases[i].roll[slice(*cuts[i][:2])] - levels[i]) / amplitude)
-        for i, row in zip(used, rows, strict=True)
-    ])  # fmt: skip
-    length = np.array([row.place[-1] + 1 for row in rows], dtype=np.intp)
+        place, mean, variance, lag = _row(
+            releases[i].time[part], values, stds * (noise / np.median(stds)), step, count
+        )
+        angle = np.interp(np.arange(count), place, (releases[i].roll[part] - levels[i]) / amplitude)
+        for one, value in zip(
+            (places, means, variances, lags, angles), (place, mean, variance, lag, angle), strict=True
+        ):
+            one.append(value)
+    length = np.array([place[-1] + 1 for place in places], dtype=np.intp)
     held = [r.roll[:1] if r.held is None else r.held.roll for r in (releases[i] for i in used)]
     free = [(0, n if cuts[i][2] else -1) for i, n in zip(used, length, strict=True)]
     return Motion(
-        amplitude=amplitude, frequency=omega, step=2 * np.pi / nodes, reading=np.array([row.mean for row in rows]) / unit,
-        variance=np.array([row.variance for row in rows]) / unit**2, lag=np.array([row.lag for row in rows]) * omega, length=length,
-        envelope=np.maximum([_envelope(one, nodes) for one in angle], QUIET / 2),
+        amplitude=amplitude, frequency=omega, step=2 * np.pi / nodes, reading=np.array(means) / unit,
+        variance=np.array(variances) / unit**2, lag=np.array(lags) * omega, length=length,
+        envelope=np.maximum([_envelope(one, nodes) for one in angles], QUIET / 2),
         hold=np.array([float(np.median(h)) - levels[i] for i, h in zip(used, held, strict=True)]) / amplitude,
         held=np.array([releases[i].hold for i in used]) * omega, rest=rest, is_rate=rate, zero=zero,
         starts=np.array([releases[i].time[cuts[i][0]] for i in used]), releases=np.array(used, dtype=np.intp),
@@ -145,21 +147,15 @@ def _measured(release: Release, level: float, *, rate: bool) -> tuple[Array, Arr
     return release.roll - level, release.std
 
 
-class _Row(NamedTuple):
-    """Samples of one release at the nodes of a grid."""
+def _row(
+    time: Array, values: Array, stds: Array, step: float, count: int
+) -> tuple[npt.NDArray[np.intp], Array, Array, Array]:
+    """Put samples on a grid of some nodes, `step` [s] apart.
 
-    place: npt.NDArray[np.intp]
-    """Node of each sample, shape (s,)."""
-    mean: Array
-    """Mean reading at each node, shape (n,)."""
-    variance: Array
-    """Its variance, inf where no sample is, shape (n,)."""
-    lag: Array
-    """Mean time after the node [s], shape (n,)."""
-
-
-def _row(time: Array, values: Array, stds: Array, step: float, count: int) -> _Row:
-    """Put samples on a grid of some nodes, `step` [s] apart."""
+    Returns:
+        Node of each sample, shape (s,). Mean reading of each node, its variance (inf without a sample), and the mean time of its samples
+        after it [s], shape (n,) each.
+    """
     after = time - time[0]
     place = np.rint(after / step).astype(np.intp)
     number = np.bincount(place, minlength=count).astype(float)
@@ -168,7 +164,7 @@ def _row(time: Array, values: Array, stds: Array, step: float, count: int) -> _R
     mean[some] = np.bincount(place, values, count)[some] / number[some]
     lag[some] = np.bincount(place, after - place * step, count)[some] / number[some]
     variance[some] = np.bincount(place, stds**2, count)[some] / number[some] ** 2
-    return _Row(place, mean, variance, lag)
+    return place, mean, variance, lag
 
 
 def judged_part(releases: Sequence[Release], motion: Motion) -> list[Release]:
@@ -228,7 +224,5 @@ def _cut(release: Release, period: float, amplitude: float, noise: float) -> tup
 
 def _envelope(angle: Array, nodes: int) -> Array:
     """Return half the range of the angle within a period about each node."""
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d
-
     size = nodes + 1
     return (maximum_filter1d(angle, size) - minimum_filter1d(angle, size)) / 2

@@ -84,8 +84,10 @@ def sensor(motion: Motion, smoothed: Smoothed) -> tuple[Array, Array]:
     return np.column_stack([*bent, *fading, *walks]), np.array(deviations)
 
 
-BENDS = 4
-"""Functions that bend a law."""
+BENDS, BEND = 4, 0.05
+"""No law is exact: functions that bend a law, and the prior deviation of each as a share of the law's strength."""
+TENTH = BEND * float(np.sqrt(BENDS))
+"""All of them together."""
 
 
 def bends(motion: Motion, smoothed: Smoothed) -> Array:

@@ -12,11 +12,7 @@ from sysid.effects import catalogue, effect
 from sysid.effects._base import TorqueEffect
 from sysid.fitting.result import JointFit
 from sysid.joint.sampled import sampled_k_d
-
-SURE = 4.0
-"""Standard deviations from which a deviation counts."""
-NEAR = 3.0
-"""Standard deviations within which a cause explains it."""
+from sysid.quantity import SURE
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +88,7 @@ def _linear(fit: JointFit, board: Board) -> Deviation:
         elif isinstance(part, TorqueEffect) and part.timestep:
             path = logs - np.array([stepped_logs(board, h) for h in np.geomspace(2e-4, 0.02, 200)])
             misses.append((float(np.sqrt(np.nanmin(np.einsum("ij,jk,ik->i", path, inverse, path)))), name))
-    matches = [name for miss, name in sorted(misses) if miss < NEAR]
+    matches = [name for miss, name in sorted(misses) if miss < SURE]
     text = f"Against the record, k/I is {100 * np.expm1(logs[0]):+.1f} % and d/I {100 * np.expm1(logs[1]):+.1f} %."
     if not matches:
         return Deviation(

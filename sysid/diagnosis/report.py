@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sysid.diagnosis.verdict import ODDS
+from sysid.diagnosis.evidence import ODDS
 from sysid.effects import origin
 from sysid.quantity import Z95
 from sysid.text import count, display, percent, table
@@ -39,15 +39,17 @@ def explanation(result: "Diagnosis") -> str:
             f"With {_listed(result.best.effects)} the error falls from {result.baseline.rmse / noise:.3g} to {result.best.rmse / noise:.3g} "
             f"times the noise ({percent(result.explained)} of the squared error beyond it)."
         )
-    elif result.status == "none-missing":
-        parts.append(
-            f"The record's law leaves {result.baseline.rmse / noise:.3g} times the noise; nothing that matters is missing."
-        )
-    if result.status == "unexplained":
-        parts.append(
-            f"A torque without a name carries {percent(found.nameless)} of the spring's (RMS); the best candidate leaves "
-            f"{result.best.rmse / noise:.3g} times the noise."
-        )
+    else:
+        left = f"{result.best.rmse / noise:.3g} times the noise"
+        if result.remainder:
+            left += (
+                f", {percent(result.remainder / result.baseline.fit.measured_rms)} of the motion beyond it"
+            )
+        if result.status == "none-missing":
+            parts.append(f"The record's law leaves {left}; nothing that matters is missing.")
+        elif result.status == "unexplained":
+            parts.append(f"The best candidate leaves {left}.")
+            parts.append(f"A torque without a name carries {percent(found.nameless)} of the spring's (RMS).")
     parts += [
         f"{family}: {size_in_words(found.sizes[family])}."
         for family in verdict.families

@@ -14,16 +14,15 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
-from sysid.diagnosis.evidence import Item, Problem, Scored, Sets, items_of, marginalised, search, solve
-from sysid.diagnosis.laws import Laws, Term
+from sysid.diagnosis.evidence import Problem, Sets, items_of, search
+from sysid.diagnosis.laws import GRID, SHOWS, Laws, Term
 from sysid.diagnosis.motion import Motion
-from sysid.diagnosis.posterior import SHOWS, Posterior, Size, Subject, found_sets
+from sysid.diagnosis.posterior import Posterior, Subject, found_sets
 from sysid.diagnosis.smoother import Smoothed
 from sysid.roll import Array
 
-AMPLITUDES = 12
-"""Amplitudes at which a law is averaged."""
 TURNS = 3
 """Cycles until the states of a law are periodic; the last one is averaged."""
 WALKS = (1e-4, 1e-3, 1e-2)
@@ -32,13 +31,9 @@ LOST = 0.4
 """Loss of ln a in a cycle [1] above which averaging does not hold."""
 FEWEST_CYCLES = 10
 """Cycles of the shortest decay that has a slow flow."""
-BUMPS = 6
-"""Functions of ln a without a name that change the loss, and as many that change the frequency."""
-NAMELESS = (0.0, 0.3)
-"""Their prior deviation over the loss."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Cycles:
     """One release, cycle by cycle."""
 
@@ -71,10 +66,8 @@ def cycles_of(motion: Motion) -> list[Cycles]:
             reading = motion.reading[row, nodes]
             c, *_ = np.linalg.lstsq(table, reading, rcond=None)
             left = reading - table @ c
-            noise = max(
-                float(left @ left) / max(len(at) - table.shape[1], 1),
-                float(np.median(motion.variance[row, nodes])),
-            )
+            own = float(left @ left) / max(len(at) - table.shape[1], 1)
+            noise = max(own, float(np.median(motion.variance[row, nodes])))
             inverse = np.linalg.inv(table.T @ table)
             amplitude = float(np.hypot(c[0], c[1]))
             phase = float(np.arctan2(-c[1], c[0])) - (np.pi / 2 if motion.is_rate else 0.0)
@@ -86,45 +79,35 @@ def cycles_of(motion: Motion) -> list[Cycles]:
         loss = -np.diff(np.log(amplitude), append=np.log(amplitude[-1]) if len(amplitude) else [])
         begin = int(np.argmax(loss < LOST)) if len(loss) else 0
         if len(middle) - begin >= 3:
-            keep = slice(begin, None)
-            found.append(
-                Cycles(
-                    time=middle[keep], amplitude=amplitude[keep], phase=np.unwrap(phase)[keep], std=std[keep]
-                )
-            )
+            each = (a[begin:] for a in (middle, amplitude, np.unwrap(phase), std))
+            found.append(Cycles(*each))
     return found
 
 
 def averaged(laws: Laws, subject: Subject, lowest: float) -> tuple[Array, Array, list[Term]]:
     """Return amplitudes [1], shape (a,), and ȧ/a and ψ̇ - 1 there, shape (a, 2, c), of the record's effects and of all terms."""
-    amplitudes = np.geomspace(lowest, 1.0, AMPLITUDES)
+    amplitudes = np.geomspace(lowest, 1.0, GRID)
     size = laws.motion.nodes_a_period
     psi = np.arange(TURNS * size) * 2 * np.pi / size
     x, v = amplitudes[:, None] * np.cos(psi), -amplitudes[:, None] * np.sin(psi)
     zeros = np.zeros_like(x)
     motion = replace(
-        laws.motion, reading=zeros, variance=zeros, lag=zeros, length=np.full(AMPLITUDES, len(psi)), envelope=zeros,
-        hold=amplitudes, held=np.full(AMPLITUDES, 100.0), step=2 * np.pi / size, starts=zeros[:, 0],
+        laws.motion, reading=zeros, variance=zeros, lag=zeros, length=np.full(GRID, len(psi)), envelope=zeros,
+        hold=amplitudes, held=np.full(GRID, 100.0), step=2 * np.pi / size, starts=zeros[:, 0],
     )  # fmt: skip
     own = Laws.__new__(Laws)
     own.motion, own.unit, own.scales = motion, laws.unit, laws.scales
     smoothed = Smoothed(angle=x, rate=v, rate_variance=zeros, misfit=zeros, cost=0.0)
     last = slice(-size, None)
     wave = np.stack([np.sin(psi[last]), np.cos(psi[last])])
-    recorded = own.recorded(smoothed, subject.known)
-    known = (
-        np.stack([_mean(c[..., None], wave, last, amplitudes)[..., 0] for c in recorded], axis=2)
-        if recorded
-        else np.zeros((AMPLITUDES, 2, 0))
-    )
+    recorded = (_mean(c[..., None], wave, last, amplitudes) for c in own.recorded(smoothed, subject.known))
+    known = np.concatenate([np.zeros((GRID, 2, 0)), *recorded], axis=2)
     found: list[Term] = []
     for term in own.terms(smoothed, subject.parts, {}):
-        mean = _mean(term.columns, wave, last, amplitudes)
         like = np.sqrt(
             0.5 / np.mean(term.columns[-1, last] ** 2, axis=0)
-        )  # as large as the spring's torque in the widest swing
-        unit = tuple(float(u * s) for u, s in zip(term.unit, like, strict=True))
-        found.append(replace(term, columns=mean * like, unit=unit))
+        )  # the spring's torque in the widest swing
+        found.append(replace(term.scaled(like), columns=like * _mean(term.columns, wave, last, amplitudes)))
     return amplitudes, known, found
 
 
@@ -147,31 +130,16 @@ class Regression:
 
 def regression(cycles: Sequence[Cycles], amplitudes: Array, flows: Array) -> Regression:
     """Return the increments of a decay, and columns of spring, damper and flows [1], shape (a, 2, m)."""
-    steps: list[Array] = []
-    tables: list[Array] = []
-    blocks: list[tuple[slice, Array, Array]] = []
-    at = 0
-    laws = flows
+    steps, tables, blocks = list[Array](), list[Array](), list[tuple[slice, Array, Array]]()
+    at, between = 0, make_interp_spline(np.log(amplitudes), flows, k=1)
     for c in cycles:
-        h = np.diff(c.time)
-        middle = np.sqrt(c.amplitude[1:] * c.amplitude[:-1])
+        h, middle = np.diff(c.time), np.sqrt(c.amplitude[1:] * c.amplitude[:-1])
         steps.append(np.stack([np.diff(np.log(c.amplitude)), np.diff(c.phase)]))
         plain = np.zeros((2, len(h), 2))
         plain[0, :, 1], plain[1, :, 0] = -h / 2, h / 2
-        place = np.log(np.clip(middle, amplitudes[0], 1.0))
-        flow = np.stack(
-            [
-                [np.interp(place, np.log(amplitudes), laws[:, w, m]) for m in range(laws.shape[2])]
-                for w in (0, 1)
-            ]
-        )
-        tables.append(
-            np.concatenate(
-                [plain, flow.reshape(2, laws.shape[2], -1).transpose(0, 2, 1) * h[:, None]], axis=2
-            )
-        )
-        blocks.append((slice(at, at + len(h)), c.std, h))
-        at += len(h)
+        flow = between(np.log(np.clip(middle, amplitudes[0], 1.0))).swapaxes(0, 1) * h[:, None]
+        tables.append(np.concatenate([plain, flow], axis=2))
+        blocks.append((slice(at, at := at + len(h)), c.std, h))
     return Regression(
         increments=np.concatenate(steps, axis=1), columns=np.concatenate(tables, axis=1), blocks=blocks
     )
@@ -217,23 +185,17 @@ def slow_posterior(fast: Posterior, subject: Subject) -> Posterior | None:
     flow = regression(cycles, amplitudes, np.concatenate([known, *(t.columns for t in terms)], axis=2))
     base = 2 + known.shape[2]
     kept, columns = _visible(flow, terms, base, rate)
-    middle = np.concatenate([np.sqrt(c.amplitude[1:] * c.amplitude[:-1]) for c in cycles])
     flow = replace(flow, columns=flow.columns[:, :, columns])
-    families = sorted({t.family for t in kept})
-    items = items_of(kept, families, 1 + base)
-    cells = _hypotheses(flow, _nameless(flow, middle, rate), items, base)
-    scaled = [np.ones(t.columns.shape[2]) for t in kept]
+    items = items_of(kept, 1 + base)
+    cells: list[tuple[Problem, Sets]] = []
+    for walks in product(WALKS, WALKS):
+        gram, spread = whitened(flow, *walks)
+        sets = search(problem := Problem(gram, np.ones(base), items, 0.0))
+        cells.append((problem, replace(sets, log_evidence=sets.log_evidence - 0.5 * (spread + gram[0, 0]))))
     unit = inertia * motion.frequency**2
     linear = {"stiffness": (unit, unit), "damping": (0.0, inertia * motion.frequency)}
-    sets, singles, inclusion, which, best = found_sets(
-        [(p, s) for p, s, _ in cells], kept, families, scaled, linear
-    )
-    problem, _, tau = cells[which]
-    sizes = _sizes(flow, middle, [(kept[i].family, items[i]) for i in best], solve(problem, best))
-    named = max((s.torque_share for s in sizes.values()), default=0.0)
-    return replace(
-        fast, sets=sets, singles=singles, inclusion=inclusion, sizes=sizes, by_cycles=True, nameless=tau * rate, named=named
-    )  # fmt: skip
+    sets, singles, inclusion, _, _ = found_sets(cells, kept, linear)
+    return replace(fast, sets=sets, singles=singles, inclusion=inclusion, by_cycles=True, nameless=0.0)
 
 
 def _visible(flow: Regression, terms: Sequence[Term], base: int, rate: float) -> tuple[list[Term], list[int]]:
@@ -249,60 +211,3 @@ def _visible(flow: Regression, terms: Sequence[Term], base: int, rate: float) ->
             kept.append(term)
             columns += own
     return kept, columns
-
-
-def _nameless(flow: Regression, middle: Array, rate: float) -> Array:
-    """Return functions of ln a that change loss and frequency [1], orthogonal to spring and damper, shape (2, i, 2 BUMPS)."""
-    step = np.concatenate([h for _, _, h in flow.blocks])
-    place = (np.log(middle) - np.log(middle.min())) / max(float(np.ptp(np.log(middle))), 1e-9)
-    off = (place[:, None] - np.linspace(0, 1, BUMPS)) * (BUMPS - 1)
-    bumps = np.exp(-0.5 * off**2) * (step * rate / 2)[:, None]
-    g = np.zeros((2, len(step), 2 * BUMPS))
-    g[0, :, :BUMPS], g[1, :, BUMPS:] = bumps, bumps
-    plain, flat = flow.columns[..., :2], g.reshape(-1, 2 * BUMPS)
-    return g - plain @ np.linalg.lstsq(plain.reshape(-1, 2), flat, rcond=None)[0]
-
-
-def _hypotheses(
-    flow: Regression, g: Array, items: Sequence[Item], base: int
-) -> list[tuple[Problem, Sets, float]]:
-    """Return the evidence of all sets for each size of the random walks and of the torque without a name."""
-    whole, named = (
-        replace(flow, columns=np.concatenate([flow.columns, g], axis=2)),
-        1 + flow.columns.shape[2],
-    )
-    cells: list[tuple[Problem, Sets, float]] = []
-    for of_amplitude, of_phase in product(WALKS, WALKS):
-        gram, spread = whitened(whole, of_amplitude, of_phase)
-        for tau in NAMELESS:
-            reduced, more = gram[:named, :named], 0.0
-            if tau:
-                reduced, more = marginalised(gram, named, np.full(2 * BUMPS, tau))
-            problem = Problem(reduced, np.ones(base), items, 0.0)
-            sets = search(problem)
-            constant = -0.5 * spread - 0.5 * reduced[0, 0] + more
-            cells.append((problem, replace(sets, log_evidence=sets.log_evidence + constant), tau))
-    return cells
-
-
-def _sizes(
-    flow: Regression, middle: Array, best: Sequence[tuple[str, Item]], scored: Scored
-) -> dict[str, Size]:
-    """Return torque and energy of each family of a set; the energy is proportional to a² ȧ/a."""
-    places = [c - 1 for _, item in best for c in item.columns]
-    at = len(scored.means) - len(places)
-    work = middle**2 @ flow.columns[0]
-    lost = -float(work[:at] @ scored.means[:at] + work[places] @ scored.means[at:]) or 1e-12
-    sizes: dict[str, Size] = {}
-    for family, item in best:
-        part = slice(at, at := at + len(item.columns))
-        own, means, spread = (
-            work[[c - 1 for c in item.columns]],
-            scored.means[part],
-            scored.covariance[part, part],
-        )
-        sizes[family] = Size(
-            torque_share=float(np.abs(means).sum()), torque_std=float(np.sqrt(np.trace(spread))),
-            energy_share=float(-own @ means / lost), energy_std=float(np.sqrt(max(own @ spread @ own, 0.0)) / abs(lost)),
-        )  # fmt: skip
-    return sizes

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import cholesky_banded, expm
 from scipy.linalg.lapack import dtbtrs  # pyright: ignore[reportAttributeAccessIssue, reportUnknownVariableType]
 
-from sysid.diagnosis.motion import Mask, Motion
+from sysid.diagnosis.motion import Motion
 from sysid.roll import Array
 
 DIFFUSE = 10.0
@@ -21,17 +21,6 @@ DRAWS = 48
 """Draws from which the spread of the rate is taken: to a fifth, and better after smoothing."""
 MEMORY = 0.2
 """Correlation time of the torque noise, in periods."""
-
-
-@dataclass(frozen=True, slots=True)
-class Contact:
-    """A stop as part of the dynamics: where it acts it adds a stiffness and a damping about the last motion."""
-
-    acts: Mask
-    stiffness: float
-    damping: float
-    pull: Array
-    """Torque of the added stiffness and damping on the last motion, less the stop's own, shape (r, n)."""
 
 
 def transition(stiffness: float, damping: float, step: float) -> tuple[Array, Array, Array]:
@@ -50,10 +39,7 @@ def transition(stiffness: float, damping: float, step: float) -> tuple[Array, Ar
 class Smoother:
     """The banded system of one motion, stiffness, damping, and sensor variance."""
 
-    def __init__(
-        self, motion: Motion, stiffness: float, damping: float, local: Array,
-        contact: Contact | None = None,
-    ) -> None:  # fmt: skip
+    def __init__(self, motion: Motion, stiffness: float, damping: float, local: Array) -> None:
         """Assemble what does not depend on ε.
 
         Args:
@@ -61,7 +47,6 @@ class Smoother:
             stiffness: k of the linear joint.
             damping: d of the linear joint.
             local: Local torque, shape (r, n): η is a share of it.
-            contact: A stop that is part of the dynamics.
         """
         self.motion, self.inside = motion, motion.inside
         flat = self.inside.ravel()
@@ -71,17 +56,7 @@ class Smoother:
         self.size = int(flat.sum())
         self.pairs = np.flatnonzero(~self.first)  # nodes with one before them
         h = motion.step
-        plain = transition(stiffness, damping, h)
-        steps = [np.broadcast_to(m, (len(self.pairs), *m.shape)) for m in plain]
-        self.contact = contact
-        if contact is not None:
-            stopped = transition(stiffness + contact.stiffness, damping + contact.damping, h)
-            acts = contact.acts.ravel()[flat][self.pairs - 1]
-            steps = [
-                np.where(acts[(slice(None), *[None] * m.ndim)], s, m)
-                for s, m in zip(stopped, plain, strict=True)
-            ]
-        self.moved, self.early, self.late = steps
+        self.moved, self.early, self.late = transition(stiffness, damping, h)
         root = np.array([[h**3 / 3, h**2 / 2], [h**2 / 2, h]])
         self.white = np.linalg.inv(np.linalg.cholesky(root))
         density = 2 * np.pi * MEMORY * (stiffness * local.ravel()[flat][self.pairs]) ** 2
@@ -109,7 +84,7 @@ class Smoother:
     def impulses(self, torques: Array) -> Array:
         """Return what torques [1], shape (n, m), do in each step to the states after it, shape (p, 2, m)."""
         before, after = torques[self.pairs - 1], torques[self.pairs]
-        return self.early[:, :, None] * before[:, None] + self.late[:, :, None] * after[:, None]
+        return self.early[:, None] * before[:, None] + self.late[:, None] * after[:, None]
 
     def factor(self, share: float) -> tuple[Array, Array, float]:
         """Return the Cholesky factor of the precision, its whitened steps, and the log determinant of the readings' covariance.
@@ -153,10 +128,10 @@ class Smoother:
 
     def prepare(self, torques: Array, sensed: Array) -> None:
         """Take the columns of a regression [1]: opposing torques, shape (n, m), and what the sensor may add, shape (n, s)."""
-        force, right = self._pulled(self.impulses(np.column_stack([torques, self._known()])))
+        force, right = self._pulled(self.impulses(torques))
         read = np.column_stack([self.reading, sensed])
         seen = (self.precision[:, None] * read)[:, None, :] * self.seen[:, :, None]
-        m = torques.shape[1] + 1
+        m = torques.shape[1]
         every = np.concatenate([seen[:, :, :1], right, seen[:, :, 1:]], axis=2).reshape(2 * self.size, -1)
         self.right, self.m = np.asfortranarray(every), m
         whole, sensor = force.reshape(-1, m), np.sqrt(self.precision)[:, None] * read
@@ -172,7 +147,7 @@ class Smoother:
             Shape (1 + m + s, 1 + m + s), the reading first.
         """
         lower, _, spread = self.factor(share)
-        own, known = slice(1, 1 + self.m), self.m
+        own = slice(1, 1 + self.m)
         solved = self.right.copy(order="F")
         solved[:, own] /= share**2
         solved, _ = dtbtrs(lower, solved, uplo="L", overwrite_b=1)
@@ -180,16 +155,7 @@ class Smoother:
         total[own, own] += self.of_force / share**2
         outer = np.r_[0, 1 + self.m : len(total)]
         total[np.ix_(outer, outer)] += self.of_sensor
-        total[0] += total[known]
-        total[:, 0] += total[:, known]
-        keep = np.delete(np.arange(len(total)), known)
-        return total[np.ix_(keep, keep)], spread
-
-    def _known(self) -> Array:
-        """Return the torque with which a contact's own stiffness and damping pulled in the last motion, shape (n,)."""
-        if self.contact is None:
-            return np.zeros(self.size)
-        return self.flat(np.where(self.contact.acts, self.contact.pull, 0.0))
+        return total, spread
 
     def smooth(
         self, share: float, torque: Array | None = None, sensed: Array | None = None, *, spread: bool = True
@@ -205,7 +171,7 @@ class Smoother:
         lower, white, determinant = self.factor(share)
         read = self.reading if sensed is None else self.reading - sensed
         right = (self.precision * read)[:, None, None] * self.seen[:, :, None]
-        push = self.impulses((self._known() - (0.0 if torque is None else self.flat(torque)))[:, None])
+        push = self.impulses(-(np.zeros((self.size, 1)) if torque is None else self.flat(torque)[:, None]))
         more = self._pulled(push)[1] / share**2
         half, _ = dtbtrs(lower, np.asfortranarray((right + more).reshape(-1, 1)), uplo="L")
         states, _ = dtbtrs(lower, half, uplo="L", trans="T")

@@ -4,19 +4,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from sysid.diagnosis.evidence import DEPTH
+from sysid.diagnosis.evidence import ODDS
+from sysid.diagnosis.fits import Candidate
+from sysid.diagnosis.nuisances import TENTH
 from sysid.diagnosis.posterior import Found, Posterior, Size
 
-TORQUE, ENERGY, REST = 0.01, 0.03, 0.03
-"""An effect matters from this share of the spring's peak torque, or of the energy lost; another rest angle from `REST` of the torque."""
-ODDS = 20.0
-"""Sets that the best one beats by less are look-alikes: 95 %."""
-NAMELESS = 0.03
-"""g matters from this share of the spring's torque, both RMS."""
-BESIDE = 0.25
-"""g matters from this share of the named torque."""
+SMALL, LARGE = 0.01, 0.03
+"""Shares [1]: an effect matters from `SMALL` of the spring's peak torque, or from `LARGE` of the energy lost, and another rest angle from
+`LARGE` of the torque. An error matters from `SMALL` of the motion."""
 MOSTLY = 0.5
-"""Share of the squared error beyond the noise from which a fit explains most of it."""
+"""Share of the error beyond the noise that an explanation may leave."""
 
 Status = Literal["none-missing", "missing", "unexplained"]
 
@@ -48,45 +45,43 @@ def matters(family: str, size: Size | None) -> bool:
     if size is None:
         return False
     if family == "rest":
-        return size.torque_share > REST
-    return size.torque_share > TORQUE or abs(size.energy_share) > ENERGY
+        return size.torque_share > LARGE
+    return size.torque_share > SMALL or abs(size.energy_share) > LARGE
 
 
-def decide(found: Posterior, *, left: float, explained: float, exact: bool = False) -> Verdict:
+def decide(found: Posterior, best: Candidate, base: Candidate) -> Verdict:
     """Return the verdict.
+
+    An effect is named if it matters and its absence has a probability below 5 %. An error that does not matter needs no effect, unless a
+    law explains it to the noise. A log is 'unexplained' if the best set leaves an error that matters, more than laws that are off by a
+    tenth would leave. In addition, g must matter, or most of a large error be left.
 
     Args:
         found: The posterior.
-        left: Square of the linear joint's error beyond the noise over that of the motion.
-        explained: Share by which the best fit lowers it.
-        exact: Whether the best fit reaches the noise.
+        best: The fit of its likeliest set.
+        base: The fit of the record's own law.
     """
-    best = found.sets[0]
+    smallest = SMALL * base.fit.measured_rms
     nothing = next((s for s in found.sets if not set(s.families) - {"rest"}), None)
     doubted = nothing is not None and nothing.probability * ODDS > sum(s.probability for s in found.sets)
-    if nothing is not None and doubted and (explained < MOSTLY or left * explained < NAMELESS**2):
-        best = nothing  # an effect is named where its absence is unlikely, at 95 %, or where it explains most of an error that matters
+    immaterial = base.beyond < smallest and not best.reaches_noise
+    likeliest = nothing if nothing is not None and (doubted or immaterial) else found.sets[0]
     doubtful = {"rest"} if found.inclusion.get("rest", 0.0) < 1 - 1 / ODDS else set[str]()
-    named = tuple(f for f in best.families if matters(f, found.sizes.get(f)) and f not in doubtful)
-    effects = tuple(e for e, f in zip(best.effects, best.families, strict=True) if f in named)
-    strange = found.nameless > NAMELESS and found.nameless > BESIDE * found.named
-    strange |= not named or (explained < MOSTLY and not found.by_cycles)
+    named = tuple(f for f in likeliest.families if matters(f, found.sizes.get(f)) and f not in doubtful)
+    effects = tuple(e for e, f in zip(likeliest.effects, likeliest.families, strict=True) if f in named)
+    left = best.beyond if set(named) - {"rest"} else base.beyond
+    incomplete = not best.reaches_noise and left > max(TENTH * base.beyond, smallest)
     status: Status = "missing" if named else "none-missing"
-    many = len(set(named) - {"rest"}) >= DEPTH and not exact and not found.by_cycles
-    if many or (strange and left * (1 - explained) > NAMELESS**2):
-        status = "unexplained"  # as many laws as were tried together, and still not all of it
-    same = [s for s in found.sets if _named(s, found.sizes) - doubtful == set(named)]
-    confidence = min(sum(s.probability for s in same), 1.0)
-    alike = tuple(
-        dict.fromkeys(
-            s.effects
-            for s in found.sets
-            if s not in same and s.effects and s.probability * ODDS > best.probability
-        )
+    mostly = left > max(MOSTLY * base.beyond, LARGE * base.fit.measured_rms)
+    if incomplete and (found.nameless > SMALL or mostly):
+        status = "unexplained"
+    same = [s for s in found.sets if immaterial or _named(s, found.sizes) - doubtful == set(named)]
+    alike = (
+        s for s in found.sets if s not in same and s.effects and s.probability * ODDS > likeliest.probability
     )
     return Verdict(
-        status=status, effects=effects, families=named, confidence=confidence,
-        indistinguishable_from=alike,
+        status=status, effects=effects, families=named, confidence=min(sum(s.probability for s in same), 1.0),
+        indistinguishable_from=tuple(dict.fromkeys(s.effects for s in alike)),
         hints=_hints(found.inclusion, found.sizes, named, found.sets),
     )  # fmt: skip
 

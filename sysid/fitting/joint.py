@@ -20,9 +20,6 @@ from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Z95
 from sysid.roll import Array, Release
 
-BESIDE = 3
-"""Starts of the catalogue tried beside one that is near the minimum."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitOptions:
@@ -218,8 +215,7 @@ def fit_joint(
         effects: All effects of the joint.
         options: Options of the fit.
         scales: Sizes of the problem, where another fit of these releases knows them.
-        start: Parameters near the minimum, the others as the catalogue starts them. If a descent from there misses the noise, a search
-            tries it beside the catalogue's first starts.
+        start: Parameters near the minimum, which then needs no search; the others as the catalogue starts them.
 
     Raises:
         SysidError: Nothing to fit, an effect that free decays cannot identify, or no convergence.
@@ -236,15 +232,11 @@ def fit_joint(
     fine = options.steps_per_period * (3 if structure.nonsmooth else 1)
     problem = _problem(structure, records, scales, board, options, fine)
     first = starting_points(structure, scales, problem.fixed)
-    starts = first if start is None else [{**first[0], **start}, *first[:BESIDE]]
-    near = None if start is None else problem.fitted(problem.start(starts[0]), tolerance=1e-7)
-    at_noise = problem.samples * (noise.highest / noise.std) ** 2
-    if near is not None and 2 * near.normal.cost <= at_noise:  # there is nothing to search for
-        minimum, evaluations = near, near.evaluations
+    if start is None:
+        minimum, evaluations = search(problem, first)
     else:
-        minimum, evaluations = search(problem, starts)
-        if near is not None and near.normal.cost < minimum.normal.cost:
-            minimum = near
+        minimum = problem.fitted(problem.start({**first[0], **start}), tolerance=1e-7)
+        evaluations = minimum.evaluations
     problem, minimum, more = _plainest(problem, minimum)
     warnings: list[str] = []
     if not (board.stiffness and (board.fit or board.decay)):

@@ -8,9 +8,9 @@ import pytest
 
 from sysid.board import load_board
 from sysid.diagnosis.evidence import log_odds
-from sysid.diagnosis.exact import is_possible, sizes_of, weigh
 from sysid.diagnosis.experiment import deciding, in_words
-from sysid.diagnosis.posterior import Found, Size
+from sysid.diagnosis.fits import Candidate, Fits, Yardstick, by_fits, is_possible, sizes_of
+from sysid.diagnosis.posterior import Found, Posterior, Size
 from sysid.diagnosis.record import record_deviation
 from sysid.diagnosis.verdict import decide, matters
 from sysid.fitting.joint import fit_joint
@@ -26,7 +26,11 @@ NOISE = 1e-3
 LARGE, SMALL = (
     Size(torque_share=t, torque_std=t / 10, energy_share=t, energy_std=t / 10) for t in (0.1, 0.002)
 )
-LAWS = {"friction": "coulomb", "drag": "quadratic-damping", "rest": "offset", "stop": "end-stop"}
+LAWS = {
+    "friction": "coulomb", "drag": "quadratic-damping", "rest": "offset", "stop": "end-stop", "hardening": "cubic-stiffness"
+}  # fmt: skip
+RMS, SWING = 100.0, 50
+"""RMS of the motion over the noise, and samples of a swing, of made fits."""
 
 
 def found(probability, *families):
@@ -35,68 +39,110 @@ def found(probability, *families):
     )
 
 
-def fit(rmse, parameters, samples=400):
-    problem = SimpleNamespace(samples=samples, names=["x"] * parameters)
-    return SimpleNamespace(rmse=rmse, noise=SimpleNamespace(highest=1.1), problem=problem)
+def candidate(error, *families, length=1):
+    """Return a fit of an error over the noise, whose residual is alike for some samples."""
+    rng = np.random.default_rng(3)
+    residual = np.repeat(rng.standard_normal(2000 // length), length)
+    problem = SimpleNamespace(samples=2000, names=["x"] * (4 + len(families)), parameters=lambda point: {})
+    fit = SimpleNamespace(
+        rmse=error, noise=SimpleNamespace(std=1.0, highest=1.05, counts=False), problem=problem, minimum=SimpleNamespace(point=None),
+        residuals=(residual,), measured_rms=RMS, law=SimpleNamespace(frequency=2 * np.pi),
+        records=[SimpleNamespace(time=np.arange(2000) / SWING)],
+    )  # fmt: skip
+    return Candidate(effects=tuple(LAWS[f] for f in families), fit=fit)
 
 
-def posterior(*sets, sizes=None, nameless=0.0, named=0.1, share=0.005):
+def posterior(*sets, sizes=None, nameless=0.0, share=0.0015):
     inclusion = {f: sum(s.probability for s in sets if f in s.families) for f in LAWS}
-    return SimpleNamespace(
-        sets=sets,
-        sizes=sizes or {},
-        nameless=nameless,
-        named=named,
-        share=share,
-        by_cycles=False,
-        inclusion=inclusion,
-    )
+    return Posterior(
+        motion=None, damping=0.1, loss=0.1, sets=sets, singles=(), inclusion=inclusion, share=share, nameless=nameless, torque=None,
+        misfit=1.0, sizes=sizes or {},
+    )  # fmt: skip
 
 
-def test_exact_fits_are_weighed_by_chi_square_and_the_price_of_parameters():
-    fits = [
-        (found(0, "friction"), fit(1.0, 5)),
-        (found(0, "friction", "drag"), fit(0.998, 6)),
-        (found(0), fit(1.05, 4)),
-    ]
-    chances = weigh(fits, [one.rmse for _, one in fits])
-    n, noise = 400, 0.998
-    logs = [
-        -0.5 * n * (r / noise) ** 2 - 0.5 * p * np.log(n) + prior
-        for r, p, prior in ((1, 5, log_odds("friction")), (0.998, 6, 2 * log_odds("drag")), (1.05, 4, 0))
-    ]
-    expected = np.exp(np.array(logs) - max(logs))
-    np.testing.assert_allclose(chances, expected / expected.sum())
-    assert np.argmax(chances) == 0
+def weighed(judged, *candidates):
+    """Return the posterior of fitted sets, the first one that of the record's law, beside that of the equations."""
+    fits = Fits([], None, None, candidates[0])
+    fits.made |= {c.effects: c for c in candidates}
+    return by_fits(judged, fits.rivals(judged))
+
+
+def test_fits_that_reach_the_noise_are_weighed_by_all_samples():
+    base, best = candidate(1.05), candidate(1.0, "friction")
+    measure = Yardstick.of(best.fit, best.rmse, best.fit.residuals)
+    assert measure == Yardstick(1.0, 2000)
+    gain = measure.log_evidence(best.effects, 1.0, 5) - measure.log_evidence(base.effects, 1.05, 4)
+    assert gain == pytest.approx(1000 * (1.05**2 - 1) - 0.5 * np.log(2000) + log_odds("friction"))
+    result = weighed(posterior(found(0.6), found(0.4, "friction")), base, best)
+    assert result.sets[0].families == ("friction",)
+    assert result.sets[0].probability == pytest.approx(1 / (1 + np.exp(-gain)))
+
+
+def test_the_error_of_a_law_counts_once_a_swing():
+    """A fit that misses the noise is wrong in the same way in each swing: ten times the samples say no more."""
+    one = candidate(8.0, "friction", length=10)
+    measure = Yardstick.of(one.fit, one.rmse, one.fit.residuals)
+    assert measure.unit == 8.0
+    assert measure.samples == pytest.approx(SWING / 10, rel=0.5)
+    added = weighed(
+        posterior(found(0.6, "friction"), found(0.4)),
+        candidate(20.0), one, candidate(7.5, "friction", "drag", length=10),
+    )  # fmt: skip
+    assert added.sets[0].families == ("friction",)
+
+
+@pytest.mark.parametrize(
+    ("sure", "part", "families"),
+    [
+        (0.99, 1.01, ("friction",)),  # a part of the equations' set explains as much with less
+        (0.99, 1.5, ("friction", "drag")),  # the equations' own set
+        (0.6, 1.01, ("hardening",)),  # the equations do not know: the best fit
+    ],
+)
+def test_sure_equations_rule_out_other_families_but_not_a_part_of_their_set(sure, part, families):
+    judged = posterior(found(sure, "friction", "drag"), found(1 - sure, "hardening"))
+    fits = (
+        candidate(9.0), candidate(part, "friction"), candidate(1.5, "friction", "drag"), candidate(0.98, "hardening")
+    )  # fmt: skip
+    result = weighed(judged, *fits)
+    assert result.sets[0].families == families
+    assert sure < 0.9 or all("hardening" not in s.families for s in result.sets[:1])
 
 
 def test_a_large_effect_is_named_with_its_probability():
     verdict = decide(
         posterior(found(0.9, "friction"), found(0.1, "drag"), sizes={"friction": LARGE}),
-        left=0.1,
-        explained=0.99,
-    )
+        candidate(1.0, "friction"), candidate(9.0),
+    )  # fmt: skip
     assert (verdict.status, verdict.effects, verdict.families) == ("missing", ("coulomb",), ("friction",))
     assert verdict.confidence == pytest.approx(0.9)
     assert verdict.indistinguishable_from == (("quadratic-damping",),)
 
 
-def test_an_effect_whose_absence_is_likely_needs_to_explain():
-    sets = found(0.8, "friction"), found(0.2)
-    cases = {
-        (0.02, 0.2): "none-missing",
-        (0.1, 0.2): "unexplained",
-        (0.02, 0.9): "none-missing",
-        (0.1, 0.9): "missing",
-    }
-    for (left, explained), status in cases.items():
-        verdict = decide(posterior(*sets, sizes={"friction": LARGE}), left=left**2, explained=explained)
-        assert verdict.status == status
+@pytest.mark.parametrize(
+    ("absence", "before", "after", "status"),
+    [
+        (0.2, 2.0, 1.0, "none-missing"),  # its absence is likely
+        (0.01, 2.0, 1.0, "missing"),
+        (
+            0.01,
+            0.01 * RMS,
+            0.015 * RMS,
+            "none-missing",
+        ),  # an error that does not matter, and no law explains it
+        (0.2, 0.2 * RMS, 0.1 * RMS, "unexplained"),  # an error that matters
+    ],
+)
+def test_an_effect_is_named_if_its_absence_is_unlikely_and_the_error_matters(absence, before, after, status):
+    sets = posterior(found(1 - absence, "friction"), found(absence), sizes={"friction": LARGE})
+    assert decide(sets, candidate(after, "friction"), candidate(before)).status == status
 
 
-def test_what_is_certain_but_small_is_a_hint():
+def test_an_effect_that_is_certain_but_small_is_a_hint():
     verdict = decide(
-        posterior(found(1.0, "friction"), sizes={"friction": SMALL}), left=0.0, explained=0.0, exact=False
+        posterior(found(1.0, "friction"), sizes={"friction": SMALL}),
+        candidate(1.0, "friction"),
+        candidate(1.0),
     )
     assert (verdict.status, verdict.effects) == ("none-missing", ())
     assert [(h.effects, h.size) for h in verdict.hints] == [(("coulomb",), SMALL)]
@@ -106,17 +152,18 @@ def test_what_is_certain_but_small_is_a_hint():
 
 
 @pytest.mark.parametrize(
-    ("nameless", "left", "explained", "status"),
+    ("nameless", "after", "status"),
     [
-        (0.2, 0.1, 0.5, "unexplained"),
-        (0.2, 0.1, 0.999, "missing"),
-        (0.2, 1e-4, 0.0, "missing"),
-        (0.01, 0.1, 0.6, "missing"),
+        (0.2, 5.0, "unexplained"),  # a torque without a name, and the fit leaves it
+        (0.2, 1.0, "missing"),  # the fit reaches the noise
+        (0.2, 2.0, "missing"),  # laws that are off by a tenth leave as much
+        (0.0, 5.0, "missing"),  # the sensor's errors
+        (0.0, 25.0, "unexplained"),  # most of the error is left
     ],
 )
-def test_a_torque_without_a_name_is_unexplained_while_the_fit_leaves_it(nameless, left, explained, status):
+def test_a_remainder_is_unexplained_if_no_law_that_is_off_by_a_tenth_leaves_it(nameless, after, status):
     sets = posterior(found(0.99, "friction"), sizes={"friction": LARGE}, nameless=nameless)
-    assert decide(sets, left=left, explained=explained).status == status
+    assert decide(sets, candidate(after, "friction"), candidate(40.0)).status == status
 
 
 def releases(inertia=8.7e-3, stiffness=14.677, damping=0.04, friction=0.0):
@@ -176,7 +223,7 @@ def test_size_and_deciding_release_of_dry_friction(light):
     friction = 0.03
     logs = releases(friction=friction)
     rubbing, plain = (fit_joint(logs, light, names) for names in (("coulomb",), ()))
-    size = sizes_of(rubbing, ["coulomb"])["friction"]
+    size = sizes_of(Candidate(effects=("coulomb",), fit=rubbing), 0.0)["friction"]
     assert size.torque_share == pytest.approx(friction / (14.677 * 0.19), rel=0.1)
     law = rubbing.law
     lost = 0.5 * law.stiffness * sum(a**2 for a in (0.19, 0.15, 0.11))  # all energy, to the rest
@@ -204,6 +251,6 @@ def test_torques_that_cancel_each_other_are_impossible(light):
 def test_another_rest_angle_is_named_where_its_absence_is_unlikely():
     for moved, effects in ((0.7, ()), (0.99, ("offset",))):
         sets = found(moved, "rest"), found(1 - moved)
-        verdict = decide(posterior(*sets, sizes={"rest": LARGE}), left=0.0, explained=0.0)
+        verdict = decide(posterior(*sets, sizes={"rest": LARGE}), candidate(1.0), candidate(1.0))
         assert verdict.effects == effects
         assert verdict.confidence == pytest.approx(1.0 if not effects else moved)

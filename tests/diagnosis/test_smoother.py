@@ -7,7 +7,7 @@ import pytest
 from made_motion import motion_of_angles
 from scipy.linalg import expm
 
-from sysid.diagnosis.smoother import DIFFUSE, MEMORY, Contact, Smoother
+from sysid.diagnosis.smoother import DIFFUSE, MEMORY, Smoother
 
 K, D, SHARE, NODES = 1.1, 0.2, 0.1, 12
 
@@ -15,7 +15,7 @@ K, D, SHARE, NODES = 1.1, 0.2, 0.1, 12
 class Dense:
     """The same joint as one Gaussian: mean response to torques, covariance of states and readings."""
 
-    def __init__(self, motion, local, contact=None):
+    def __init__(self, motion, local):
         h, rows = motion.step, []
         root = np.array([[h**3 / 3, h**2 / 2], [h**2 / 2, h]])
         offset, total = 0, int(motion.length.sum())
@@ -25,10 +25,7 @@ class Dense:
             block = np.zeros((2 * n, 2 * n))
             block[:2, :2] = np.eye(2) * DIFFUSE**2
             for j in range(1, n):
-                k, d = K, D
-                if contact is not None and contact.acts[r, j - 1]:
-                    k, d = K + contact.stiffness, D + contact.damping
-                a = np.array([[0.0, 1.0], [-k, -d]])
+                a = np.array([[0.0, 1.0], [-K, -D]])
                 f = expm(a * h)
                 block[2 * j : 2 * j + 2, : 2 * j] = f @ block[2 * j - 2 : 2 * j, : 2 * j]
                 block[: 2 * j, 2 * j : 2 * j + 2] = block[2 * j : 2 * j + 2, : 2 * j].T
@@ -103,17 +100,6 @@ def test_gram_matrix_is_that_of_whitened_reading_torque_and_sensor(case):
     gram, _ = smoother.gram(SHARE)
     table = np.column_stack([dense.reading, dense.seen @ dense.response(torque), sensed[dense.reads]])
     np.testing.assert_allclose(gram, table.T @ np.linalg.solve(dense.spread, table), rtol=1e-6, atol=1e-7)
-
-
-def test_a_contact_that_acts_is_another_stiffness_and_damping(case):
-    motion, local, *_ = case
-    acts = np.zeros(local.shape, dtype=bool)
-    acts[0, 2:5] = True
-    contact = Contact(acts, 3.0, 0.4, np.zeros(local.shape))
-    dense = Dense(motion, local, contact)
-    gain = dense.covariance @ dense.seen.T @ np.linalg.inv(dense.spread)
-    found = Smoother(motion, K, D, local, contact).smooth(SHARE)
-    np.testing.assert_allclose(found.angle[motion.inside], (gain @ dense.reading)[::2], atol=1e-7)
 
 
 def test_spread_of_the_rate_is_near_the_posterior_one(case):
