@@ -75,19 +75,11 @@ class Comparison(Shown):
 
         Effects with memory act alike in both motions, and so does the smoothing.
         """
-        law, noise, beside = (
-            self.law,
-            self.noise.std,
-            [p.name for p in self.law.structure.parts if not p.states],
-        )
+        beside = [part.name for part in self.law.structure.parts if not part.states]
+        demand = partial(demand_of, law=self.law, noise=self.noise.std, rate=self.is_rate, beside=beside)
         try:
-            measured = demand_of(
-                [one.release for one in self.releases], law, noise, rate=self.is_rate, beside=beside
-            )
-            simulated = [one.as_simulated() for one in self.releases]
-            return measured.less(
-                demand_of(simulated, law, noise, rate=self.is_rate, beside=beside, like=measured)
-            )
+            measured = demand([one.release for one in self.releases])
+            return measured.less(demand([one.as_simulated() for one in self.releases], like=measured))
         except SysidError:
             return None
 

@@ -69,7 +69,9 @@ class ComparedRelease:
 
     def as_simulated(self) -> Release:
         """Return the same samples with the simulated readings."""
-        return replace(self.release, roll=self.roll, rate=self.simulated if self.record.is_rate else None)
+        if self.record.is_rate:
+            return replace(self.release, roll=self.roll, rate=self.simulated)
+        return replace(self.release, roll=self.simulated, rate=None)
 
     @cached_property
     def window(self) -> int | None:

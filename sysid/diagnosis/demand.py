@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.diagnosis.evidence import STRENGTH, marginalised
-from sysid.diagnosis.laws import Laws, Shape
+from sysid.diagnosis.laws import Laws
 from sysid.diagnosis.motion import Motion, motion_of
 from sysid.diagnosis.nuisances import named_functions, nameless, sensor
 from sysid.diagnosis.posterior import NAMELESS, PASSES, SHARES, levels, linear_joint, until_still
@@ -203,11 +203,4 @@ def _opposing(laws: Laws, law: JointLaw, names: Sequence[str], smoothed: Smoothe
     """Return the opposing torque of some effects of a law over I ω₀² A [1], shape (r, n)."""
     values = dict(law.effects)
     own = [(part, part.named(values[part.name])) for part in law.structure.torques if part.name in names]
-    found = laws.recorded(smoothed, own)
-    for part in law.structure.supports:
-        if part.name in names:
-            sizes = [p.size(laws.scales) for p in part.parameters]
-            at = Shape(tuple(v / size for v, size in zip(values[part.name], sizes, strict=True)), 1.0, ())
-            terms = laws.terms(smoothed, {part.name: part}, {part.name: [at]})
-            found += [term.columns[..., 0] for term in terms]
-    return sum(found, np.zeros_like(smoothed.angle))
+    return sum(laws.recorded(smoothed, own), np.zeros_like(smoothed.angle))
