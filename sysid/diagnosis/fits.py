@@ -215,10 +215,10 @@ class Fits:
             rivals = {names: start for names, start in rivals.items() if not set(names) > set(best.effects)}
         for names in self._ranked(rivals)[: BREADTH - len(self.made)]:
             self.add(names, rivals[names])
-        self._judge()
+        self.count_drift()
 
-    def _judge(self) -> None:
-        """Count no drift of an angle's zero as an error if a fit reaches the noise beside it alone; a counter keeps its zero."""
+    def count_drift(self) -> None:
+        """Count a drift of the zero as no error if a fit needs it to reach the noise. A rate and a counter have no such drift."""
         fit = self.base.fit
         if fit.records[0].is_rate or fit.noise.counts or any(c.reaches_noise for c in self.made.values()):
             return

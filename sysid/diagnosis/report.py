@@ -57,7 +57,7 @@ def explanation(result: "Diagnosis") -> str:
     ]
     if found.by_cycles:
         parts.append(
-            "Judged by amplitude and phase of each cycle: the decay is light and the waveform is not exact."
+            "Amplitude and phase of each cycle proposed the laws: the decay is light and the waveform is not exact."
         )
     parts += [result.record_text] if result.record_text else []
     parts += [f"Hint: {_hint(hint)}." for hint in verdict.hints]

@@ -39,15 +39,18 @@ def found(probability, *families):
     )
 
 
-def candidate(error, *families, length=1):
-    """Return a fit of an error over the noise, whose residual is alike for some samples."""
+def candidate(error, *families, length=1, wave=None, is_rate=False):
+    """Return a fit of an error over the noise, whose residual is alike for some samples, or noise beside a wave of some swings."""
     rng = np.random.default_rng(3)
     residual = np.repeat(rng.standard_normal(2000 // length), length)
+    if wave is not None:
+        residual = residual + 3 * np.sin(2 * np.pi * np.arange(2000) / (wave * SWING))
+        error = float(np.sqrt(np.mean(residual**2)))
     problem = SimpleNamespace(samples=2000, names=["x"] * (4 + len(families)), parameters=lambda point: {})
     fit = SimpleNamespace(
         rmse=error, noise=SimpleNamespace(std=1.0, highest=1.05, counts=False), problem=problem, minimum=SimpleNamespace(point=None),
         residuals=(residual,), measured_rms=RMS, law=SimpleNamespace(frequency=2 * np.pi),
-        records=[SimpleNamespace(time=np.arange(2000) / SWING)],
+        records=[SimpleNamespace(time=np.arange(2000) / SWING, is_rate=is_rate)],
     )  # fmt: skip
     return Candidate(effects=tuple(LAWS[f] for f in families), fit=fit)
 
@@ -106,7 +109,20 @@ def test_sure_equations_rule_out_other_families_but_not_a_part_of_their_set(sure
     )  # fmt: skip
     result = weighed(judged, *fits)
     assert result.sets[0].families == families
-    assert sure < 0.9 or all("hardening" not in s.families for s in result.sets[:1])
+
+
+@pytest.mark.parametrize(
+    ("wave", "is_rate", "reaches"),
+    [
+        (20, False, True),  # a zero that wanders over twenty swings
+        (1, False, False),  # a missing law acts in each swing
+        (20, True, False),  # the zero of a rate is fitted
+    ],
+)
+def test_a_drift_slower_than_a_swing_is_no_error(wave, is_rate, reaches):
+    fits = Fits([], None, None, candidate(9.0, wave=wave, is_rate=is_rate))
+    fits.count_drift()
+    assert fits.base.reaches_noise == reaches
 
 
 def test_a_large_effect_is_named_with_its_probability():
