@@ -186,7 +186,7 @@
   function draw() {
     const release = releases[shown], svg = find("curve"), width = svg.clientWidth, height = svg.clientHeight;
     if (!release.seen) return;
-    const left = 44, right = width - 8, top = 8, bottom = height - 34;
+    const left = 44, right = width - 8, top = 24, bottom = height - 34; // the legend stands above
     const last = release.time[release.time.length - 1];
     let low = Infinity, high = -Infinity;
     for (const value of release.signal) { low = Math.min(low, value); high = Math.max(high, value); }
@@ -213,7 +213,8 @@
     text += `<text x="${(left + right) / 2}" y="${height - 4}" text-anchor="middle">time since release [s]</text>`;
     text += `<text x="12" y="${(top + bottom) / 2}" text-anchor="middle" transform="rotate(-90 12 ${(top + bottom) / 2})">${play.axis}</text>`;
     [["real", "measured"], ["sim", "simulated"]].forEach(([kind, name], row) => {
-      text += `<path class="${kind}" d="M${right - 92} ${top + 10 + 18 * row}h20"/><text x="${right - 66}" y="${top + 14 + 18 * row}">${name}</text>`;
+      const from = right - 192 + 98 * row;
+      text += `<path class="${kind}" d="M${from} ${top - 12}h20"/><text x="${from + 26}" y="${top - 8}">${name}</text>`;
     });
     text += `<path class="real" d="${path(release.signal)}"/><path class="sim" d="${path(release.seen)}"/>`;
     svg.setAttribute("viewBox", `0 0 ${width} ${height}`);

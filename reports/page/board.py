@@ -251,15 +251,16 @@ def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
         shown, others = f"{name}{' (in the law)' if name in own else ''}", alike.alike(name)
         experiment = board.experiment(name) if others else ""
         rows.append((shown, _weakest(alike, i, slides=board.slides), ", ".join(others) or "-", experiment))
-    weak = int(np.count_nonzero(alike.visibility < SURE))
     twins = {tuple(sorted((name, other))) for name in alike.names for other in alike.alike(name)}
-    hidden = "Every effect would show"
-    if weak:
-        hidden = f"{count(weak, 'effect')} of {len(alike.names)} would not show at a usual strength"
-    pairs = f"{count(len(twins), 'pair')} cannot be told apart" if twins else "no two of them look the same"
+    pairs = (
+        f"{count(len(twins), 'pair')} of effects cannot be told apart"
+        if twins
+        else "no two effects look the same"
+    )
     return [
         paragraph(
-            f"{hidden} in these releases, and {pairs}. Signatures count as the same from a cosine of {ALIKE} on."
+            f"In these releases {pairs}. Effects look the same from a cosine of {ALIKE} between their signatures on. The second "
+            "column has the weakest strength that stands out of the noise."
         ),
         table(("effect", "weakest that would show here", "looks like", "experiment that tells"), rows),
     ]
@@ -276,8 +277,9 @@ def _weakest(alike: LookAlikes, index: int, *, slides: bool) -> str:
     name, unit = next(((p.name, p.unit) for p in parameters if strength[p.name]), ("", ""))
     if not name:
         return "does not show here"
-    unit = slide_unit(unit) if slides else unit
-    return pretty(f"{name.replace('_', ' ')} {short(abs(strength[name]) * share)} {unit.replace('*', '·')}")
+    unit, weakest = slide_unit(unit) if slides else unit, abs(strength[name]) * share
+    number = f"{weakest:,.0f}" if weakest >= 100 else short(weakest)
+    return pretty(f"{name.replace('_', ' ')} {number} {unit.replace('*', '·')}")
 
 
 def _diagnosis(diagnosis: LastDiagnosis | None, own: set[str]) -> list[str]:

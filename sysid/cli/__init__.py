@@ -263,6 +263,7 @@ def build_app(*, everything: bool = False) -> "cyclopts.App":
     from importlib.metadata import version
 
     import cyclopts
+    from rich.console import Console
 
     from sysid.cli.first_screen import FirstScreen
 
@@ -272,6 +273,7 @@ def build_app(*, everything: bool = False) -> "cyclopts.App":
         version=lambda: version("husky-sysid"),
         config=_require_finite,
         default_parameter=cyclopts.Parameter(negative=()),
+        error_console=Console(stderr=True, soft_wrap=True, highlight=False),  # one line, as all errors
         error_formatter=lambda error: f"error: {one_line(str(error))}",
         suppress_keyboard_interrupt=False,
     )

@@ -32,19 +32,21 @@ def diagnose(
     from sysid.diagnosis.report import headline
     from sysid.fitting.joint import prior_in_words
 
-    printer = Printer(measurement.common)
+    printer, fixed = Printer(measurement.common), parse_fixed(fix)
     record = measurement.load(printer)
     folder = measurement.space.outputs(record.name)
     require_writable(folder / "diagnose.json")
     found = read_logs(measurement, logs, printer, record=record)
     record = found.record
     with told_bar(printer) as progress:
-        result = search(found.recordings, record, fixed=parse_fixed(fix), progress=progress)
+        result = search(found.recordings, record, fixed=fixed, progress=progress)
     for name, prior in result.baseline.fit.problem.priors.items():
         printer.note(prior_in_words(record, name, prior))
     printer.warnings(result.warnings, found.recordings)
     printer.say(result.report(printer.width, found.space, found.paths))
     content = result.to_json()
+    if content["verdict"]["status"] == "none-missing":
+        printer.say(found.next_step("check it in MuJoCo", "check"))
     write_json(folder / "diagnose.json", {**content, **for_report(result, record)})
     picture = story_figure(story_of_diagnosis(result, record), f"{record.name}: {headline(result)}")
     write_figure(folder / "diagnose.png", picture, dpi=110)

@@ -15,7 +15,7 @@ from sysid.cli.drive_options import DRIVE
 from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.measurement import DriveMeasurement, MeasuredLogs, read_logs
 from sysid.cli.parameter_options import SHORT, parse_bounds, parse_fixed
-from sysid.errors import SysidError
+from sysid.errors import SysidError, UsageError
 from sysid.files import (
     refuse_other_kind,
     refuse_overwriting,
@@ -209,7 +209,9 @@ def _copy_of(record: Board, output: Path | None, common: Common) -> Path | None:
     """
     if not record.model:
         if output is not None:
-            refuse_other_kind(output, ".xml")
+            raise UsageError(
+                f"--output {output}: '{record.name}' has no model to patch. Leave it out; `mjcf` writes the fitted board."
+            )
         return None
     from sim.model.patch import copy_path, require_patchable
     from sim.model.setup import Setup

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Output, Printer, Tolerance
 from sysid.cli.measurement import Measurement, no_logs, read_logs
-from sysid.errors import SysidError
+from sysid.errors import SysidError, UsageError
 from sysid.files import refuse_other_kind, write_atomically, write_figure
 
 
@@ -34,6 +34,10 @@ def report(
     from sysid.progress import stage
 
     printer = Printer(measurement.common)
+    if output is not None and output.suffix.lower() not in (".html", ".htm") and not output.exists():
+        raise UsageError(
+            f"--output {output}: a report is an HTML file; name it .html. --one-page writes PDF and PNG beside it."
+        )
     found = read_logs(measurement, logs, printer, outputs={"--output": output}, may_be_gone=True)
     if output is not None:
         refuse_other_kind(output, ".html", ".htm")
