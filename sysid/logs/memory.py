@@ -1,7 +1,7 @@
 """Logs in memory: arrays and data frames as the table that a file would be."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.logs.sources.registry import LENGTHS
-from sysid.logs.table.file import LogFile
+from sysid.logs.table.file import LogFile, held
 from sysid.logs.table.names import parse_unit, unit_kind
 from sysid.roll import Array
 
@@ -100,9 +100,4 @@ def _column(values: npt.ArrayLike | None, name: str) -> Array:
 def _table(columns: Mapping[str, Array], units: Mapping[str, str], name: str) -> LogFile:
     """Return columns as a table; its made name is one and the same for the same numbers."""
     digest = hashlib.sha256(b"".join(np.ascontiguousarray(column).tobytes() for column in columns.values()))
-
-    def read(names: Sequence[str]) -> dict[str, Array]:
-        return {one: columns[one] for one in names}
-
-    path = Path(name or f"arrays-{digest.hexdigest()[:8]}")
-    return LogFile(path=path, names=tuple(columns), units=units, notes=(), read=read)
+    return held(Path(name or f"arrays-{digest.hexdigest()[:8]}"), columns, units=units)

@@ -111,28 +111,6 @@ def test_without_header_time_is_found_beside_the_column_that_the_user_names(tmp_
     check(path, column="3")
 
 
-def test_seconds_and_nanoseconds_without_names(tmp_path):
-    """`ros2 topic echo --csv` of joint states: no header, and the joints' names among the numbers."""
-    whole, rest = np.divmod(np.round(TIME * 1e9) + 0.7e9, 1e9)
-    names = ["tail"] * TIME.size
-    path = tmp_path / "log.csv"
-    rows = zip(whole + 1778594712, rest, names, ROLL, np.gradient(ROLL, TIME), strict=True)
-    path.write_text("".join(f"{s:.0f},{ns:.0f},,{name},{x:.9g},{v:.9g},0.0\n" for s, ns, name, x, v in rows))
-    check(path, column="5")
-
-
-def test_rate_that_vicon_writes_above_its_frames(tmp_path):
-    """Nexus: the kind of the table, the rate, names of bodies and of columns, units, and frames for a clock."""
-    head = "Model Outputs\n100\n,,rig:Ankle,,,rig:Knee,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n,,deg,deg,deg,deg,deg,deg\n"
-    rows = [f"{n},0,{angle:.9g},0.3,-1.2,5,0.1,0.2\n" for n, angle in enumerate(np.rad2deg(ROLL))]
-    path = tmp_path / "trial.csv"
-    path.write_text(head + "".join(rows))
-    check(path)
-    del rows[40:60]  # frames that were lost are a gap, and no shorter time
-    path.write_text(head + "".join(rows))
-    assert read_roll(path).time[-1] == pytest.approx(TIME[-1])
-
-
 def test_trailing_delimiters_and_blanks_after_commas(tmp_path):
     lines = ["t_s, roll_rad,", *(f"{t:.9g}, {r:.9g}," for t, r in zip(TIME, ROLL, strict=True))]
     (tmp_path / "log.csv").write_text("\n".join(lines))

@@ -137,7 +137,7 @@ def test_a_gyro_alone_starts_from_its_rest(tmp_path, seed):
     roll = read_roll(path)
     assert roll.origin == "gyro"
     assert worst_deg(roll, rest=0.0, omega=30.0) < 0.15
-    assert any("from the rest at" in note for note in roll.notes)
+    assert any("from rest and oscillation" in note for note in roll.notes)
     np.testing.assert_allclose(roll.rate, rate - 0.05, atol=2e-3)
     assert roll.rate_std[0] == pytest.approx(3e-3, rel=0.15)
     assert np.all(np.diff(roll.std) >= 0)  # the integral's error is a random walk

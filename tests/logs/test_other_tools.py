@@ -89,7 +89,6 @@ SERIAL = {
     "brackets": lambda k: f"[{wall(TIME[k])}] roll: {DEG[k]:.2f} deg",
     "lines": lambda k: f"time: {10 * k}\nroll: {DEG[k]:.2f} deg\ntemperature: 25 degC\n",
     "unit at the end": lambda k: f"{wall(TIME[k])} -> Rotation X: {GYRO[k, 0]:.3f}, Y: 0.00{k % 3}, Z: 0.00{k % 2} rad/s",
-    "yaml": lambda k: f"t: {TIME[k]:.2f}\nimu:\n  position:\n    x: 1.{k % 3}\n  roll_deg: {DEG[k]:.3f}\n---",
     "no names": lambda k: f"{wall(TIME[k])} -> {10 * k},{DEG[k]:.2f}",
 }  # fmt: skip
 BOOT = ["ets Jun  8 2016 00:22:57", "rst:0x1 (POWERON_RESET),boot:0x13 (SPI_FAST_FLASH_BOOT)", "mode:DIO, clock div:1",

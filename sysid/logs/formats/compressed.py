@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from sysid.errors import SysidError
-from sysid.logs.formats.registry import Format, open_log, refuse_larger
+from sysid.logs.formats.registry import Format, named_as, open_log, refuse_larger
 from sysid.logs.table.file import LogFile
 from sysid.roll import Array
 
@@ -56,10 +56,8 @@ def _unpacked(path: Path) -> Generator[LogFile]:
             raise SysidError(
                 f"{path}: damaged ({error}). Compress it again, or give the log itself."
             ) from error
-        try:
+        with named_as(path, inside):
             yield open_log(inside)
-        except SysidError as error:
-            raise SysidError(str(error).replace(str(inside), str(path))) from error
 
 
 FORMAT = Format(

@@ -12,9 +12,7 @@ import numpy.typing as npt
 from sysid.errors import SysidError
 from sysid.logs.formats import dialect
 from sysid.logs.formats.long_table import by_sensor, sensor_column
-from sysid.logs.formats.own_clock import with_frame_clock
-from sysid.logs.formats.registry import Format
-from sysid.logs.table.clock import MIN_SAMPLES
+from sysid.logs.formats.registry import Format, refuse_larger
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import of_sensor
 from sysid.roll import Array
@@ -43,24 +41,16 @@ class TextTable:
     """Whether a serial monitor put the time of day before each line."""
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Return whole columns, shape (n,) each, in the log's units; missing values as NaN, dates as seconds.
+        """Return whole columns, shape (n,), in the log's units; missing values as NaN, dates as seconds.
 
         Raises:
             SysidError: A cell is not a number, or the rows have different lengths.
         """
         wanted = [self.names.index(name) for name in names]
-        self._require_memory(len(wanted))
         dates = [index for index in wanted if self.names[index] in self.dates]
         try:
-            if self.stamped:
-                columns = self._by_rows(wanted)
-            else:
-                columns = self._loaded([index for index in wanted if index not in dates], np.float64)
-                columns |= self._loaded(dates, np.str_)
-        except MemoryError as error:
-            raise SysidError(
-                f"{self.path}: too large for this computer's memory. Cut it into parts."
-            ) from error
+            columns = self._loaded([index for index in wanted if index not in dates], np.float64)
+            columns |= self._loaded(dates, np.str_)
         except ValueError:
             # missing cells, units in the cells, thousands, words between the rows: slower, cell by cell
             columns = self._by_rows(wanted)
@@ -75,10 +65,12 @@ class TextTable:
         """Return columns of plain numbers or of texts by their index.
 
         Raises:
-            ValueError: A cell is no plain number, or a row has another length.
+            ValueError: A cell is no plain number, a row has another length, or a stamp stands before it.
         """
         if not wanted:
             return {}
+        if self.stamped:
+            raise ValueError("a time of day before each line")
         with self.path.open(encoding=self.encoding, errors="replace") as file:
             lines = file if self.decimal == "." else (line.translate(COMMA_FOR_POINT) for line in file)
             cells = np.loadtxt(
@@ -93,20 +85,6 @@ class TextTable:
             )
         order = range(self.width) if len(wanted) == self.width else wanted
         return dict(zip(order, np.ascontiguousarray(cells.T), strict=True))
-
-    def _require_memory(self, columns: int) -> None:
-        """Refuse what would not fit, before the computer starts to swap."""
-        size = self.path.stat().st_size
-        free = _free_memory()
-        with self.path.open("rb") as file:
-            file.seek(size // 2)
-            probe = file.read(1 << 16)
-        needed = size * max(1, probe.count(b"\n")) / len(probe) * 8 * (2 * columns + 4)
-        if free is not None and needed > free:
-            raise SysidError(
-                f"{self.path}: {size / 1e9:.1f} GB of rows need about {needed / 1e9:.1f} GB of memory, and "
-                f"{free / 1e9:.1f} GB are free. Cut it into parts."
-            )
 
     def _by_rows(self, wanted: Sequence[int]) -> dict[int, Sequence[Any]]:
         """Return columns by their index, read cell by cell; lines of words between the rows, and rows that were cut, are missing.
@@ -170,20 +148,8 @@ def open_csv(path: Path) -> LogFile:
     Raises:
         SysidError: The file is empty, binary, or holds no rows of numbers.
     """
-    with path.open("rb") as file:
-        head = file.read(dialect.HEAD_BYTES)
-        dialect.refuse_binary_middle(path, file)
-    text, encoding = dialect.decode_head(path, head)
-    lines = text.splitlines()
-    if len(head) == dialect.HEAD_BYTES and len(lines) > 1:
-        lines.pop()  # cut in the middle
-    if not text.strip("\ufeff \r\n\t\0"):
-        raise SysidError(f"{path}: the file is empty. Was the recording saved?")
-    if len(head) == dialect.HEAD_BYTES and len(lines) < MIN_SAMPLES:
-        raise SysidError(
-            f"{path}: a line of {max(map(len, lines))} characters: no table with a row for each sample. "
-            "If the rows are columns in it, transpose it."
-        )
+    lines, encoding = dialect.head_of(path)
+    refuse_larger(path, path.stat().st_size)
     comment = dialect.comment_sign(lines)
     rows = [
         (number, line)
@@ -191,53 +157,39 @@ def open_csv(path: Path) -> LogFile:
         if line.strip() and not (comment and line.lstrip().startswith(comment))
     ]
     delimiter, decimal, cells = dialect.find_dialect(path, [line for _, line in rows])
-    width = cells
-    first = dialect.first_row(rows, delimiter, decimal, width)
-    header, units = dialect.find_header(lines, rows, first, delimiter, decimal, width, comment)
+    first = dialect.first_row(rows, delimiter, decimal, cells)
+    skip = rows[first][0]
+    above = [line for _, line in rows[:first]]
+    if not above and comment:  # numpy.savetxt and gnuplot write the header as a comment
+        above = [line.strip().lstrip("#%/ ") for line in lines[:skip]]
+    header, units = dialect.find_header(above, delimiter, decimal, cells)
     sample = [dialect.split_line(line, delimiter) for _, line in rows[first : first + 50]]
-    shown = [*sample, *([header] if header else [])]
-    while width > 1 and not any(len(row) >= width and row[width - 1] for row in shown):
+    width = cells
+    while width > 1 and not any(len(row) >= width and row[width - 1] for row in (*sample, header)):
         width -= 1  # a delimiter at the end of each line
-    stamped = any(dialect.split_stamp(line)[0] for _, line in rows[first : first + 50])
-    if stamped:
-        header = [dialect.ARRIVAL, *(header or [f"column {n}" for n in range(1, width + 1)])[1:]]
-    names = dialect.unique_names(header[:width] if header else [f"column {n}" for n in range(1, width + 1)])
-    names = of_sensor(path.stem, names)
-    dates = frozenset(
-        name
-        for n, name in enumerate(names)
-        if all(dialect.DATE.fullmatch(row[n]) for row in sample if n < len(row))
-    )
-    below = units[:width] if units else [None] * width
-    beside = [
-        next((u for row in sample if n < len(row) and (u := dialect.cell_unit(row[n]))), None)
-        for n in range(width)
-    ]
-    skipped = rows[first][0]
     notes = [dialect.dialect_note(delimiter, decimal, bool(header))]
-    if skipped > (1 if header else 0) + bool(units):
-        notes.append(f"table: {skipped} lines before the first row of numbers")
-    said = zip(names, below, beside, strict=True)
-    units = {name: found for name, unit, other in said if (found := "s" if name in dates else unit or other)}
-    table = TextTable(
-        path=path,
-        names=names,
-        delimiter=delimiter,
-        decimal=decimal,
-        encoding=encoding,
-        width=cells,
-        skip=skipped,
-        comment=comment[0] if comment else None,
-        dates=dates,
-        stamped=stamped,
+    if skip > bool(header) + bool(units):
+        notes.append(f"table: {skip} lines before the first row of numbers")
+    if stamped := any(dialect.split_stamp(line)[0] for _, line in rows[first : first + 50]):
+        header = [dialect.ARRIVAL, *(header or [""] * width)[1:]]
+    names = of_sensor(path.stem, dialect.unique_names(header[:width] if header else [""] * width))
+    columns = [[row[n] for row in sample if n < len(row)] for n in range(width)]
+    dates = frozenset(
+        name for name, column in zip(names, columns, strict=True) if all(map(dialect.DATE.fullmatch, column))
     )
-    log = LogFile(path=path, names=names, units=units, dates=dates, notes=tuple(notes), read=table.read)
-    if rate := dialect.rate_above(rows[:first], delimiter, decimal):
-        log = with_frame_clock(log, rate)
+    known = dict(zip(names, units, strict=False))
+    for name, column in zip(names, columns, strict=True):
+        known[name] = "s" if name in dates else known.get(name) or dialect.unit_beside(column)
+    table = TextTable(
+        path=path, names=names, delimiter=delimiter, decimal=decimal, encoding=encoding, width=cells, skip=skip,
+        comment=comment and comment[0], dates=dates, stamped=stamped,
+    )  # fmt: skip
+    log = LogFile(
+        path=path, names=names, units={name: unit for name, unit in known.items() if unit}, dates=dates,
+        notes=tuple(notes), read=table.read,
+    )  # fmt: skip
     sensor = sensor_column(names)
-    if sensor is None or all(
-        dialect.is_number(row[names.index(sensor)], decimal) for row in sample if len(row) >= width
-    ):
+    if sensor is None or all(dialect.is_number(cell, decimal) for cell in columns[names.index(sensor)]):
         return log
     return by_sensor(path, log, table.texts(sensor), sensor)
 
@@ -247,21 +199,18 @@ def seconds_of(texts: Sequence[Any]) -> Array:
     import pandas as pd
 
     clean = pd.Series(list(texts), dtype="str").str.strip()
+    clean = clean.str.replace(r"(?<=\d),(?=\d)", ".", regex=True)
     first = next((match for text in clean if (match := dialect.DATE.fullmatch(str(text)))), None)
     day = (first and first[1]) or ""
-    if re.match(r"\d{4}-", day):
-        clean = clean.str.replace(",", ".", regex=False)
-        form: Any = "ISO8601" if re.match(r"\d{4}-\d\d-\d\d\D", day) else "mixed"
-        stamps = pd.to_datetime(clean, errors="coerce", utc=True, format=form)
-    elif re.search("[A-Za-z]{3}", day):
-        stamps = pd.to_datetime(clean, errors="coerce", format="mixed")
-    elif day:
-        fields = clean.str.extract(r"^(\d+)\D(\d+)").astype(float)
+    if not day:
+        stamps = _time_of_day(clean.str.lower())
+    elif re.match(r"\d{4}-\d\d-", day):
+        stamps = pd.to_datetime(clean, errors="coerce", utc=True, format="ISO8601")
+    else:
+        fields = clean.str.extract(r"^(\d{1,2})\D(\d+)").astype(float)
         # Only differences count: where no day is beyond 12, the usual order of that sign will do.
         day_first = "." in day if (fields <= 12).all(axis=None) else bool((fields[0] > 12).any())
-        stamps = pd.to_datetime(clean, errors="coerce", format="mixed", dayfirst=day_first)
-    else:
-        stamps = _time_of_day(clean.str.lower().str.replace(",", ".", regex=False))
+        stamps = pd.to_datetime(clean, errors="coerce", utc=True, format="mixed", dayfirst=day_first)
     return ((stamps - stamps.dropna().iloc[0]) / pd.Timedelta(seconds=1)).to_numpy(dtype=np.float64)
 
 
@@ -275,16 +224,6 @@ def _time_of_day(texts: Any) -> Any:
     clock = clock.where(~short, clock + ":00" if half.any() else "00:" + clock)
     time, noon = pd.to_timedelta(clock, errors="coerce"), pd.Timedelta(hours=12)
     return time.where(~half, time % noon + after.astype(int) * noon)
-
-
-def _free_memory() -> float | None:
-    """Return the memory that is free for use [bytes], None where the system does not say."""
-    try:
-        text = Path("/proc/meminfo").read_text(encoding="ascii")
-    except OSError:
-        return None
-    found = re.search(r"MemAvailable:\s*(\d+) kB", text)
-    return float(found[1]) * 1024 if found else None
 
 
 FORMAT = Format(name="text table", order=9, sniff=lambda path, head: True, open=open_csv)

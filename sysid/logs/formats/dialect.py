@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import BinaryIO
 
 from sysid.errors import SysidError
+from sysid.logs.table.clock import MIN_SAMPLES
 from sysid.logs.table.names import parse_unit
 
 HEAD_BYTES = 65_536
@@ -71,13 +71,17 @@ def split_line(line: str, delimiter: str) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
-def decode_head(path: Path, head: bytes) -> tuple[str, str]:
-    """Return the head as text with plain line ends, and its encoding.
+def head_of(path: Path) -> tuple[list[str], str]:
+    """Return the whole lines at the beginning of a text file, and its encoding.
 
     Raises:
-        SysidError: It is empty or binary.
+        SysidError: It is empty, binary, or was not closed well.
     """
-    if not head.strip():
+    with path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
+        file.seek(max(0, file.seek(0, 2) - HEAD_BYTES))
+        tail = file.read()
+    if not head.strip(b"\xef\xbb\xbf \r\n\t\0"):
         raise SysidError(f"{path}: the file is empty. Was the recording saved?")
     encoding = next((name for bom, name in _BOMS if head.startswith(bom)), None)
     if encoding is None:
@@ -87,27 +91,21 @@ def decode_head(path: Path, head: bytes) -> tuple[str, str]:
                 f"{path}: this is a binary file, not a text table. Readable are CSV, TSV, Parquet, MCAP, "
                 "phone exports (zip) and video, each with its usual file name ending."
             )
-        encoding = "utf-8"
         try:
-            head[: head.rfind(b"\n") + 1].decode("utf-8")
+            head[: head.rfind(b"\n") + 1].decode(encoding := "utf-8")
         except UnicodeDecodeError:
             encoding = "cp1252"
-    text = head.decode(encoding, errors="replace").replace("\r\n", "\n").replace("\r", "\n")
-    return text, encoding
-
-
-def refuse_binary_middle(path: Path, file: BinaryIO) -> None:
-    """Look into a large file at several places: a text that goes over into zero bytes was not closed well."""
-    size = file.seek(0, 2)
-    file.seek(0)
-    utf16 = file.read(2) in (b"\xff\xfe", b"\xfe\xff")
-    for place in range(HEAD_BYTES, size, max(HEAD_BYTES, size // 64)):
-        file.seek(place)
-        if not utf16 and b"\0\0" in file.read(4096):
-            raise SysidError(
-                f"{path}: zero bytes from about byte {place} on: the recording was not closed well, or this is no "
-                "text table. Cut the file off before them."
-            )
+    if b"\0\0" in tail and encoding != "utf-16":
+        raise SysidError(f"{path}: zero bytes at its end: the recording was not closed well. Cut them off.")
+    lines = head.decode(encoding, errors="replace").replace("\r\n", "\n").replace("\r", "\n").splitlines()
+    if len(head) == HEAD_BYTES and len(lines) > 1:
+        lines.pop()  # cut in the middle
+    if len(head) == HEAD_BYTES and len(lines) < MIN_SAMPLES:
+        raise SysidError(
+            f"{path}: a line of {max(map(len, lines))} characters: no table with a row for each sample. "
+            "If the rows are columns in it, transpose it."
+        )
+    return lines, encoding
 
 
 def comment_sign(lines: Sequence[str]) -> str | None:
@@ -175,46 +173,22 @@ def first_row(rows: Sequence[tuple[int, str]], delimiter: str, decimal: str, wid
 
 
 def find_header(
-    lines: Sequence[str],
-    rows: Sequence[tuple[int, str]],
-    first: int,
-    delimiter: str,
-    decimal: str,
-    width: int,
-    comment: str | None,
+    lines: Sequence[str], delimiter: str, decimal: str, width: int
 ) -> tuple[list[str], list[str | None]]:
-    """Return the names above the first row of numbers, and the units below them where there is such a row."""
-    above = [split_line(line, delimiter) for _, line in rows[:first]]
-    if not above and comment:  # numpy.savetxt and gnuplot write the header as a comment
-        commented = [line.strip().lstrip("#%/ ") for line in lines[: rows[first][0]]]
-        above = [
-            cells for cells in (split_line(line, delimiter) for line in commented) if len(cells) == width
-        ]
+    """Return the names in the lines above the first row of numbers, and the units below them where there is such a row."""
     above = [
         [*row, ""][:width]
-        for row in above
+        for row in (split_line(line, delimiter) for line in lines)
         if width - 1 <= len(row) <= width + 1
         and sum(map(bool, row)) * 2 > width
         and not any(_BOOT.search(cell) for cell in row)
         and sum(bool(cell) and is_number(cell, decimal) for cell in row) * 2 < width
     ]
-    if not above:
-        return [], []
-    units = [parse_unit(cell) for cell in above[-1]]
-    known = sum(unit is not None for unit in units)
-    below_names = len(above) > 1 and sum(parse_unit(cell) is not None for cell in above[-2]) < known
-    if below_names and known * 2 >= sum(map(bool, above[-1])):
-        return _with_names_above(above[:-1]), list(units)
-    return _with_names_above(above), []
-
-
-def rate_above(rows: Sequence[tuple[int, str]], delimiter: str, decimal: str) -> float | None:
-    """Return the frames a second that stand alone in a line below the kind of the table, as Vicon writes them above the header."""
-    cells = [[cell for cell in split_line(line, delimiter) if cell] for _, line in rows[:2]]
-    if len(cells) < 2 or [len(row) for row in cells] != [1, 1] or is_number(cells[0][0], decimal):
-        return None
-    rate = read_number(cells[1][0], decimal) if is_number(cells[1][0], decimal) else 0.0
-    return rate if rate > 0 else None
+    units = [[parse_unit(cell) for cell in row] for row in above[-2:]]
+    known = [sum(unit is not None for unit in row) for row in units]
+    if len(above) > 1 and known[0] < known[1] and known[1] * 2 >= sum(map(bool, above[-1])):
+        return _with_names_above(above[:-1]), units[1]
+    return _with_names_above(above) if above else [], []
 
 
 def _with_names_above(above: Sequence[list[str]]) -> list[str]:
@@ -235,11 +209,8 @@ def _with_names_above(above: Sequence[list[str]]) -> list[str]:
 def dialect_note(delimiter: str, decimal: str, header: bool) -> str:
     """Return the dialect in words."""
     shown = {",": "commas", "\t": "tabs", ";": "semicolons", "|": "bars", " ": "blanks"}[delimiter]
-    return (
-        f"table: separated by {shown}"
-        + (", decimal comma" if decimal == "," else "")
-        + ("" if header else ", no header: columns are numbered")
-    )
+    comma, numbered = ", decimal comma" * (decimal == ","), ", no header: columns are numbered" * (not header)
+    return f"table: separated by {shown}{comma}{numbered}"
 
 
 def unique_names(names: Sequence[str]) -> tuple[str, ...]:
@@ -257,19 +228,10 @@ def _is_date(cell: str) -> bool:
     return bool(DATE.fullmatch(cell) or _DAY_ALONE.fullmatch(cell))
 
 
-def plain_number(cell: str, decimal: str) -> str:
-    """Return a cell as Python reads numbers: without unit, brackets, separated thousands and typographic minus."""
-    cell = cell.strip().strip("[]").replace("−", "-")
-    measure = _MEASURE.fullmatch(cell)
-    if measure and parse_unit(measure[2]) is not None:
-        cell = measure[1]
-    if _THOUSANDS[decimal].fullmatch(cell):
-        cell = cell.replace("," if decimal == "." else ".", "")
-    return cell.replace(",", ".") if decimal == "," else cell
-
-
 def read_number(cell: str, decimal: str) -> float:
     """Return the number in a cell, NaN where it stands for a missing one.
+
+    Units, brackets, separated thousands and a typographic minus may be around it.
 
     Raises:
         ValueError: It is neither.
@@ -279,20 +241,28 @@ def read_number(cell: str, decimal: str) -> float:
     plain = cell.strip().lower()
     if plain in _MISSING | _TRUE | _FALSE:
         return float("nan") if plain in _MISSING else float(plain in _TRUE)
-    plain = plain_number(cell, decimal)
+    plain = plain.strip("[]").replace("−", "-")
+    measure = _MEASURE.fullmatch(plain)
+    if measure and parse_unit(measure[2]) is not None:
+        plain = measure[1]
+    if _THOUSANDS[decimal].fullmatch(plain):
+        plain = plain.replace("," if decimal == "." else ".", "")
+    plain = plain.replace(",", ".") if decimal == "," else plain
     if not _NUMBER.fullmatch(plain):
         raise ValueError(cell)
-    return float(plain.lower().replace("d", "e"))
+    return float(plain.replace("d", "e"))
 
 
-def cell_unit(cell: str) -> str | None:
-    """Return the unit that stands behind the number in a cell, if one does."""
-    measure = _MEASURE.fullmatch(cell.strip())
-    return parse_unit(measure[2]) if measure else None
+def unit_beside(cells: Sequence[str]) -> str | None:
+    """Return the unit that stands behind the numbers in some cells, if one does."""
+    measures = filter(None, map(_MEASURE.fullmatch, cells))
+    return next((unit for measure in measures if (unit := parse_unit(measure[2]))), None)
 
 
 def is_number(cell: str, decimal: str) -> bool:
     """Return whether a cell is a number or stands for a missing one."""
-    return cell.strip().lower() in _MISSING | _TRUE | _FALSE or bool(
-        _NUMBER.fullmatch(plain_number(cell, decimal))
-    )
+    try:
+        read_number(cell, decimal)
+    except ValueError:
+        return False
+    return True

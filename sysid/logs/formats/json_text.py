@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,8 @@ from sysid.logs.formats.long_table import SENSOR, by_sensor
 from sysid.logs.formats.registry import MAX_UNPACKED, Format
 from sysid.logs.formats.tables import MOTION, merge_logs, motion_first
 from sysid.logs.table.clock import MIN_SAMPLES
-from sysid.logs.table.file import LogFile
+from sysid.logs.table.file import LogFile, held
 from sysid.roll import Array
-
-INTERVAL = {"interval_ms": "ms", "interval_s": "s", "dt": "s"}
-"""Names of the time from row to row, and their units."""
 
 Table = dict[str, list[Any]]
 
@@ -74,7 +71,9 @@ def _tables(name: str, value: Any) -> Iterator[tuple[str, Table]]:
     if isinstance(value, list):
         records = [row for row in value if isinstance(row, dict)]
         if len(records) >= MIN_SAMPLES:
-            yield name, _of_records([dict(_flat(row)) for row in records])
+            flat = [dict(_flat(row)) for row in records]
+            names = dict.fromkeys(key for record in flat for key in record)
+            yield name, {key: [record.get(key) for record in flat] for key in names}
         elif records:
             for row in records:
                 own = next((str(row[key]) for key in SENSOR if isinstance(row.get(key), str)), name)
@@ -107,31 +106,15 @@ def _column(value: Any) -> list[Any] | None:
 
 
 def _rows(value: Mapping[str, Any]) -> Table | None:
-    """Return rows that stand beside a list of as many names as they have cells, with the time of their interval."""
-    lists = {key: item for key, item in value.items() if isinstance(item, list) and item}
-    for rows in lists.values():
+    """Return rows that stand beside a list of as many names as they have cells."""
+    lists = [item for item in value.values() if isinstance(item, list) and item]
+    for rows in lists:
         if not isinstance(rows[0], list) or len(rows) < MIN_SAMPLES:
             continue
-        for heads in lists.values():
-            named = [head.get("name") if isinstance(head, dict) else head for head in heads]
-            names = [name for name in named if isinstance(name, str)]
-            if not len(heads) == len(names) == len(rows[0]):
-                continue
-            units = [
-                head.get("units", head.get("unit")) if isinstance(head, dict) else None for head in heads
-            ]
-            said = [f"{name} ({unit})" if unit else name for name, unit in zip(names, units, strict=True)]
-            table = dict(zip(said, map(list, zip(*rows, strict=False)), strict=False))
-            for key, unit in INTERVAL.items():
-                if isinstance(value.get(key), int | float):
-                    table[f"time ({unit})"] = [value[key] * row for row in range(len(rows))]
-            return table
+        for names in lists:
+            if len(names) == len(rows[0]) and all(isinstance(name, str) for name in names):
+                return dict(zip(names, map(list, zip(*rows, strict=False)), strict=False))
     return None
-
-
-def _of_records(records: Sequence[Mapping[str, Any]]) -> Table:
-    names = dict.fromkeys(key for record in records for key in record)
-    return {name: [record.get(name) for record in records] for name in names}
 
 
 def _flat(record: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -148,34 +131,25 @@ def _flat(record: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 def _log(path: Path, name: str, table: Table) -> LogFile:
     """Return a table as a log; one with a column of sensors as those of its sensors."""
-    dates = frozenset(
-        key for key, column in table.items()
-        if all(item is None or (isinstance(item, str) and dialect.DATE.fullmatch(item)) for item in column)
-        and any(column)
-    )  # fmt: skip
-    sensor = next(
-        (key for key in table if key.lower() in SENSOR and all(isinstance(item, str) for item in table[key])),
-        None,
-    )
-
-    def read(names: Sequence[str]) -> dict[str, Array]:
-        return {
-            key: seconds_of(table[key]) if key in dates else np.array([_number(item) for item in table[key]])
-            for key in names
-        }
-
-    numbers = tuple(
-        key for key, column in table.items()
-        if key in dates or (key != sensor and np.isfinite([_number(item) for item in column[:: max(1, len(column) // 500)]]).any())
-    )  # fmt: skip
-    log = LogFile(path=path, names=numbers, dates=dates, notes=(f"table: JSON, '{name}'",), read=read)
+    texts = {key for key, column in table.items() if all(isinstance(item, str) for item in column)}
+    sensor = next((key for key in table if key in texts and key.lower() in SENSOR), None)
+    columns: dict[str, Array] = {}
+    dates: set[str] = set()
+    for key, column in table.items():
+        given = [item for item in column if item is not None]
+        if given and all(isinstance(item, str) and dialect.DATE.fullmatch(item) for item in given):
+            columns[key] = seconds_of(column)
+            dates.add(key)
+        elif key != sensor and np.isfinite(values := np.array([_number(item) for item in column])).any():
+            columns[key] = values
+    log = held(path, columns, (f"table: JSON, '{name}'",), dates=frozenset(dates))
     return log if sensor is None else by_sensor(path, log, np.array(table[sensor]), sensor)
 
 
 def _number(value: Any) -> float:
     """Return a value as a number, else NaN; texts may be numbers."""
     try:
-        return float("nan") if value is None else float(value)
+        return float(value)
     except (TypeError, ValueError):
         return float("nan")
 

@@ -1,42 +1,17 @@
-"""Clocks that a table writes in ways of its own: in two columns, as numbers of frames, or one before each signal."""
+"""Clocks that a table writes in ways of its own: in two columns, or one before each signal."""
 
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
 from sysid.logs.formats.tables import sensor_tables
-from sysid.logs.table.clock import MIN_SAMPLES, time_scale
+from sysid.logs.table.clock import MIN_SAMPLES, rises, time_scale
 from sysid.logs.table.content import numbers_of
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import TIME_UNITS, Column, parse_column, stem_of_clock
 from sysid.roll import Array
-
-FRAME = "frame"
-"""Name of motion capture's column that counts pictures."""
-
-
-def with_frame_clock(log: LogFile, rate: float) -> LogFile:
-    """Return a log whose column of frames stands for time [s]; the log itself where it has a clock or no frames.
-
-    Args:
-        rate: Frames a second [Hz].
-    """
-    frame = next((name for name in log.names if name.lower() == FRAME), None)
-    if frame is None or any(parse_column(name, log.units.get(name)).kind == "time" for name in log.names):
-        return log
-    clock = f"time of {frame}"
-
-    def read(names: Sequence[str]) -> dict[str, Array]:
-        data = log.read([frame if name == clock else name for name in names])
-        return {name: data[frame] / rate if name == clock else data[name] for name in names}
-
-    return replace(
-        log, names=tuple(clock if name == frame else name for name in log.names), units={**log.units, clock: "s"},
-        notes=(*log.notes, f"time: frames at {rate:g} Hz, as the head of the file says"), read=read,
-    )  # fmt: skip
 
 
 def with_own_clocks(log: LogFile) -> LogFile:
@@ -57,7 +32,7 @@ def with_own_clocks(log: LogFile) -> LogFile:
             return log
         rows = np.isfinite(data[clock.name])
         times = data[clock.name][rows]
-        if times.size < MIN_SAMPLES or np.mean(np.diff(times) > 0) < 0.5:
+        if times.size < MIN_SAMPLES or not rises(times):
             return log
         clocks[clock.name] = times * time_scale(times, clock.unit)[0]
         sensors |= {
@@ -71,7 +46,7 @@ def with_own_clocks(log: LogFile) -> LogFile:
 def with_whole_clock(log: LogFile) -> LogFile:
     """Return a log in which one column [s] stands for whole seconds and the fraction beside them; the log itself where it has none."""
     columns = [parse_column(name, log.units.get(name)) for name in log.names]
-    pair = _pair(columns) or _pair_by_content(log, columns)
+    pair = _pair(columns)
     if pair is None:
         return log
     whole, part = pair
@@ -103,24 +78,3 @@ def _pair(columns: Sequence[Column]) -> tuple[Column, Column] | None:
     parts = [column for column in times if column.unit in ("ms", "us", "ns")]
     pairs = ((one, other) for one in whole for other in parts if stem_of_clock(one) == stem_of_clock(other))
     return next(pairs, None)
-
-
-def _pair_by_content(log: LogFile, columns: Sequence[Column]) -> tuple[Column, Column] | None:
-    """Return whole seconds and the nanoseconds beside them in a table without names, as `ros2 topic echo --csv` writes it.
-
-    No other two columns do this: both whole, the second below a billion, and back only where the first goes on by one.
-    """
-    if any(not re.fullmatch(r"column \d+", column.name) for column in columns):
-        return None
-    data = numbers_of(log)
-    for one, other in pairwise(column for column in columns if column.name in data):
-        whole, part = data[one.name], data[other.name]
-        if not all(
-            values.size and np.all(values == np.rint(values)) and values.min() >= 0
-            for values in (whole, part)
-        ):
-            continue
-        on, back = np.diff(whole), np.diff(part) < 0
-        if 1e8 < part.max() < 1e9 and back.any() and not on.min() < 0 and bool(np.all(on[back] > 0)):
-            return replace(one, unit="s"), replace(other, unit="ns")
-    return None

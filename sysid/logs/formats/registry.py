@@ -48,8 +48,17 @@ def refuse_larger(path: Path, size: float) -> None:
     """
     if size > MAX_UNPACKED:
         raise SysidError(
-            f"{path}: unpacks to more than 1 GiB. Cut the log into parts, or unpack it yourself."
+            f"{path}: is more than 1 GiB, or unpacks to more than 1 GiB. Cut the log into parts."
         )
+
+
+@contextmanager
+def named_as(path: Path, inside: Path) -> Generator[None]:
+    """Name the user's file in errors of what was unpacked of it."""
+    try:
+        yield
+    except SysidError as error:
+        raise SysidError(str(error).replace(str(inside), str(path))) from error
 
 
 @contextmanager

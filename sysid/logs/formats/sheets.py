@@ -9,7 +9,7 @@ from typing import Any
 
 from sysid.errors import SysidError, needs_extra
 from sysid.logs.formats.phone_exports import merge
-from sysid.logs.formats.registry import MAX_UNPACKED, Format, refuse_larger, undamaged
+from sysid.logs.formats.registry import MAX_UNPACKED, Format, named_as, refuse_larger, undamaged
 from sysid.logs.table.file import LogFile
 
 CELL = 64
@@ -38,10 +38,8 @@ def open_workbook(path: Path) -> LogFile:
             with file.open("w", newline="", encoding="utf-8") as out:
                 csv.writer(out).writerows(_without_strays(rows))
             files.append(file)
-        try:
+        with named_as(path, Path(folder)):
             return merge(path, [file for file in files if file.stat().st_size > 0])
-        except SysidError as error:  # it names the unpacked file
-            raise SysidError(str(error).replace(folder, str(path))) from error
 
 
 def _without_strays(rows: list[list[Any]]) -> list[list[Any]]:

@@ -1,17 +1,20 @@
 """Logs in which each sensor has a clock of its own."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import takewhile
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.logs.table.clock import time_scale
+from sysid.logs.table.clock import rises, time_scale
 from sysid.logs.table.file import LogFile
-from sysid.logs.table.names import ACCEL_UNITS, parse_column, sensor_of
+from sysid.logs.table.names import parse_column, sensor_of
 from sysid.roll import Array
 
+T = TypeVar("T")
 TIME = "time (s)"
 MAX_ELEMENTS = 128
 """Elements of an array that is a robot's state; longer ones are pictures, scans or clouds."""
@@ -32,31 +35,34 @@ def sensor_tables(
 
     Args:
         clocks: Time of each sensor [s], shape (n_sensor,).
-        columns: Sensor and values of each column; '' for a sensor without a clock.
+        columns: Sensor and values of each column; a sensor may have no clock.
     """
 
     def read(names: Sequence[str]) -> dict[str, Array]:
         base = next((columns[name][0] for name in names if name != TIME), next(iter(clocks), ""))
         result: dict[str, Array] = {}
         for name in names:
-            sensor, values = (base, clocks.get(base, np.zeros(0))) if name == TIME else columns[name]
+            if name == TIME:
+                continue
+            sensor, values = columns[name]
             if sensor != base:
-                if not sensor or not base:
+                if sensor not in clocks or base not in clocks:
                     raise SysidError(
                         f"{path}: '{name}' has no time of its own. Read it alone, with --column and --rate."
                     )
                 order = np.argsort(clocks[sensor], kind="stable")
-                values = np.interp(
-                    clocks[base], clocks[sensor][order], values[order], left=np.nan, right=np.nan
-                )
+                values = np.interp(clocks[base], clocks[sensor][order], values[order], np.nan, np.nan)
             result[name] = values.copy()
-        if TIME in result and not base:
-            raise SysidError(
-                f"{path}: '{names[0]}' has no time of its own. Give its sampling rate with --rate."
-            )
+        if TIME in names:
+            if base not in clocks:
+                raise SysidError(
+                    f"{path}: '{names[0]}' has no time of its own. Give its sampling rate with --rate."
+                )
+            result[TIME] = clocks[base].copy()
         return result
 
-    return LogFile(path=path, names=(TIME, *columns), notes=(note,), read=read)
+    own = (TIME,) if clocks else ()
+    return LogFile(path=path, names=(*own, *columns), notes=(note,), read=read)
 
 
 def log_of_vectors(path: Path, kind: str, vectors: Mapping[str, Array]) -> LogFile:
@@ -73,34 +79,19 @@ def log_of_vectors(path: Path, kind: str, vectors: Mapping[str, Array]) -> LogFi
     if not named:
         raise SysidError(f"{path}: no vector of numbers among {', '.join(vectors) or 'nothing'}.")
     parsed = {name: parse_column(name) for name in named}
-    clocks = [name for name in named if parsed[name].kind == "time"]
-    owner: dict[str, str] = {}
-    for name in named:
-        same = [clock for clock in clocks if len(named[clock]) == len(named[name])]
-        owner[name] = max(same, key=lambda clock: len(_shared(clock, name)), default="")
-    used = dict.fromkeys(clock for name, clock in owner.items() if clock and name not in clocks)
-    note = f"table: {kind} file with {', '.join(named)}"
-    if len(used) > 1:
-        scaled = {clock: named[clock] * time_scale(named[clock], parsed[clock].unit)[0] for clock in used}
-        columns = {name: (owner[name], named[name]) for name in named if name not in clocks}
-        return sensor_tables(path, scaled, columns, note)
-
-    def read(names: Sequence[str]) -> dict[str, Array]:
-        if len({len(named[name]) for name in names}) > 1:
-            raise SysidError(
-                f"{path}: {', '.join(f'{name!r} has {len(named[name])} values' for name in names)}. Name the time of the "
-                "same length with --time-column, or give --rate."
-            )
-        return {name: named[name].copy() for name in names}
-
-    longest = len(named[next(iter(used), max(named, key=lambda name: len(named[name])))])
-    first = sorted(named, key=lambda name: len(named[name]) != longest)
-    return LogFile(path=path, names=tuple(first), notes=(note,), read=read)
-
-
-def _shared(one: str, other: str) -> str:
-    """Return the beginning that two names share."""
-    return one[: next((n for n, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), len(one))]
+    rising = [name for name in named if parsed[name].kind == "time" and rises(named[name])]
+    clocks = {clock: named[clock] * time_scale(named[clock], parsed[clock].unit)[0] for clock in rising}
+    columns: dict[str, tuple[str, Array]] = {}
+    for name, values in named.items():
+        same = [clock for clock in rising if len(named[clock]) == len(values)]
+        alike = [
+            len(list(takewhile(lambda pair: pair[0] == pair[1], zip(clock, name, strict=False))))
+            for clock in same
+        ]
+        columns[name] = (same[alike.index(max(alike))] if same else f"{len(values)} rows", values)
+    used = {columns[name][0] for name in named if name not in rising}
+    clocks = {clock: time for clock, time in clocks.items() if clock in used}
+    return sensor_tables(path, clocks, columns, f"table: {kind} file with {', '.join(named)}")
 
 
 def merge_logs(path: Path, logs: Mapping[str, LogFile], kind: str) -> LogFile:
@@ -150,10 +141,10 @@ def _full_name(stem: str, name: str) -> str:
     return f"{name} (rad/s)" if bare and GYRO.search(stem) else name
 
 
-def motion_first(sensors: Iterable[str]) -> list[str]:
-    """Return the sensors of motion among some names; all without such a name."""
-    names = list(map(str, sensors))
-    return [name for name in names if MOTION.search(name)] or names
+def motion_first(tables: Iterable[T], name: Callable[[T], str] = str) -> list[T]:
+    """Return the tables of motion sensors by their names; all without such a name."""
+    listed = list(tables)
+    return [table for table in listed if MOTION.search(name(table))] or listed
 
 
 def _add_gravity(tables: dict[str, tuple[Array, dict[str, Array]]]) -> None:
@@ -162,31 +153,19 @@ def _add_gravity(tables: dict[str, tuple[Array, dict[str, Array]]]) -> None:
     Sensor Logger's plain accelerometer has gravity taken off and in a file of its own. A total acceleration
     beside it is taken instead, else the two are added.
     """
-    accels = {
-        stem: names
-        for stem, (_, data) in tables.items()
-        if re.search("acc", stem, re.I) and len(names := _axes(data)) == 3
-    }
-    whole = [stem for stem, names in accels.items() if _holds_gravity(tables[stem][1], names)]
-    bare = [stem for stem in accels if stem not in whole]
-    gravity = next((stem for stem in tables if re.fullmatch("gravity", stem, re.I)), None)
-    if not whole and bare and gravity is not None:
-        clock, data = tables[bare[0]]
-        other_clock, other = tables[gravity]
-        for mine, its in zip(accels[bare[0]], _axes(other), strict=False):
-            data[mine] = data[mine] + np.interp(clock, other_clock, other[its], left=np.nan, right=np.nan)
-        bare = bare[1:]
-    for stem in bare if whole else ():
-        del tables[stem]
-    if gravity is not None:
-        del tables[gravity]
+    gravity = next((tables.pop(stem) for stem in list(tables) if stem.lower() == "gravity"), None)
+    accels = [stem for stem in tables if "acc" in stem.lower()]
+    total = [stem for stem in accels if re.search("total|uncalibrated", stem, re.I)]
+    for stem in accels:
+        clock, data = tables[stem]
+        if total and stem not in total:
+            del tables[stem]
+        elif gravity is not None and 2 * _norm(data) < _norm(gravity[1]):
+            felt = {parse_column(name).axis: values for name, values in gravity[1].items()}
+            for name in data:
+                if (axis := parse_column(name).axis) in felt:
+                    data[name] = data[name] + np.interp(clock, gravity[0], felt[axis], np.nan, np.nan)
 
 
-def _axes(data: Mapping[str, Array]) -> list[str]:
-    found = {parse_column(name).axis: name for name in data if parse_column(name).axis in ("x", "y", "z")}
-    return [found[axis] for axis in "xyz" if axis in found]
-
-
-def _holds_gravity(data: Mapping[str, Array], names: Sequence[str]) -> bool:
-    norm = float(np.nanmedian(np.sqrt(sum(data[name] ** 2 for name in names))))
-    return any(0.8 < norm * unit / ACCEL_UNITS["g"] < 1.25 for unit in (1.0, ACCEL_UNITS["g"]))
+def _norm(data: Mapping[str, Array]) -> float:
+    return float(np.nanmedian(np.sqrt(sum(values**2 for values in data.values()))))

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.errors import SysidError
-from sysid.logs.sources.registry import LENGTHS, Reading, Source
+from sysid.logs.sources.registry import LENGTHS, Reading, Source, known_scale
 from sysid.logs.sources.wraps import TURNS, unit_by_wraps, without_wraps
 from sysid.logs.table.choose import Choice, chosen, std_of
 from sysid.logs.table.names import ANGLE_UNITS, Column, says_counts
@@ -19,9 +19,6 @@ from sysid.text import display
 
 TURN = TURNS["deg"]
 """Angles that count on over a turn in whole numbers are counts, for degrees begin again [deg]."""
-LEAST_DEGREES, MOST_RADIANS = 0.5, 30.0
-"""Between these, a log without a unit may be in either. Sensors still see a swing of half a degree, and an arm may
-make some turns."""
 
 
 def find_angle(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
@@ -46,9 +43,9 @@ def find_angle(columns: Sequence[Column], axis: str, sign: float) -> list[Choice
     ]
     if len(angles) > 1:
         rivals = ", ".join(repr(column.name) for column in angles[1:5])
-        why = f"from '{angles[0].name}' rather than {rivals}: {_why(angles[0], angles[1])}"
         alike = tuple(column.name for column in angles[1:] if odd(column) == odd(angles[0]))
-        choices[0] = replace(choices[0], remarks=note("roll", why), rivals=alike)
+        rather = note("roll", f"from '{angles[0].name}' rather than {rivals}")
+        choices[0] = replace(choices[0], remarks=rather, rivals=alike)
     if angles and not axis and angles[0].axis in ("y", "z"):
         aside = f"'{angles[0].name}' is the only angle and taken as roll, though its name says otherwise"
         choices[0] = choices[0].with_remarks(warning(aside))
@@ -62,18 +59,6 @@ def angle_turning(choice: Choice, signals: Sequence[Array], period: float) -> Ar
     slope = scale / period * np.gradient(angle)
     largest = float(np.percentile(np.abs(slope), 99.9))  # where it wraps it does not turn
     return np.clip(slope, -largest, largest)
-
-
-def _why(best: Column, other: Column) -> str:
-    if other.doubt > best.doubt:
-        return f"'{other.name}' is not named as the plain measurement"
-    if best.is_roll and not other.is_roll:
-        return "its name says roll"
-    if other.axis in ("y", "z") and best.axis not in ("y", "z"):
-        return "the other turns about another axis"
-    if best.unit == "rad" and other.unit != "rad":
-        return "it is in rad, which needs no conversion"
-    return "it has the plainest name"
 
 
 def angle_from(column: Column, columns: Sequence[Column], sign: float) -> Choice:
@@ -90,14 +75,8 @@ def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
         SysidError: No unit is named, and it is in whole numbers that go beyond a turn or whose name says that they are counts.
     """
     (name,) = choice.columns
-    if choice.unit in LENGTHS["angle"]:
-        return LENGTHS["angle"][choice.unit], note(
-            "unit", f"'{name}' is the position of a slide in {choice.unit}"
-        )
-    if choice.scale is not None:
-        return choice.scale, note("unit", f"one count is {choice.scale:g} rad, as --unit says")
-    if choice.unit is not None:
-        return ANGLE_UNITS[choice.unit], Remarks()
+    if known := known_scale(choice, "angle"):
+        return known
     reach = _reach(angle)
     whole = bool(np.all(angle == np.rint(angle)))
     beyond = np.abs(angle).max() > TURN or np.ptp(np.unwrap(angle, period=TURN)) > TURN
@@ -108,10 +87,10 @@ def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
             "Degrees are --unit deg."
         )
     unit = _likely_unit(reach)
-    why = f"'{name}' names no unit; taken as {unit}, because it reaches {reach:.3g} from its median"
-    unsure = whole or LEAST_DEGREES < reach < MOST_RADIANS
-    doubt = warning(f"{why}. Check the unit; --unit sets another")
-    return ANGLE_UNITS[unit], doubt if unsure else note("unit", why)
+    return ANGLE_UNITS[unit], warning(
+        f"'{name}' names no unit; taken as {unit}, because it reaches {reach:.3g} from its median. Check the unit; --unit sets "
+        "another"
+    )
 
 
 def unwrap_angle(choice: Choice, angle: Array) -> tuple[Choice, Array, npt.NDArray[np.intp] | None]:
@@ -176,11 +155,9 @@ def _near_zero(roll: Array) -> tuple[Array, Remarks]:
     """Bring the middle of the record into ±half a turn."""
     turn = 2 * np.pi
     whole = float(np.round(np.median(roll[:: max(1, roll.size // 100_000)]) / turn))
-    return (
-        (roll - whole * turn, note("angle", f"{whole:+g} whole turns taken off"))
-        if whole
-        else (roll, Remarks())
-    )
+    if not whole:
+        return roll, Remarks()
+    return roll - whole * turn, note("angle", f"{whole:+g} whole turns taken off")
 
 
 SOURCE = Source(

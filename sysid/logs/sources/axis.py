@@ -15,20 +15,8 @@ VERTICAL_COSINE = 0.8
 """Cosine between roll axis and vertical beyond which gravity tells too little of roll."""
 
 
-@dataclass(frozen=True, slots=True)
-class RollAxis:
-    """The axis that the deck turns about, in sensor axes."""
-
-    vector: Array
-    """Unit vector forward, shape (3,)."""
-    share: float
-    """Share of the squared rotation rate that is about it, 0 to 1."""
-    remarks: Remarks
-    """How it was chosen."""
-
-
-def find_roll_axis(rates: Array, choice: Choice) -> RollAxis:
-    """Return the user's axis, or the one that the sensor turns about most; its largest component is positive.
+def find_roll_axis(rates: Array, choice: Choice) -> tuple[Array, Remarks]:
+    """Return the unit vector forward, shape (3,), and how it was chosen: the user's axis, or the one that the sensor turns about most.
 
     The rates are in sensor axes [rad/s], shape (n, 3).
     """
@@ -52,7 +40,7 @@ def find_roll_axis(rates: Array, choice: Choice) -> RollAxis:
         remarks += warning(
             f"the sensor turns about several axes (only {100 * share:.0f} % about the roll axis): not a one-axis motion"
         )
-    return RollAxis(vector * choice.sign, share, remarks)
+    return vector * choice.sign, remarks
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from sysid.logs.sources.axis import Plane, find_roll_axis, plane_about
 from sysid.logs.sources.gyro import half_cycle, rate_scale, roll_from_rate
 from sysid.logs.sources.registry import Reading, Source
 from sysid.logs.sources.swing_smoother import (
+    ARM_STD,
     EDGES,
     PER_SWING,
     Blocks,
@@ -28,16 +29,8 @@ from sysid.roll import Array, Roll
 
 TRIAD_UNITS = ("rad/s", "deg/s", "mrad/s", "mdeg/s")
 """Units of three-axis gyros; a speed in rpm is a wheel's."""
-PART = 10.0
-"""Length of the liveliest part of a record, which tells the gyro's unit [s]."""
-MIN_ERROR_RATIO, MIN_GAIN_RATIO = 1.2, 20.0
-"""Least ratio of another unit's residual to the best one's, and of the size of a count to its standard deviation [1]."""
-USUAL_ARM = 0.5
-"""Standard deviation of a lever arm on a board, before it is known [m]."""
 LASTING = 2.0
 """Periods for which the strength of accelerations beside gravity stays about the same: a hand's touch, or a release."""
-ARMS = (-0.3 + 0j, -0.1 + 0j, 0j, 0.03 + 0j, 0.1 + 0j, 0.3 + 0j, 1.0 + 0j)
-"""Lever arms from which the search begins without a gyro [m]: each makes a swing a third or three times as large."""
 CONSISTENT = 0.25
 """Share by which a scale may be uncertain before a log counts as without one [1]."""
 
@@ -66,18 +59,18 @@ def roll_from_imu(reading: Reading) -> Roll:
     columns = np.stack(reading.signals, axis=1)
     accel, remarks = accel_in_si(columns[:, 3:], choice)
     silent = choice.unit is None and choice.scale is None
-    unitless = find_roll_axis(columns[:, :3], choice)
-    plane = None if accel is None else plane_about(unitless.vector, accel)
+    unitless, _ = find_roll_axis(columns[:, :3], choice)
+    plane = None if accel is None else plane_about(unitless, accel)
     if silent and accel is not None and plane is not None:
         counts = bool(np.all(columns[:, :3] == np.rint(columns[:, :3])))
-        turning = columns[:, :3] @ unitless.vector
+        turning = columns[:, :3] @ unitless
         scale, how = _scale_by_gravity(time, turning, plane.of(accel), choice, counts=counts)
     else:
         scale, how = rate_scale(columns[:, :3], choice)
     rates = columns[:, :3] * scale
-    axis = find_roll_axis(rates, choice)
-    remarks += how + axis.remarks
-    about = rates @ axis.vector
+    axis, how_axis = find_roll_axis(rates, choice)
+    remarks += how + how_axis
+    about = rates @ axis
     if accel is None or plane is None:
         if accel is not None:
             remarks += warning("the roll axis stands upright, where gravity tells no roll: gyro alone")
@@ -97,14 +90,9 @@ def roll_from_imu(reading: Reading) -> Roll:
     by_gyro = omega * felt > tilt * noise
     # A release lies anywhere between two samples: the integral across that kink is off by up to (ω dt)²/8 of the angle.
     scale_std = float(np.hypot(swing.std[1], (omega * step) ** 2 / 8))
-    arm = swing.arm.real * plane.top + swing.arm.imag * plane.left
-    spread = Z95 * float(np.hypot(*swing.std[3:]))
-    told = f"({', '.join(f'{100 * value + 0.0:.1f}' for value in np.round(arm, 3))}) cm from the axis of rotation"
     given = reading.options.lever_arm is not None
-    if given or abs(swing.arm) > spread > 0:
-        remarks += note(
-            "accelerometer", f"sits {told}, {'given' if given else f'± {100 * spread:.1g} cm, estimated'}"
-        )
+    if given or abs(swing.arm) > Z95 * float(np.hypot(*swing.std[3:])) > 0:
+        remarks += _arm_note(swing, plane, given=given)
     remarks += plane.zero
     remarks += note("offset", f"{swing.offset:.3g} rad/s ± {Z95 * swing.std[0]:.1g} of the gyro")
     remarks += note("noise", f"{noise:.2g} rad/s of the gyro, {felt:.2g} m/s² of the accelerometer")
@@ -136,7 +124,7 @@ def _smoothed(
 
     blocks = _blocks(reading.time, rate, accel)
     arm = _given_arm(reading, plane)
-    angle, first, _ = _start(blocks)
+    angle, first = _start(blocks)
     swing = smooth_swing(blocks, angle, arm=arm, first=first)
     for _ in range(2):
         power = gaussian_filter1d(np.abs(swing.left) ** 2 / 2, LASTING * PER_SWING, mode="nearest")
@@ -164,28 +152,22 @@ def _blocks(time: Array, rate: Array | None, accel: npt.NDArray[np.complex128]) 
     )  # fmt: skip
 
 
-def _start(blocks: Blocks, scale: float = 1.0) -> tuple[Array, complex, float]:
-    """Return a first guess of the angle, of the lever arm [m], and what both leave of the accelerations [1], squared and summed.
+def _start(blocks: Blocks) -> tuple[Array, complex]:
+    """Return a first guess of the angle and of the lever arm [m].
 
     The angle is the gyro's integral; with its course given, gravity, a slow drift and the lever arm are linear.
-
-    Args:
-        blocks: The measurement.
-        scale: Of the gyro [rad/s in its unit].
     """
     assert blocks.rate is not None
-    edges, rate = blocks.edges, scale * (blocks.rate - np.median(blocks.rate))
+    edges, rate = blocks.edges, blocks.rate - np.median(blocks.rate)
     steps = np.diff(edges)
     whole = np.concatenate(([0.0], np.cumsum(rate * steps)))
     lever = -(1j * np.gradient(rate) / steps + rate**2)
     turned, since = np.exp(0.5j * (whole[1:] + whole[:-1])), 0.5 * (edges[1:] + edges[:-1]) - edges.mean()
     design = np.stack((turned, 1j * since * turned, lever), axis=1) / blocks.accel_std[:, None]
-    design = np.vstack((design, [[0.0, 0.0, 1 / USUAL_ARM]]))
-    target = np.append(blocks.accel / blocks.accel_std, 0.0)
-    found, *_ = np.linalg.lstsq(design, target, rcond=None)
+    design = np.vstack((design, [[0.0, 0.0, 1 / ARM_STD]]))
+    found, *_ = np.linalg.lstsq(design, np.append(blocks.accel / blocks.accel_std, 0.0), rcond=None)
     drift = float((found[1] / found[0]).real)
-    left = float(np.sum(np.abs(target - design @ found) ** 2))
-    return whole + np.angle(found[0]) + drift * (edges - edges.mean()), complex(found[2]), left
+    return whole + np.angle(found[0]) + drift * (edges - edges.mean()), complex(found[2])
 
 
 def roll_from_accelerometer(reading: Reading) -> Roll:
@@ -215,33 +197,19 @@ def roll_from_accelerometer(reading: Reading) -> Roll:
     plane = plane_about(axis * choice.sign, accel)
     if plane is None:
         raise SysidError("the roll axis stands upright, where gravity tells no roll. Record a gyro.")
-    blocks = _blocks(reading.time, None, plane.of(accel))
-    along = blocks.accel.imag
-    omega = np.pi / (float(np.median(np.diff(blocks.edges))) * max(half_cycle(along), 1.0))
     given = _given_arm(reading, plane)
-    swing = min(
-        (_swung(blocks, omega, arm, given) for arm in (ARMS if given is None else [given])),
-        key=lambda s: s.cost,
-    )
+    blocks = _blocks(reading.time, None, plane.of(accel))
+    swing, omega = _swung(blocks, given)
     tilt = swing.gravity + omega**2 * swing.arm.real
     scale_std = abs(omega**2 * float(swing.std[3]) / tilt)
-    if not scale_std < CONSISTENT:
+    if scale_std < CONSISTENT:
+        tilt = _size(blocks, swing)
+        remarks += _arm_note(swing, plane, given=given is not None)
+    else:
         tilt, scale_std = swing.gravity, 1.0
         remarks += warning(
             "nothing tells the lever arm from the axis to the accelerometer: frequency and damping are right, the size of the "
             "swing is unknown. Give it with --lever-arm"
-        )
-    else:
-        tilt = _size(blocks, swing)
-        arm = swing.arm.real * plane.top + swing.arm.imag * plane.left
-        how = (
-            "given"
-            if given is not None
-            else f"± {100 * Z95 * float(np.hypot(*swing.std[3:])):.1g} cm, estimated"
-        )
-        remarks += note(
-            "accelerometer",
-            f"sits ({', '.join(f'{100 * v:.1f}' for v in arm)}) cm from the axis of rotation, {how}",
         )
     shown = ", ".join(f"{value:.2f}" for value in axis * choice.sign)
     along = plane.of(accel).imag
@@ -255,6 +223,14 @@ def roll_from_accelerometer(reading: Reading) -> Roll:
     )
 
 
+def _arm_note(swing: Swing, plane: Plane, *, given: bool) -> Remarks:
+    """Return where the accelerometer sits, in sensor axes."""
+    arm = swing.arm.real * plane.top + swing.arm.imag * plane.left
+    at = ", ".join(f"{100 * value + 0.0:.1f}" for value in np.round(arm, 3))
+    how = "given" if given else f"± {100 * Z95 * float(np.hypot(*swing.std[3:])):.1g} cm, estimated"
+    return note("accelerometer", f"sits ({at}) cm from the axis of rotation, {how}")
+
+
 def _size(blocks: Blocks, swing: Swing) -> float:
     """Return the acceleration along the motion over the angle [m/s²].
 
@@ -262,7 +238,7 @@ def _size(blocks: Blocks, swing: Swing) -> float:
     least absolute residuals hardly notices the release itself, where the acceleration jumps.
     """
     angle = np.convolve(swing.angle, EDGES, "valid")
-    along = blocks.accel.imag[1:-1] + swing.gravity * (angle - np.sin(angle))
+    along = blocks.accel.imag[2:-2] + swing.gravity * (angle - np.sin(angle))
     quarter = PER_SWING // 4
     turned, moved = (values[quarter:] - values[:-quarter] for values in (angle, along))
     ratio = moved / np.where(turned == 0, 1e-300, turned)
@@ -271,15 +247,23 @@ def _size(blocks: Blocks, swing: Swing) -> float:
     return float(ratio[order][np.searchsorted(weight, 0.5 * weight[-1])])
 
 
-def _swung(blocks: Blocks, omega: float, first: complex, arm: complex | None) -> Swing:
-    """Smooth accelerations alone: the search begins from a swing at `omega` [rad/s] with the lever arm `first` [m]."""
-    size = ACCEL_UNITS["g"] + omega**2 * first.real
-    along = np.interp(blocks.edges, 0.5 * (blocks.edges[1:] + blocks.edges[:-1]), blocks.accel.imag)
-    start = along / (size if abs(size) > 1.0 else np.copysign(1.0, size))
-    with np.errstate(all="ignore"):  # a start that leads nowhere
-        stiff = 0.1 * float(np.std(start))
-        swing = smooth_swing(blocks, start, arm=arm, first=first, arm_std=USUAL_ARM, stiff=stiff)
-    return swing if np.isfinite(swing.cost) else replace(swing, cost=np.inf)
+def _swung(blocks: Blocks, arm: complex | None) -> tuple[Swing, float]:
+    """Smooth accelerations alone, and return the swing's angular frequency [rad/s] too.
+
+    The search begins from swings that reach a radian, a third of it, and so on, of either sign: the lever arm [m] tells
+    them apart.
+    """
+    along = blocks.accel.imag
+    omega = np.pi / (float(np.median(np.diff(blocks.edges))) * max(half_cycle(along), 1.0))
+    reach, found = float(np.percentile(np.abs(along - np.median(along)), 99)), list[Swing]()
+    edges = np.interp(blocks.edges, 0.5 * (blocks.edges[1:] + blocks.edges[:-1]), along)
+    for amplitude in np.outer((1.0, -1.0), 3.0 ** -np.arange(4)).ravel() if arm is None else [np.nan]:
+        first = arm if arm is not None else complex((reach / amplitude - ACCEL_UNITS["g"]) / omega**2)
+        start = edges / (ACCEL_UNITS["g"] + omega**2 * first.real)
+        with np.errstate(all="ignore"):  # a start that leads nowhere
+            swing = smooth_swing(blocks, start, arm=arm, first=first, stiff=0.1 * float(np.std(start)))
+        found.append(swing if np.isfinite(swing.cost) else replace(swing, cost=np.inf))
+    return min(found, key=lambda swing: swing.cost), omega
 
 
 def accel_in_si(accel: Array, choice: Choice) -> tuple[Array | None, Remarks]:
@@ -316,32 +300,24 @@ def _saturation(choice: Choice, columns: Array) -> Remarks:
 def _scale_by_gravity(
     time: Array, rate: Array, accel: npt.NDArray[np.complex128], choice: Choice, *, counts: bool
 ) -> tuple[float, Remarks]:
-    """Return rad/s per unit of a rate, shape (n,), whose name gives none: the one that turns gravity as it is felt."""
-    energy = np.concatenate(([0.0], np.cumsum((rate - np.median(rate)) ** 2)))
-    width = int(np.searchsorted(time, time[0] + PART))
-    begin = int(np.argmax(energy[width:] - energy[:-width])) if width < time.size else 0
-    part = slice(begin, begin + width)
-    time, rate, accel = time[part], rate[part], accel[part]
+    """Return rad/s per unit of a rate, shape (n,), whose name gives none: the one that turns gravity as it is felt.
+
+    From hardly any motion on, the gain grows to it. Other numbers than counts are in the nearest unit.
+    """
     blocks = _blocks(time, rate, accel)
     assert blocks.rate is not None
-    if counts:  # from hardly any motion on, the gain grows to the one that turns gravity as it is felt
-        turned = np.cumsum((blocks.rate - np.median(blocks.rate)) * np.diff(blocks.edges))
-        size = 1e-3 / float(np.ptp(turned))
-        small = replace(blocks, rate=size * blocks.rate, rate_std=size * blocks.rate_std)
-        swing = smooth_swing(
-            small, np.full(len(blocks.edges), np.angle(blocks.accel.mean())), gain_std=np.inf
-        )
-        if not swing.gain > MIN_GAIN_RATIO * swing.std[1]:
-            return rate_scale(rate[:, None], choice)
+    turned = np.cumsum((blocks.rate - np.median(blocks.rate)) * np.diff(blocks.edges))
+    size = 1e-3 / float(np.ptp(turned))
+    small = replace(blocks, rate=size * blocks.rate, rate_std=size * blocks.rate_std)
+    swing = smooth_swing(small, np.full(len(blocks.edges), np.angle(blocks.accel.mean())), gain_std=np.inf)
+    if not Z95 * swing.std[1] < CONSISTENT * swing.gain:
+        return rate_scale(rate[:, None], choice)
+    if counts:
         return size * swing.gain, warning(
             f"one count of the gyro taken as {size * swing.gain:.3g} rad/s, because so it turns the accelerometer's vertical, to "
             "some percent. Say it with --unit"
         )
-    left = np.array([_start(blocks, RATE_UNITS[unit])[2] for unit in TRIAD_UNITS])
-    best = int(np.argmin(left))
-    if not np.delete(left, best).min() > MIN_ERROR_RATIO * left[best]:
-        return rate_scale(rate[:, None], choice)
-    unit = TRIAD_UNITS[best]
+    unit = min(TRIAD_UNITS, key=lambda unit: abs(np.log(size * swing.gain / RATE_UNITS[unit])))
     return RATE_UNITS[unit], warning(
         f"rates taken as {unit}, as they match the turning of the accelerometer's vertical; no name gives their unit (else --unit)"
     )

@@ -14,9 +14,6 @@ from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Z95
 from sysid.roll import Array, Roll
 
-MAX_POINTS = 5000
-"""Points that the circle is fitted to: a choice of time."""
-
 
 def find_position(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
     """Return pairs of columns x and y of one point."""
@@ -50,7 +47,7 @@ def fit_circle(points: Array) -> tuple[Array, float, float, float]:
     from scipy.optimize import least_squares
 
     middle, size = points.mean(axis=0), float(np.ptp(points, axis=0).max())
-    some = (points[:: max(1, len(points) // MAX_POINTS)] - middle) / size
+    some = (points - middle) / size
     design = np.column_stack((2 * some, np.ones(len(some))))  # Kåsa's algebraic circle as a start
     x, y, rest = np.linalg.lstsq(design, np.sum(some**2, axis=1), rcond=None)[0]
     start = (x, y, np.sqrt(max(rest + x**2 + y**2, 1e-6)))

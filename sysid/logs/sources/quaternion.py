@@ -44,12 +44,11 @@ def roll_from_quaternion(reading: Reading) -> Roll:
     turned = (attitude[:-1].inv() * attitude[1:]).as_rotvec()
     rates = turned / np.diff(reading.time)[:, None]
     rates = np.concatenate((rates[:1], 0.5 * (rates[1:] + rates[:-1]), rates[-1:]))
-    axis = find_roll_axis(rates, choice)
-    remarks = axis.remarks
+    axis, remarks = find_roll_axis(rates, choice)
     up = attitude.as_matrix()[:, 2, :]
-    plane = plane_about(axis.vector, up)
+    plane = plane_about(axis, up)
     if plane is None:  # the axis stands upright: the sum of the turns is all there is
-        roll = np.concatenate(([0.0], np.cumsum(turned @ axis.vector)))
+        roll = np.concatenate(([0.0], np.cumsum(turned @ axis)))
         remarks += note("zero", "at the first sample: the roll axis stands upright")
     else:
         roll, remarks = np.unwrap(np.angle(plane.of(up))), remarks + plane.zero

@@ -33,19 +33,18 @@ from sysid.logs.table.names import (
 )
 from sysid.logs.table.options import LogOptions
 from sysid.logs.table.remarks import Remarks, note, warning
-from sysid.logs.table.rows import LARGEST, LARGEST_STAMP
+from sysid.logs.table.rows import LARGEST
 from sysid.roll import Array, Roll
 
-MIN_MOTION_SHARE, MIN_CORRELATION = 0.2, 0.5
-"""A column that turns less than this share of another, with less than this correlation, is not the deck's."""
+MIN_MOTION_SHARE = 0.2
+"""A column that turns less than this share of another is not the deck's [1]."""
 DUPLICATE_CORRELATION = 0.9
-"""Correlation [1] from which two columns whose sizes agree as well are one motion written twice."""
+"""Correlation [1] from which two columns are one motion: on both sides of a gear, or written twice."""
 AVERAGED_ROWS = (1, 4, 16)
 """Rows that are averaged before two rates are compared: the slope of an angle is mostly noise from row to row."""
 LENGTHS = {"angle": {unit: LENGTH_UNITS[unit] for unit in ("m", "cm", "mm")}, "rate": SPEED_UNITS}
 """Units of a slide, whose position in m is what an angle in rad is of a hinge. A length is taken where the user names it, or where the
 log holds no angle: other columns of a log are lengths too."""
-_ACCELERATION_ALONE = ". An accelerometer alone tells no roll: it feels how the deck swings as well as how it is tilted. Record the gyro beside it."
 _UNITS = {"angle": ("an angle", "rad", ANGLE_UNITS), "rate": ("a rotation rate", "rad/s", RATE_UNITS)}
 
 
@@ -107,6 +106,19 @@ class Source:
     """One column that the user names, beside the others and with a sign; None where one is not enough."""
 
 
+def known_scale(choice: Choice, quantity: Literal["angle", "rate"]) -> tuple[float, Remarks] | None:
+    """Return SI units per unit of a column, and how that is known; None where neither its name nor the user says it."""
+    name, (_, si, table) = choice.columns[0], _UNITS[quantity]
+    if choice.unit in LENGTHS[quantity]:
+        what = "position" if quantity == "angle" else "speed"
+        return LENGTHS[quantity][choice.unit], note(
+            "unit", f"'{name}' is the {what} of a slide in {choice.unit}"
+        )
+    if choice.scale is not None:
+        return choice.scale, note("unit", f"one count is {choice.scale:g} {si}, as --unit says")
+    return None if choice.unit is None else (table[choice.unit], Remarks())
+
+
 @cache
 def sources() -> Mapping[str, Source]:
     """Return every kind of sensor by name, in their order."""
@@ -146,11 +158,10 @@ def choose_source(
         return source, choice if only.kind in ("length", "speed") else choice.with_remarks(warning(doubt))
     if not found:
         what = "roll, angle or rotation rate" if options.source == "auto" else options.source
-        accelerated = triple(columns, "accel", "xyz") and not any(column.kind == "rate" for column in columns)
         raise SysidError(
             f"{log.path}: no column of {what} among {', '.join(map(repr, log.names[:30]))}"
             + (f" about axis '{options.axis}'" if options.axis else "")
-            + (_ACCELERATION_ALONE if accelerated else ". Name one with --column, and its unit with --unit.")
+            + ". Name one with --column, and its unit with --unit."
         )
     doubt = min(choice.doubt for _, choice in found)
     source, choice = _that_moves(log, [pair for pair in found if pair[1].doubt == doubt], time, options)
@@ -185,60 +196,60 @@ def _only_motion(log: LogFile, columns: Sequence[Column], options: LogOptions) -
 def _that_moves(
     log: LogFile, found: Sequence[tuple[Source, Choice]], time: Column | None, options: LogOptions
 ) -> tuple[Source, Choice]:
-    """Return the first of some, or the one that moves where the first hardly does and has nothing in common with it."""
+    """Return the first of some, or another motion that turns more, where it is as good by its name or the first hardly moves."""
     rivals = [pair for pair in found if pair[0].turning is not None]
-    if found[0] not in rivals or len(rivals) < 2:
+    rates = _rates(log, rivals, time, options) if found[0] in rivals and len(rivals) > 1 else []
+    if not rates:
         return found[0]
+    smooth = [[np.convolve(rate, np.ones(rows) / rows, "valid") for rate in rates] for rows in AVERAGED_ROWS]
+    sizes = np.array([[max(float(np.std(rate)), 1e-300) for rate in some] for some in smooth])
+    times = np.median(sizes / sizes[:, :1], axis=0)
+    alike = np.array([max(_likeness(some[0], some[k]) for some in smooth) for k in range(len(rivals))])
+    named = [choice.columns[0] for _, choice in rivals]
+    equal = np.array([name in found[0][1].rivals for name in named])
+    other = alike <= DUPLICATE_CORRELATION
+    if np.any(other & (times * MIN_MOTION_SHARE > 1)):
+        best = int(np.argmax(other * times))
+        taken = ", ".join(map(repr, rivals[best][1].columns))
+        why = f"'{named[0]}' hardly moves while {taken} does: roll is made from the motion. --column '{named[0]}' takes the other"
+    elif np.any(other & equal & (times > 1)):
+        best = int(np.argmax(other * equal * times))
+        why = f"roll is made from '{named[best]}', which turns {times[best]:.2g} times as much as '{named[0]}': --column '{named[0]}' takes that"
+    else:
+        # One motion written twice, in one unit or in two, is no rival; one on the other side of a gear is.
+        degree = ANGLE_UNITS["deg"]
+        as_far = np.min([np.abs(times * unit - 1) for unit in (1.0, degree, 1 / degree)], axis=0)
+        copy = ~other & (as_far < 1 - DUPLICATE_CORRELATION)
+        rival = equal & ~copy & (times > MIN_MOTION_SHARE)
+        if not rival.any():
+            return found[0]
+        k, best = int(np.argmax(rival * times)), 0
+        why = (
+            f"roll is made from '{named[0]}', but '{named[k]}' is as good by its name and turns {times[k]:.2g} times as much: "
+            f"--column '{named[k]}' takes that"
+        )
+    source, choice = rivals[best]
+    return source, choice.with_remarks(warning(why))
+
+
+def _rates(
+    log: LogFile, rivals: Sequence[tuple[Source, Choice]], time: Column | None, options: LogOptions
+) -> list[Array]:
+    """Return how fast each rival turns [rad/s], shape (n,); nothing where they share too few rows."""
     names = dict.fromkeys(name for _, choice in rivals for name in choice.columns)
     data = log.read([*names, *([time.name] if time else [])])
-    stamps = data.pop(time.name) if time else np.zeros(0)
-    limits = [np.abs(column) < LARGEST for column in data.values()]
-    sound = np.logical_and.reduce([*limits, *([np.abs(stamps) < LARGEST_STAMP] if time else [])])
+    sound = np.logical_and.reduce([np.abs(column) < LARGEST for column in data.values()])
     if np.count_nonzero(sound) < MIN_SAMPLES:
-        return found[0]
+        return []
     period = 1 / (options.rate or 1.0)
     if time is not None:
-        scale, _ = time_scale(stamps[sound], time.unit)
-        period = max(typical_step(stamps[sound]) * scale, 1e-9)
-    turning: list[Array] = []
-    for source, choice in rivals:
-        assert source.turning is not None
-        turning.append(source.turning(choice, [data[name][sound] for name in choice.columns], period))
-    smooth = [
-        [np.convolve(rate, np.ones(rows) / rows, "valid") for rate in turning] for rows in AVERAGED_ROWS
+        stamps = data[time.name][sound]
+        period = max(typical_step(stamps) * time_scale(stamps, time.unit)[0], 1e-9)
+    return [
+        source.turning(choice, [data[name][sound] for name in choice.columns], period)
+        for source, choice in rivals
+        if source.turning is not None
     ]
-    sizes = np.array([[float(np.std(rate)) for rate in rates] for rates in smooth])
-    best = int(np.argmax(np.median(sizes, axis=0)))
-    source, choice = rivals[best]
-    named, taken = found[0][1].columns[0], ", ".join(map(repr, choice.columns))
-    alike = [max(_likeness(rates[0], rates[k]) for rates in smooth) for k in range(len(rivals))]
-    if np.any(sizes[:, 0] < MIN_MOTION_SHARE * sizes[:, best]) and alike[best] <= MIN_CORRELATION:
-        why = f"'{named}' hardly moves while {taken} does: roll is made from the motion"
-        return source, choice.with_remarks(warning(f"{why}. --column '{named}' takes the other"))
-    equals = [k for k in range(1, len(rivals)) if rivals[k][1].columns[0] in found[0][1].rivals]
-    times = np.median(sizes / sizes[:, :1], axis=0)
-    equals = [
-        k for k in equals if times[k] > MIN_MOTION_SHARE and not _same_motion(float(times[k]), alike[k])
-    ]
-    if not equals:
-        return found[0]
-    liveliest = max(equals, key=lambda k: times[k])
-    rival = rivals[liveliest][1].columns[0]
-    if (
-        times[liveliest] > 1.0 and alike[liveliest] <= DUPLICATE_CORRELATION
-    ):  # else it may be a gear's other side
-        why = f"roll is made from '{rival}', which turns {times[liveliest]:.2g} times as much as '{named}'"
-        source, choice = rivals[liveliest]
-        return source, choice.with_remarks(warning(f"{why}: --column '{named}' takes that"))
-    why = f"roll is made from '{named}', but '{rival}' is as good by its name and turns {times[liveliest]:.2g} times as much"
-    return found[0][0], found[0][1].with_remarks(warning(f"{why}: --column '{rival}' takes that"))
-
-
-def _same_motion(times: float, alike: float) -> bool:
-    """Return whether two angles are one motion written twice, in one unit or in two: the one turns so many times as much."""
-    degree = ANGLE_UNITS["deg"]
-    as_far = [abs(times * unit - 1) < 1 - DUPLICATE_CORRELATION for unit in (1.0, degree, 1 / degree)]
-    return any(as_far) and alike > DUPLICATE_CORRELATION
 
 
 def _likeness(one: Array, other: Array) -> float:

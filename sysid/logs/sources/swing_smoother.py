@@ -25,29 +25,29 @@ from sysid.roll import Array
 PER_SWING = 20
 """Blocks in a period: their mean takes (π/20)²/6 = 0.4 % of a swing's amplitude, from gyro and accelerometer alike."""
 ROUNDS = 8
-"""Steps of Gauss and Newton; the fourth moves the angle by less than rounding."""
+"""Steps of a search that begins nearby; of Gauss and Newton, the fourth moves the angle by less than rounding."""
 GAIN_STD = 0.02
 """Typical gain error of a MEMS gyro, as a share: 1 to 3 % in data sheets."""
-MOST_FILLED = 1000
-"""Nodes of the line across a gap: bounds the memory."""
-LONGEST_ARM = 5.0
-"""Standard deviation of a lever arm before it is known [m]."""
+NODES = 6
+"""Edges that give a block its means: the mean of a second derivative, to fourth order."""
+ARM_STD = 0.5
+"""Standard deviation of a lever arm on a board, before it is known [m]."""
 
 
-def _cell_mean(nodes: int, derivative: int) -> Array:
-    """Return the weights of some nodes, shape (nodes,), that give the mean of a derivative between the middle two, in steps of the nodes.
+def _cell_mean(derivative: int) -> Array:
+    """Return the weights of six nodes, shape (6,), that give the mean of a derivative between the middle two, in steps of the nodes.
 
     They are exact for polynomials through the nodes: the mean of a derivative is the difference of the one below at the ends.
     """
-    at = np.arange(nodes) - (nodes - 1) / 2
-    powers = [np.polynomial.Polynomial.basis(power) for power in range(nodes)]
+    at = np.arange(NODES) - (NODES - 1) / 2
+    powers = [np.polynomial.Polynomial.basis(power) for power in range(NODES)]
     lower = [one.deriv(derivative - 1) if derivative else one.integ() for one in powers]
     means = np.array([one(0.5) - one(-0.5) for one in lower], dtype=np.float64)
     return np.asarray(np.linalg.solve(np.vander(at, increasing=True).T, means), dtype=np.float64)
 
 
-EDGES, _SLOPE, _BEND = _cell_mean(4, 0), _cell_mean(2, 1), _cell_mean(6, 2)
-"""Mean of a cubic, of its slope by the ends, and of its second derivative by six nodes."""
+EDGES, _SLOPE, _BEND = (_cell_mean(derivative) for derivative in range(3))
+"""Mean of a value, of its slope and of its second derivative."""
 _ROUGH = np.diff(np.eye(5), 4, axis=0)
 """Fourth difference, in steps of the nodes."""
 
@@ -97,7 +97,6 @@ def smooth_swing(
     arm: complex | None = None,
     first: complex = 0j,
     gain_std: float = GAIN_STD,
-    arm_std: float = LONGEST_ARM,
     stiff: float = 0.0,
 ) -> Swing:
     """Find angle, offset, gain, gravity and lever arm.
@@ -108,64 +107,33 @@ def smooth_swing(
         arm: The lever arm [m], where it is known.
         first: First guess of the lever arm [m].
         gain_std: Of the gyro's gain error [1].
-        arm_std: Of the lever arm, before it is known [m].
         stiff: Standard deviation of the fourth difference of the angle [rad]; 0 for none, which needs a gyro.
     """
     from scipy import sparse
     from scipy.sparse.linalg import splu
 
-    n, step = len(blocks.accel), float(np.median(np.diff(blocks.edges)))
-    mean, slope, bend = (
-        _stencil(weights, n, n + 1) / step**order for order, weights in enumerate((EDGES, _SLOPE, _BEND))
-    )
-    weight = 1 / blocks.accel_std
-    weight[:2] = weight[-2:] = 0.0  # stencils reach beyond the ends there
-    has_gyro = blocks.rate is not None
-    rates = blocks.rate if blocks.rate is not None else np.zeros(n)
+    n, has_gyro = len(blocks.accel), blocks.rate is not None
     phi, rho = start.copy(), first if arm is None else arm
     const = np.array([0.0, 0.0, ACCEL_UNITS["g"], rho.real, rho.imag])
-    prior = np.array([np.inf, gain_std, np.inf, arm_std, arm_std])
+    prior = np.array([np.inf, gain_std, np.inf, ARM_STD, ARM_STD])
     free = np.array([has_gyro, has_gyro, True, arm is None, arm is None])
     cost, now, left, inverse = np.inf, np.inf, np.zeros(n, complex), np.eye(5)
+    parts = _linear_parts(blocks)
+    rough = _stencil(_ROUGH, n - 3, n + 1) / stiff if stiff > 0 else sparse.csr_matrix((0, n + 1))
     for _ in range(ROUNDS):
-        offset, gain, gravity = const[:3]
-        rho = complex(const[3], const[4])
-        middle, rate, turn = mean @ phi, slope @ phi, bend @ phi
-        # Means over a block: of e^(iφ) at a constant rate, and of φ̇² at a constant acceleration.
-        turned = np.exp(1j * middle) * np.sinc(rate * step / (2 * np.pi))
-        lever = -(1j * turn + rate**2 + (turn * step) ** 2 / 12)
-        left = blocks.accel - gravity * turned - lever * rho
-        by_angle = (
-            sparse.diags(1j * gravity * turned) @ mean
-            - 1j * rho * bend
-            - 2 * rho * sparse.diags(rate) @ slope
-        )
-        by_const: npt.NDArray[np.complex128] = np.stack(
-            (0 * turned, 0 * turned, turned, lever, 1j * lever), axis=1
-        )
-        weigh = sparse.diags(weight)
-        parts = [weigh @ by_angle.real, weigh @ by_angle.imag]
-        consts = [by_const.real * weight[:, None], by_const.imag * weight[:, None]]
-        residuals = [left.real * weight, left.imag * weight]
-        if has_gyro:
-            parts.append(slope / blocks.rate_std)
-            consts.append(
-                np.stack((np.ones(n), -rates, 0 * rates, 0 * rates, 0 * rates), axis=1) / blocks.rate_std
-            )
-            residuals.append(((1 + gain) * rates - offset - rate) / blocks.rate_std)
-        if stiff > 0:
-            parts.append(_stencil(_ROUGH, n - 3, n + 1) / stiff)
-            consts.append(np.zeros((n - 3, 5)))
-            residuals.append(-(parts[-1] @ phi))
-        angles, constants = sparse.vstack(parts).tocsc(), np.vstack(consts) * free
-        residual = np.concatenate(residuals)
+        left, by_angle, by_const = _accelerations(blocks, parts, phi, const)
+        rates, gyro, by_gyro = _rates(blocks, parts, phi, const)
+        angles = sparse.vstack([by_angle.real, by_angle.imag, gyro, rough]).tocsc()
+        smooth = np.zeros((rough.shape[0], 5))
+        constants = np.vstack([by_const.real, by_const.imag, by_gyro, smooth]) * free
+        weighted = left * parts.weight
+        residual = np.concatenate([weighted.real, weighted.imag, rates, -(rough @ phi)])
         known = const * free / prior**2
         now = 0.5 * float(residual @ residual + const @ known)
         curvature = (angles.T @ angles).tocsc()
         # A sensor that says nothing of some angle leaves it where it is.
-        solve = splu(
-            curvature + 1e-12 * float(curvature.diagonal().max()) * sparse.identity(n + 1, format="csc")
-        ).solve
+        least = 1e-12 * float(curvature.diagonal().max())
+        solve = splu(curvature + least * sparse.identity(n + 1, format="csc")).solve
         mixed = np.asarray(angles.T @ constants)
         reduced = solve(mixed)
         inverse = np.linalg.inv(
@@ -179,6 +147,58 @@ def smooth_swing(
         cost = now
     std = np.sqrt(np.clip(np.diagonal(inverse), 0.0, None)) * free
     return Swing(phi, const[0], 1 + const[1], const[2], complex(const[3], const[4]), std, left, now)
+
+
+@dataclass(frozen=True, slots=True)
+class _Parts:
+    """What stays the same from step to step: means over a block by the angles at its edges, and the weights."""
+
+    mean: Any
+    slope: Any
+    bend: Any
+    step: float
+    weight: Array
+
+
+def _linear_parts(blocks: Blocks) -> _Parts:
+    n, step = len(blocks.accel), float(np.median(np.diff(blocks.edges)))
+    mean, slope, bend = (
+        _stencil(weights, n, n + 1) / step**order for order, weights in enumerate((EDGES, _SLOPE, _BEND))
+    )
+    weight = 1 / blocks.accel_std
+    weight[:2] = weight[-2:] = 0.0  # stencils reach beyond the ends there
+    return _Parts(mean, slope, bend, step, weight)
+
+
+def _accelerations(
+    blocks: Blocks, parts: _Parts, phi: Array, const: Array
+) -> tuple[npt.NDArray[np.complex128], Any, npt.NDArray[np.complex128]]:
+    """Return the residual accelerations [m/s²], and their weighted derivatives by angles and constants."""
+    from scipy import sparse
+
+    gravity, rho = const[2], complex(const[3], const[4])
+    middle, rate, turn = parts.mean @ phi, parts.slope @ phi, parts.bend @ phi
+    # Means over a block: of e^(iφ) at a constant rate, and of φ̇² at a constant acceleration.
+    turned = np.exp(1j * middle) * np.sinc(rate * parts.step / (2 * np.pi))
+    lever = -(1j * turn + rate**2 + (turn * parts.step) ** 2 / 12)
+    left = blocks.accel - gravity * turned - lever * rho
+    by_angle = sparse.diags(parts.weight) @ (
+        sparse.diags(1j * gravity * turned) @ parts.mean
+        - 1j * rho * parts.bend
+        - 2 * rho * sparse.diags(rate) @ parts.slope
+    )
+    by_const = np.stack((0 * turned, 0 * turned, turned, lever, 1j * lever), axis=1)
+    return left, by_angle, by_const * parts.weight[:, None]
+
+
+def _rates(blocks: Blocks, parts: _Parts, phi: Array, const: Array) -> tuple[Array, Any, Array]:
+    """Return the gyro's weighted residuals and their derivatives; no rows without a gyro."""
+    if blocks.rate is None:
+        return np.zeros(0), parts.slope[:0], np.zeros((0, 5))
+    rates = blocks.rate
+    residual = ((1 + const[1]) * rates - const[0] - parts.slope @ phi) / blocks.rate_std
+    by_const = np.stack((np.ones_like(rates), -rates, 0 * rates, 0 * rates, 0 * rates), axis=1)
+    return residual, parts.slope / blocks.rate_std, by_const / blocks.rate_std
 
 
 def _stencil(weights: Array, rows: int, nodes: int) -> Any:
@@ -201,9 +221,8 @@ def integral_of(time: Array, values: Array) -> Callable[[Array], Array]:
     steps = np.diff(time)
     usual = float(np.median(steps))
     gaps = np.flatnonzero(steps > GAP * usual)
-    fill = [
-        np.linspace(time[k], time[k + 1], 2 + min(int(steps[k] / usual), MOST_FILLED))[1:-1] for k in gaps
-    ]
+    most = time.size // max(gaps.size, 1)  # as many nodes in gaps as there are samples, at most
+    fill = [np.linspace(time[k], time[k + 1], 2 + min(int(steps[k] / usual), most))[1:-1] for k in gaps]
     fine = np.sort(np.concatenate([time, *fill]))
     return CubicSpline(fine, np.interp(fine, time, values)).antiderivative()
 

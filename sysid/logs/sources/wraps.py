@@ -17,8 +17,6 @@ MAX_ROWS = 6
 SUDDEN = 0.2
 """Beside such a jump, the steps are below this share of those in it. A hardly sampled swing through most of a turn
 has larger ones: a half cycle of six rows begins with a fourth of its mean step."""
-PER_ROW, MAX_REST = 0.005, 0.03
-"""Shares of a turn: one more row in a jump must explain the first; noise and motion may leave the second."""
 
 
 def find_wraps(angle: Array, turn: float) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
@@ -28,46 +26,28 @@ def find_wraps(angle: Array, turn: float) -> tuple[npt.NDArray[np.intp], npt.NDA
         angle: Shape (n,), in any unit.
         turn: A whole turn in its unit.
     """
-    steps = np.diff(angle)
-    if not np.ptp(angle) > NEARLY * turn:
-        return np.zeros(0, np.intp), np.zeros(0, np.intp)
-    outside = np.concatenate(([0.0], steps, [0.0]))  # before each row
-    candidates = [(turn, int(row), 1) for row in np.flatnonzero(np.abs(steps) > NEARLY * turn)]
-    for rows in range(1, MAX_ROWS + 1):
-        jump = angle[rows:] - angle[:-rows]
-        (start,) = np.nonzero(np.abs(np.abs(jump) - turn) < (1 - NEARLY) * turn)
-        before, after = outside[start], outside[start + rows + 1]
-        motion = jump[start] - np.copysign(turn, jump[start])
-        # The rest of the jump is motion, as fast as beside it; the next jump may follow on one side.
-        quiet = np.where(np.abs(before) < np.abs(after), before, after)
-        both = np.maximum(np.abs(before), np.abs(after)) < SUDDEN * turn / rows
-        beside = np.where(both, (before + after) / 2, quiet)
-        cost = np.abs(motion - rows * beside) + PER_ROW * turn * (rows + MAX_ROWS * ~both)
-        sudden = (np.abs(quiet) < SUDDEN * turn / rows) & (both | (rows <= MAX_ROWS // 2))
-        inside = np.array([np.ptp(np.sign(steps[row : row + rows])) == 0 for row in start], dtype=bool)
-        plausible = sudden & inside & (np.abs(motion - rows * beside) < rows * MAX_REST * turn)
-        candidates += zip(
-            cost[plausible].tolist(), start[plausible].tolist(), [rows] * int(plausible.sum()), strict=True
-        )
-    taken = np.zeros(steps.size, dtype=np.bool_)
+    steps = np.concatenate(([0.0], np.diff(angle), [0.0]))  # before each row, and behind the last
+    side = np.where(np.abs(steps) > turn / (4 * MAX_ROWS), np.sign(steps), 0.0)
+    edges = np.flatnonzero(np.diff(side))
     found: list[tuple[int, int]] = []
-    for _, row, rows in sorted(candidates):
-        if not taken[row : row + rows].any():
-            taken[row : row + rows] = True
-            found.append((row, row + rows))
-    pairs = np.array(sorted(found), dtype=np.intp).reshape(-1, 2)
+    for first, last in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        rows, jump = last - first, abs(float(angle[last] - angle[first]))
+        beside = abs(steps[first]), abs(steps[last + 1])  # another jump may be on one side of a short one
+        quiet = max(beside) if 2 * rows > MAX_ROWS else min(beside)
+        whole = side[last] and abs(jump / turn - 1) < 1 - NEARLY
+        if whole and (rows == 1 or (rows <= MAX_ROWS and quiet < SUDDEN * jump / rows)):
+            found.append((first, last))
+    pairs = np.array(found, dtype=np.intp).reshape(-1, 2)
     return pairs[:, 0], pairs[:, 1]
 
 
 def unit_by_wraps(angle: Array) -> str | None:
     """Return the unit in which an angle without one, shape (n,), jumps by a whole turn and stays within one; None if it does not."""
     for unit, turn in TURNS.items():
-        if not NEARLY * turn < np.ptp(angle) < 1.02 * turn:
-            continue
-        before, after = find_wraps(angle, turn)
-        jumps = np.abs(angle[after] - angle[before])
-        if jumps.size and np.median(jumps) > 0.9 * turn:
-            return unit
+        if NEARLY * turn < np.ptp(angle) < 1.02 * turn:
+            before, after = find_wraps(angle, turn)
+            if before.size and np.median(np.abs(angle[after] - angle[before])) > 0.9 * turn:
+                return unit
     return None
 
 
@@ -75,9 +55,8 @@ def without_wraps(angle: Array, turn: float) -> tuple[Array, npt.NDArray[np.intp
     """Return an angle in the unit of the turn, shape (n,), without jumps by a turn. Return also the rows outside jumps (None for all), and the number of jumps."""
     before, after = find_wraps(angle, turn)
     turns = np.zeros(angle.size)
-    turns[after] = -np.sign(angle[after] - angle[before]) * np.maximum(
-        1, np.round(np.abs(angle[after] - angle[before]) / turn)
-    )
-    inside = [row for start, stop in zip(before, after, strict=True) for row in range(start + 1, stop)]
+    turns[after] = -np.sign(angle[after] - angle[before])
+    # Resampling spreads a jump over several rows; it may begin and end within a step.
+    inside = [r for a, b in zip(before, after, strict=True) if b > a + 1 for r in range(a, b + 1)]
     kept = np.delete(np.arange(angle.size), inside) if inside else None
     return angle + np.cumsum(turns) * turn, kept, before.size

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from sysid.errors import SysidError, did_you_mean
+from sysid.logs.table.clock import rises
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import Column, Kind, parse_column
 from sysid.logs.table.options import LogOptions
 from sysid.logs.table.remarks import Remarks, note
-from sysid.roll import Array
 
 AXIS_NAMES = {"roll": "x", "pitch": "y", "yaw": "z", "x": "x", "y": "y", "z": "z"}
 
@@ -65,15 +65,10 @@ def columns_of(log: LogFile, options: LogOptions) -> tuple[Column | None, list[C
         len(named) < len(columns) and all(column.kind == "time" for column in named)
     )
     if silent:
-        from sysid.logs.table.content import find_time_by_content, name_columns_by_content
+        from sysid.logs.table.content import told_by_content
 
-        tell = name_columns_by_content if options.column is None else find_time_by_content
-        columns = tell(log, columns)
+        columns = told_by_content(log, columns, clock_alone=options.column is not None)
     time = time_column(log, columns, options)
-    others = sum(column.kind == "time" for column in columns) - 1
-    while time and others > 0 and options.time_column is None and not _runs(log.read([time.name])[time.name]):
-        columns = [column for column in columns if column is not time]  # a receiver without a satellite
-        time, others = time_column(log, columns, options), others - 1
     others = [column for column in columns if time is None or column.name != time.name]
     return time, _joints_that_are_numbered(log, others)
 
@@ -89,12 +84,6 @@ def _joints_that_are_numbered(log: LogFile, columns: Sequence[Column]) -> list[C
     if not norm.size or np.mean(np.abs(norm - np.median(norm)) < 0.02 * np.median(norm)) > 0.9:
         return list(columns)
     return [replace(column, kind="angle", axis="") if column in four else column for column in columns]
-
-
-def _runs(stamps: Array) -> bool:
-    """Return whether a column, shape (n,), holds times at all, and more than one."""
-    known = stamps[np.isfinite(stamps)]
-    return known.size > 1 and known.min() < known.max()
 
 
 def find_column(log: LogFile, wanted: str, columns: Sequence[Column], option: str) -> Column:
@@ -157,7 +146,9 @@ def time_column(log: LogFile, columns: Sequence[Column], options: LogOptions) ->
             f"{log.path}: no column of time among {', '.join(map(repr, log.names[:30]))}{counts}. "
             "Name it with --time-column, or give the sampling rate with --rate."
         )
-    return times[0]
+    # One that stands still, or swings, is no clock: a receiver without a satellite, q_s beside q.
+    rising = (c for c in times if len(times) == 1 or rises(log.read([c.name])[c.name]))
+    return next(rising, times[0])
 
 
 def std_of(column: Column, columns: Sequence[Column]) -> str | None:

@@ -8,7 +8,9 @@ import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.logs.table.names import TIME_UNITS
-from sysid.noise.sensor import quantisation_step
+from sysid.logs.table.noise import divided_differences
+from sysid.noise.sensor import DIFFERENCE, quantisation_step
+from sysid.quantity import Z95
 from sysid.roll import Array, shown
 from sysid.text import count
 
@@ -19,13 +21,9 @@ GAP = 4.5
 happens once in 160 000."""
 COUNTERS = tuple(float(np.iinfo(kind).max) + 1.0 for kind in (np.uint32, np.uint16))
 """Counts after which a counter of time begins again at zero [1]."""
-WALL = {
-    "the time of day passed midnight": timedelta(days=1).total_seconds(),
-    "the clock was set back by an hour": timedelta(hours=1).total_seconds(),
-}
+DAY, HOUR = timedelta(days=1).total_seconds(), timedelta(hours=1).total_seconds()
+WALL = {"the time of day passed midnight": DAY, "the clock was set back by an hour": HOUR}
 """Steps back of a clock on the wall [s]."""
-OWN_TIMES = 1e5
-"""Later times count from the first sample: they have too many digits to be typed [s]."""
 WINDOW = 64
 """Rows over which the step of the stamps is averaged: longer than most bursts."""
 
@@ -77,6 +75,13 @@ def time_scale(stamps: Array, unit: str | None) -> tuple[float, str]:
     return TIME_UNITS[unit], f"in {unit}, by the step of {step:.4g}"
 
 
+def rises(stamps: Array) -> bool:
+    """Return whether a column of stamps, shape (n,), goes one way as a clock does; a swing goes both ways alike."""
+    steps = np.diff(stamps[np.isfinite(stamps)])
+    up, down = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
+    return 2 * min(up, down) < max(up, down)
+
+
 def typical_step(stamps: Array) -> float:
     """Return the step of most stamps in their unit, shape (n,): neither a pause nor stamps that come in bursts move it."""
     width = max(1, min(WINDOW, stamps.size // 8))
@@ -114,9 +119,14 @@ def repair_clock(
     if np.mean(np.diff(stamps) < 0) > 0.5:
         clock.select(np.arange(stamps.size)[::-1])
         clock.notes.append("time: newest row first, turned round")
+    steps = np.abs(np.diff(clock.time))
+    lost = [row for row, step in ((0, steps[0]), (steps.size, steps[-1])) if 2 * step > steps.sum()]
+    if lost and stamps.size > 2:
+        clock.select(np.delete(np.arange(stamps.size), lost))
+        clock.warnings.append("the first or last row lies further off in time than the log is long: left out")
     first = float(clock.time[0])
     begin = first * scale
-    own = abs(begin) < OWN_TIMES
+    own = abs(begin) < DAY  # later times have too many digits to be typed
     clock.time = (clock.time - first) * scale
     since = "" if begin == 0 else f", from {begin:.4g} s on" if own else ", counted from the first sample"
     clock.notes.append(f"time: '{name}' {why}{since}")
@@ -256,28 +266,25 @@ def _even_out(clock: Clock, signal: Array) -> None:
     evenly. For other stamps the signal decides: time errors make errors that grow with its slope.
     """
     steps = np.diff(clock.time)
-    resolution = quantisation_step(np.diff(steps[: 100 * WINDOW]))
     usual, forced = float(np.median(steps)), bool(steps.min() <= 0)
     even = _even_times(clock.time)
-    if even is not None and np.abs(clock.time - even).max() < 1e-3 * usual:
-        return
-    mean = float(np.sort(steps)[: steps.size - max(3, steps.size // 400)].mean())  # a few gaps aside
-    bursts = bool(np.mean(steps < 0.25 * mean) > 0.2)
     if even is not None:
         off = clock.time - even
+        bursts = bool(np.mean(steps < 0.25 * (even[-1] - even[0]) / steps.size) > 0.2)
+        if np.abs(off).max() < 1e-3 * usual:
+            return
+        resolution = quantisation_step(np.diff(steps[: 100 * WINDOW]))
         rounded = not bursts and resolution > 0 and np.ptp(off) < 1.1 * resolution
-        if rounded or bursts or _late(clock.time if not forced else _spread(clock.time), even, signal):
+        if rounded or bursts or _late(_spread(clock.time) if forced else clock.time, even, signal):
             late = float(np.percentile(np.abs(off - np.median(off)), 95))
             clock.time = even - even[0]
+            how = f"even clock of {1 / usual_step(even):.4g} Hz"
             if rounded:
-                text = (
-                    f"time: stamps rounded to {resolution:.3g} s; even clock of {1 / usual_step(even):.4g} Hz"
-                )
-                clock.notes.append(text)
+                clock.notes.append(f"time: stamps rounded to {resolution:.3g} s; {how}")
             else:
                 clock.warnings.append(
                     f"time stamps {'come in bursts' if bursts else 'jitter'} (up to {late * 1e3:.3g} ms off): "
-                    f"replaced by the sensor's even clock of {1 / usual_step(even):.4g} Hz"
+                    f"replaced by the sensor's {how}"
                 )
             return
     if forced:
@@ -289,88 +296,37 @@ def _even_out(clock: Clock, signal: Array) -> None:
 
 
 def _even_times(time: Array) -> Array | None:
-    """Fit an even clock to stamps that may be late, with whole samples missing here and there; None where none fits.
+    """Fit an even clock to stamps that may be late; None where none fits.
 
-    Steps of whole samples add up to the index. Otherwise stamps are late, never early by much. So the lowest of
-    (stamp − index · period) in a window longer than a burst is the offset. Samples are missing where it steps up and
-    stays up.
+    Steps of whole samples add up to the index. Other stamps are late, never early by much, and each row is a sample:
+    the lowest of (stamp − index · period) over a window longer than a burst stays where it is then.
     """
-    size = time.size
     steps = np.diff(time)
-    period = float(np.median(steps))
-    if period > 0:
-        whole = np.round(steps / period)
-        index = np.append(0.0, np.cumsum(whole))
-        if whole.min() > 0 and whole.sum() < 2 * size:
-            period, start = np.polyfit(index, time, 1)
-            even = start + period * index
-            # A sum of steps that were rounded wrongly drifts off; stamps that are late do not.
-            return even if np.abs(time - even).max() < period else None
-    large = np.flatnonzero(steps > 0.3 * np.percentile(steps[steps > 0], 99))
-    burst = int(np.percentile(np.diff(large), 95)) if large.size > 2 else 1
-    window = min(max(16, 8 * burst), size // 8)
-    if window < max(4, 2 * burst):
-        return None
-    period = float(np.median((time[window:] - time[:-window]) / window))
-    if period <= 0:
-        return None
-    from scipy.ndimage import minimum_filter1d  # slow to load, and seldom needed
+    usual = float(np.median(steps))
+    whole = np.round(steps / usual) if usual > 0 else np.zeros(steps.size)
+    counted = whole.min() > 0 and whole.sum() < 2 * time.size
+    index = np.append(0.0, np.cumsum(whole)) if counted else np.arange(time.size, dtype=np.float64)
+    period, start = (float(value) for value in np.polyfit(index, time, 1))
+    off = time - (start + period * index)
+    if not counted:
+        from scipy.ndimage import minimum_filter1d  # slow to load, and seldom needed
 
-    rows = np.arange(size)
-    index = rows.astype(np.float64)
-    start = 0.0
-    for _ in range(2):
-        lowest = minimum_filter1d(time - period * rows, window, mode="nearest")
-        before = lowest[np.maximum(rows - window // 2, 0)]  # over the window that ends just before the row
-        after = lowest[np.minimum(rows + window // 2, size - 1)]  # over the window that starts at it
-        jump = after - before
-        jump[:window] = 0.0
-        at = np.flatnonzero(jump > max(0.7 * period, 8 * float(np.median(np.abs(jump)))))
-        groups = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1) if at.size else []
-        if len(groups) > max(3, size // 200):
-            return None
-        index = rows.astype(np.float64)
-        for group in groups:
-            place = int(group[np.argmax(jump[group] + 1e-9 * np.diff(time, prepend=time[0])[group])])
-            index[place:] += max(1.0, np.round(jump[place] / period))
-        period, start = (float(value) for value in np.polyfit(index, time, 1))
-    even = start + period * index
-    # Late stamps come back to the even clock within each window; those of samples lost one by one wander off.
-    lowest = minimum_filter1d(time - even, window)[window // 2 : -(window // 2)]
-    wander = np.ptp(np.percentile(lowest, (5, 95)))
-    return even if period > 0 and np.diff(even).min() > 0 and wander < period else None
+        width = min(WINDOW, time.size // 8)
+        off = minimum_filter1d(off, width)[width // 2 : -(width // 2)] if width > 1 else off
+        off = np.percentile(off, (5, 95)) - np.median(off)
+    return start + period * index if period > 0 and np.abs(off).max() < period else None
 
 
 def _late(stamps: Array, even: Array, signal: Array) -> bool:
-    """Return whether the samples were taken on the even clock rather than at their stamps.
+    """Return whether the samples were taken on the even clock rather than at their stamps: on it, the signal is smoother.
 
-    A sample taken at its stamp lies off the smooth course on the even clock by slope · (stamp − even). The regression of
-    the one on the other is 1 then, and 0 on the even clock. The course is a cubic through as many samples as the noise
-    hides nothing of; stamps stay where the regression is too uncertain to matter.
+    Time errors are noise of the signal's slope. In doubt the stamps are right. One in six of the differences is independent.
     """
-    from scipy.signal import savgol_filter
-
-    off = stamps - even
-    noise, width = np.inf, 7
-    residual, slope = signal, np.zeros_like(signal)
-    while width < signal.size:
-        smooth = np.asarray(savgol_filter(signal, width, 3), np.float64)
-        # White noise leaves 1 - h of its variance, h the filter's weight of the sample itself.
-        own = savgol_filter(np.eye(1, width, width // 2)[0], width, 3)[width // 2]
-        rest: Array = np.subtract(signal, smooth)
-        left = float(np.median(np.abs(rest)) / np.sqrt(1 - float(own)))
-        if left > 1.2 * noise:
-            break
-        noise, residual = min(left, noise), rest
-        slope = np.asarray(savgol_filter(signal, width, 3, deriv=1, delta=float(np.median(np.diff(even)))))
-        width = 2 * width + 1
-    moved = slope * (off - np.asarray(savgol_filter(off, 7, 3), np.float64))
-    power = float(moved @ moved)
-    if power == 0:
-        return False
-    share = float(moved @ residual) / power
-    std = float(np.std(residual - share * moved)) / np.sqrt(power)
-    return share < 0.5 and std < 0.25
+    rough, smooth = (divided_differences(time, signal) ** 2 for time in (stamps, even))
+    gain = (rough - smooth) / np.maximum(
+        rough + smooth, 1e-300
+    )  # a release or a knock counts as any other row
+    return float(gain.mean()) > Z95 * float(gain.std()) * np.sqrt(DIFFERENCE / gain.size)
 
 
 def _spread(time: Array) -> Array:

@@ -22,3 +22,19 @@ class LogFile:
     """Inferences about the format, as 'table: separated by commas'."""
     read: Callable[[Sequence[str]], dict[str, Array]]
     """Returns whole columns of float64, shape (n,) each, in the log's units; missing values are NaN."""
+
+
+def held(
+    path: Path,
+    columns: Mapping[str, Array],
+    notes: tuple[str, ...] = (),
+    units: Mapping[str, str] | None = None,
+    dates: frozenset[str] = frozenset(),
+) -> LogFile:
+    """Return columns in memory, shape (n,) each in the log's units, as a table."""
+
+    def read(names: Sequence[str]) -> dict[str, Array]:
+        return {name: columns[name].copy() for name in names}
+
+    known = {name: unit for name, unit in (units or {}).items() if name in columns}
+    return LogFile(path=path, names=tuple(columns), units=known, dates=dates, notes=notes, read=read)

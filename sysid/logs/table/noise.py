@@ -2,18 +2,12 @@
 
 import numpy as np
 
-from sysid.noise.sensor import BLOCK, DIFFERENCE, Noise, estimate_noise
+from sysid.noise.sensor import BLOCK, DIFFERENCE, MAX_BLOCKS, Noise, estimate_noise
 from sysid.roll import Array
-
-MAX_ROWS = 20_000
-"""Rows looked at: bounds the memory."""
 
 
 def noise_of(time: Array, signal: Array) -> Noise:
     """Estimate a sensor's noise from the smoothness of its signal; see `sysid.noise.sensor.estimate_noise`.
-
-    On uneven stamps, sixth divided differences of unit norm replace sixth differences. They keep the size of white
-    noise and remove polynomials of fifth degree.
 
     Args:
         time: Strictly increasing [s], shape (n,).
@@ -23,14 +17,24 @@ def noise_of(time: Array, signal: Array) -> Noise:
     low, high = np.percentile(np.diff(time), (10, 90))
     if signal.size < BLOCK or high < 1.1 * low:
         return noise
+    left = divided_differences(time, signal)
+    blocks = left[: left.size // BLOCK * BLOCK].reshape(-1, BLOCK)
+    uneven = float(np.median(np.sqrt(np.mean(blocks**2, axis=1)))) if len(blocks) else float(np.std(left))
+    return Noise(std=max(uneven, noise.step / np.sqrt(12)), step=noise.step)
+
+
+def divided_differences(time: Array, signal: Array) -> Array:
+    """Return sixth divided differences of unit norm, shape (m,): what they leave of white noise is as large as itself.
+
+    They remove polynomials of fifth degree, on uneven stamps too.
+    """
     starts = np.unique(
-        np.linspace(0, signal.size - DIFFERENCE - 1, min(signal.size, MAX_ROWS)).astype(np.intp)
+        np.linspace(0, signal.size - DIFFERENCE - 1, min(signal.size, MAX_BLOCKS * DIFFERENCE)).astype(
+            np.intp
+        )
     )
     rows = starts[:, None] + np.arange(DIFFERENCE + 1)
     nodes = time[rows]
     apart = nodes[:, :, None] - nodes[:, None, :] + np.where(np.eye(DIFFERENCE + 1), 1.0, 0.0)
     weight = 1 / np.prod(apart / np.ptp(nodes, axis=1)[:, None, None], axis=2)
-    left = np.sum(weight * signal[rows], axis=1) / np.linalg.norm(weight, axis=1)
-    blocks = left[: left.size // BLOCK * BLOCK].reshape(-1, BLOCK)
-    uneven = float(np.median(np.sqrt(np.mean(blocks**2, axis=1)))) if len(blocks) else float(np.std(left))
-    return Noise(std=max(uneven, noise.step / np.sqrt(12)), step=noise.step)
+    return np.sum(weight * signal[rows], axis=1) / np.linalg.norm(weight, axis=1)
