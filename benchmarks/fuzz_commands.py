@@ -229,12 +229,8 @@ def run_case(case: Case, limit: float) -> Result:
         seconds=round(seconds, 2), cpu=round(usage.ru_utime + usage.ru_stime, 2), memory_mb=round(usage.ru_maxrss / 1024), said=lines[-1][:200] if lines else "",
         problems=[f"no end within {limit:g} s"] if timed_out else [],
     )  # fmt: skip
-    try:
-        os.killpg(child, signal.SIGKILL)
-        if not timed_out:
-            result.problems.append("left a process")
-    except ProcessLookupError:
-        pass
+    if _lives_on(child) and not timed_out:
+        result.problems.append("left a process")
     if package := _missing(result.said):
         result.skipped, result.problems = f"needs the package {package}", []
     elif not timed_out:
@@ -242,6 +238,21 @@ def run_case(case: Case, limit: float) -> Result:
     if case.truth is not None and result.code == 0:
         result.deviations = _deviations(case, case.truth)
     return result
+
+
+def _lives_on(group: int) -> bool:
+    """Return whether a process of a group is there a second after its first one, and end it.
+
+    Python's tracker of shared resources ends by itself, a moment after the process that it served.
+    """
+    for _ in range(100):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return False
+        time.sleep(0.01)
+    os.killpg(group, signal.SIGKILL)
+    return True
 
 
 def _starved(process: int) -> float:
@@ -258,7 +269,7 @@ def _missing(said: str) -> str:
 
 def _be_the_command(case: Case) -> None:
     """Become the command: its folder, streams, limits and arguments; never returns."""
-    code = 70
+    code, began = 70, False
     try:
         os.setpgid(0, 0)
         os.chdir(case.folder)
@@ -277,12 +288,16 @@ def _be_the_command(case: Case) -> None:
         sys.argv = ["husky-sysid", *case.arguments]
         if case.largest_file is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (case.largest_file, case.largest_file))
+        began = True
         try:
             _open(case.policy) if case.policy else main()
         except SystemExit as end:
             code = end.code if isinstance(end.code, int) else int(end.code is not None)
-    except BaseException:  # noqa: BLE001  the fork must not go on as its parent
-        traceback.print_exc()
+    except BaseException as error:  # noqa: BLE001  the fork must not go on as its parent
+        if began or not isinstance(error, KeyboardInterrupt):
+            traceback.print_exc()
+        else:
+            code = 130  # broken off before the command began
     finally:
         os._exit(code)
 

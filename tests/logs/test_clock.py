@@ -95,6 +95,16 @@ def test_gaps_are_kept_and_said(tmp_path):
     assert [w for w in roll.warnings if "1 gap in" in w and "0.41 s" in w]
 
 
+@pytest.mark.parametrize("row", [0, -1])
+def test_a_stamp_that_was_torn_at_an_end_of_the_log_is_left_out(tmp_path, row):
+    stamps = 1.7e9 + TRUE
+    stamps[row] = 364.0 if row == 0 else 1.7e10
+    roll = read(tmp_path, stamps, noisy(TRUE))
+    kept = np.delete(TRUE, row)
+    assert clock_error(roll, kept) < 1e-6
+    assert any("further off in time" in warning for warning in roll.warnings)
+
+
 def test_copies_of_rows_are_dropped(tmp_path):
     twice = np.sort(np.concatenate((np.arange(TRUE.size), np.arange(0, TRUE.size, 7))))
     values = noisy(TRUE)

@@ -102,6 +102,18 @@ def test_vectors_at_several_rates_beside_a_longer_one(tmp_path):
             read_roll(path, LogOptions(column="audio", unit="rad"))
 
 
+@pytest.mark.parametrize("ending", ["mat", "csv"])
+def test_a_signal_whose_name_ends_in_s_is_no_clock(tmp_path, ending):
+    """Of q and its smoothed q_s, neither rises as a clock does."""
+    columns = {"q_s": ROLL, "q_rad": ROLL, "t": TIME}
+    path = tmp_path / f"log.{ending}"
+    if ending == "mat":
+        pytest.importorskip("scipy.io").savemat(path, columns)
+    else:
+        write_csv(path, tuple(columns), *columns.values())
+    right(path, LogOptions(column="q_rad"))
+
+
 def test_a_saved_experiment_of_phyphox(tmp_path):
     gyro, accel = imu(TIME, *rocking(TIME))
     held = {"acc_time": TIME, "gyr_time": TIME, **{f"gyr{a}": c for a, c in zip("XYZ", gyro.T, strict=True)}}

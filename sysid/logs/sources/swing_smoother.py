@@ -35,7 +35,7 @@ ARM_STD = 0.5
 
 
 def _cell_mean(derivative: int) -> Array:
-    """Return the weights of six nodes, shape (6,), that give the mean of a derivative between the middle two, in steps of the nodes.
+    """Return the weights of six nodes, of the middle two for the slope, that give the mean of a derivative between the middle two, in steps of the nodes.
 
     They are exact for polynomials through the nodes: the mean of a derivative is the difference of the one below at the ends.
     """
@@ -43,7 +43,8 @@ def _cell_mean(derivative: int) -> Array:
     powers = [np.polynomial.Polynomial.basis(power) for power in range(NODES)]
     lower = [one.deriv(derivative - 1) if derivative else one.integ() for one in powers]
     means = np.array([one(0.5) - one(-0.5) for one in lower], dtype=np.float64)
-    return np.asarray(np.linalg.solve(np.vander(at, increasing=True).T, means), dtype=np.float64)
+    weights = np.linalg.solve(np.vander(at, increasing=True).T, means)
+    return np.trim_zeros(np.round(np.asarray(weights, dtype=np.float64), 12))
 
 
 EDGES, _SLOPE, _BEND = (_cell_mean(derivative) for derivative in range(3))
