@@ -19,9 +19,9 @@ def clock_offset(one: Roll, other: Roll) -> Quantity:
     """Return what to add to the times of `other` to bring them onto the clock of `one` [s].
 
     A coarse search by cross-correlation of the rolls comes first. Least squares over offset, gain and a common angle
-    follow, between the smoothing splines of both: a spline through the samples averages their noise between two of
-    them, so that records of one rate would fit best half a sample off. The interval allows for residuals that are
-    correlated and grow with the motion.
+    follow, between the smoothing splines of both. A spline through the samples would average their noise between two of
+    them: records of one rate would fit best half a sample off. The interval allows for residuals that are correlated
+    and grow with the motion.
 
     Raises:
         SysidError: The records do not show the same motion, or nothing moves in them.

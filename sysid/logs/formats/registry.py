@@ -54,7 +54,7 @@ def refuse_larger(path: Path, size: float) -> None:
 
 @contextmanager
 def named_as(path: Path, inside: Path) -> Generator[None]:
-    """Name the user's file in errors of what was unpacked of it."""
+    """Name the user's file in errors of an unpacked one."""
     try:
         yield
     except SysidError as error:

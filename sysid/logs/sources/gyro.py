@@ -131,9 +131,9 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
 def level_of(time: Array, signal: Array) -> tuple[Array, float]:
     """Return the line that a signal swings about or rests on, shape (n,), and the standard deviation of its mean, inf if unknown.
 
-    A decaying sine about a level c, and rest at c, satisfy y(t + 2m) = a y(t + m) + b y(t) + (1 - a - b) c for any lag m
-    (Prony). With m a quarter of the period, the least absolute residuals give c as a line in time; releases and pushes
-    satisfy nothing of the kind, and count for little.
+    A decaying sine about a level c, and rest at c, obey `y(t + 2m) = a y(t + m) + b y(t) + (1 - a - b) c` for any lag m
+    (Prony). With m a quarter of the period, the least absolute residuals give c as a line in time. Releases and pushes do not
+    obey it, and count for little.
 
     Args:
         time: [s], shape (n,).

@@ -59,18 +59,16 @@ def roll_from_imu(reading: Reading) -> Roll:
     columns = np.stack(reading.signals, axis=1)
     accel, remarks = accel_in_si(columns[:, 3:], choice)
     silent = choice.unit is None and choice.scale is None
-    unitless, _ = find_roll_axis(columns[:, :3], choice)
-    plane = None if accel is None else plane_about(unitless, accel)
+    gyro = columns[:, :3]
+    axis, how_axis = find_roll_axis(gyro, choice)
+    plane = None if accel is None else plane_about(axis, accel)
     if silent and accel is not None and plane is not None:
-        counts = bool(np.all(columns[:, :3] == np.rint(columns[:, :3])))
-        turning = columns[:, :3] @ unitless
-        scale, how = _scale_by_gravity(time, turning, plane.of(accel), choice, counts=counts)
+        counts = bool(np.all(gyro == np.rint(gyro)))
+        scale, how = _scale_by_gravity(time, gyro @ axis, plane.of(accel), choice, counts=counts)
     else:
-        scale, how = rate_scale(columns[:, :3], choice)
-    rates = columns[:, :3] * scale
-    axis, how_axis = find_roll_axis(rates, choice)
+        scale, how = rate_scale(gyro, choice)
     remarks += how + how_axis
-    about = rates @ axis
+    about = scale * (gyro @ axis)
     if accel is None or plane is None:
         if accel is not None:
             remarks += warning("the roll axis stands upright, where gravity tells no roll: gyro alone")
@@ -101,8 +99,7 @@ def roll_from_imu(reading: Reading) -> Roll:
         f"roll and rate ± {100 * Z95 * scale_std:.1f} % (95 %), calibrated by gravity",
     )
     # White errors of either sensor at the swing's frequency; where that sensor rules, they are those of the estimate.
-    own = noise if by_gyro else 1 / np.hypot(omega / noise, tilt / felt)
-    std = np.sqrt(step * felt * noise / (2 * swing.gravity)) if by_gyro else own
+    std = np.sqrt(step * felt * noise / (2 * swing.gravity)) if by_gyro else 1 / np.hypot(omega / noise, tilt / felt)
     return reading.as_roll(
         roll, np.full(roll.size, max(std, noise * step)), "imu", remarks, zero="drifting", rate=rate,
         rate_std=np.full(roll.size, noise), measured="rate" if by_gyro else "roll", scale_std=scale_std,

@@ -35,9 +35,10 @@ ARM_STD = 0.5
 
 
 def _cell_mean(derivative: int) -> Array:
-    """Return the weights of six nodes, of the middle two for the slope, that give the mean of a derivative between the middle two, in steps of the nodes.
+    """Return the weights of nodes that give the mean of a derivative between the middle two, in steps of the nodes.
 
-    They are exact for polynomials through the nodes: the mean of a derivative is the difference of the one below at the ends.
+    They are exact for polynomials through six nodes: the mean of a derivative is the difference of the one below at the
+    ends. The slope needs the middle two.
     """
     at = np.arange(NODES) - (NODES - 1) / 2
     powers = [np.polynomial.Polynomial.basis(power) for power in range(NODES)]
@@ -152,7 +153,7 @@ def smooth_swing(
 
 @dataclass(frozen=True, slots=True)
 class _Parts:
-    """What stays the same from step to step: means over a block by the angles at its edges, and the weights."""
+    """Parts that stay the same from step to step: means over a block by the angles at its edges, and the weights."""
 
     mean: Any
     slope: Any

@@ -298,8 +298,8 @@ def _even_out(clock: Clock, signal: Array) -> None:
 def _even_times(time: Array) -> Array | None:
     """Fit an even clock to stamps that may be late; None where none fits.
 
-    Steps of whole samples add up to the index. Other stamps are late, never early by much, and each row is a sample:
-    the lowest of (stamp − index · period) over a window longer than a burst stays where it is then.
+    Steps of whole samples add up to the index. Otherwise each row is a sample, and stamps are late, never early by
+    much. Their lower edge, over a window longer than a burst, is even then.
     """
     steps = np.diff(time)
     usual = float(np.median(steps))

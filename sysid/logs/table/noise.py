@@ -24,9 +24,9 @@ def noise_of(time: Array, signal: Array) -> Noise:
 
 
 def divided_differences(time: Array, signal: Array) -> Array:
-    """Return sixth divided differences of unit norm, shape (m,): what they leave of white noise is as large as itself.
+    """Return sixth divided differences of unit norm, shape (m,), in the signal's unit.
 
-    They remove polynomials of fifth degree, on uneven stamps too.
+    They keep the size of white noise and remove polynomials of fifth degree, on uneven stamps too.
     """
     starts = np.unique(
         np.linspace(0, signal.size - DIFFERENCE - 1, min(signal.size, MAX_BLOCKS * DIFFERENCE)).astype(
