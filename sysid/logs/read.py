@@ -12,7 +12,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.logs.formats.own_clock import with_own_clocks, with_whole_clock
 from sysid.logs.formats.registry import open_log
-from sysid.logs.sources.registry import Reading, Source, choose_source
+from sysid.logs.sources.registry import Reading, choose_source
 from sysid.logs.table.choose import Choice, columns_of, find_column
 from sysid.logs.table.clock import MIN_SAMPLES, Clock, even_clock, repair_clock, usual_step
 from sysid.logs.table.file import LogFile
@@ -66,15 +66,19 @@ def roll_of_table(table: LogFile, options: LogOptions) -> Roll:
     names = [name for name in (*choice.columns, time and time.name, choice.std, *also, *says) if name]
     data = log.read(list(dict.fromkeys(names)))
     try:
-        clock, data, cleaned = _clean(choice, time, data, options)
+        clock, cleaned = _clean(choice, time, data, options)
         if source.unwrap is not None:
-            choice, data[choice.columns[0]], kept = source.unwrap(choice, data[choice.columns[0]])
+            first = choice.columns[0]
+            choice, clock.columns[first], kept = source.unwrap(choice, clock.columns[first])
             if kept is not None:
                 clock.select(kept)
-                data = {name: column[kept] for name, column in data.items()}
         if not options.keep_outliers:
-            data, outliers = _without_outliers(source, choice, clock, data)
+            motion = {name: clock.columns[name] for name in choice.columns[: source.moving]}
+            kept, outliers = measured_motion(motion, clock.time, choice.unit, rates=source.quantity == "rate")
             cleaned += outliers
+            if kept is not None:
+                clock.select(kept)
+        data = clock.columns
         signals, std = tuple(data[name] for name in choice.columns), data[choice.std] if choice.std else None
         roll = _checked(source.to_roll(Reading(str(path), choice, clock.time, signals, std, options)))
     except SysidError as error:
@@ -98,8 +102,8 @@ def roll_of_table(table: LogFile, options: LogOptions) -> Roll:
 
 def _clean(
     choice: Choice, time: Column | None, data: dict[str, Array], options: LogOptions
-) -> tuple[Clock, dict[str, Array], Remarks]:
-    """Drop rows without numbers and repair the clock; the returned columns have the clock's rows."""
+) -> tuple[Clock, Remarks]:
+    """Drop rows without numbers and repair the clock."""
     stamps = data.pop(time.name) if time else None
     measured = [name for name in (*choice.columns, choice.std) if name]
     common, joined = on_common_rows({name: data[name] for name in measured}, stamps)
@@ -120,29 +124,17 @@ def _clean(
     if kept is not None:
         data = {name: column[kept] for name, column in data.items()}
         stamps = stamps if stamps is None else stamps[kept]
-    liveliest = data[max(choice.columns, key=lambda name: float(np.std(data[name][:200_000])))]
-    if liveliest.min() == liveliest.max():
+    lively = max(choice.columns, key=lambda name: float(np.std(data[name][:200_000])))
+    if data[lively].min() == data[lively].max():
         raise SysidError(
-            f"{', '.join(map(repr, choice.columns))} never changes (always {liveliest[0]:g}): the sensor was dead, "
+            f"{', '.join(map(repr, choice.columns))} never changes (always {data[lively][0]:g}): the sensor was dead, "
             "or it is the wrong column. Name another with --column."
         )
     if stamps is None or time is None:
-        clock = even_clock(rows, options.rate or 1.0, kept)
+        clock = even_clock(np.arange(rows) if kept is None else kept, options.rate or 1.0, data)
     else:
-        clock = repair_clock(stamps, liveliest, time.unit, time.name, computed=choice.std is not None)
-    return clock, {name: clock.of(column) for name, column in data.items()}, joined + dropped
-
-
-def _without_outliers(
-    source: Source, choice: Choice, clock: Clock, data: dict[str, Array]
-) -> tuple[dict[str, Array], Remarks]:
-    """Drop lone outliers, from the clock too, and report where they were."""
-    motion = {name: data[name] for name in choice.columns[: source.moving]}
-    kept, remarks = measured_motion(motion, clock.time, choice.unit, rates=source.quantity == "rate")
-    if kept is not None:
-        clock.select(kept)
-        data = {name: column[kept] for name, column in data.items()}
-    return data, remarks
+        clock = repair_clock(stamps, data, lively, time.unit, time.name, computed=choice.std is not None)
+    return clock, joined + dropped
 
 
 def _checked(roll: Roll) -> Roll:

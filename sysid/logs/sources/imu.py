@@ -99,7 +99,11 @@ def roll_from_imu(reading: Reading) -> Roll:
         f"roll and rate ± {100 * Z95 * scale_std:.1f} % (95 %), calibrated by gravity",
     )
     # White errors of either sensor at the swing's frequency; where that sensor rules, they are those of the estimate.
-    std = np.sqrt(step * felt * noise / (2 * swing.gravity)) if by_gyro else 1 / np.hypot(omega / noise, tilt / felt)
+    std = (
+        np.sqrt(step * felt * noise / (2 * swing.gravity))
+        if by_gyro
+        else 1 / np.hypot(omega / noise, tilt / felt)
+    )
     return reading.as_roll(
         roll, np.full(roll.size, max(std, noise * step)), "imu", remarks, zero="drifting", rate=rate,
         rate_std=np.full(roll.size, noise), measured="rate" if by_gyro else "roll", scale_std=scale_std,

@@ -30,29 +30,24 @@ WINDOW = 64
 
 @dataclass(slots=True)
 class Clock:
-    """Time of the samples that stay."""
+    """Time of the samples that stay, and their columns."""
 
     time: Array
-    """Seconds as the log has them, strictly increasing; since the first sample where those are too large."""
-    keep: npt.NDArray[np.intp] | None = None
-    """Rows that stay, in their order in time; None for all as they are."""
+    """Seconds as the log has them, strictly increasing, shape (n,); since the first sample where those are too large."""
+    columns: dict[str, Array]
+    """Columns in the log's units, shape (n,) each."""
     notes: list[str] = field(default_factory=list[str])
     warnings: list[str] = field(default_factory=list[str])
 
-    def of(self, signal: Array) -> Array:
-        """Return the rows of a signal in any unit, shape (n,) or (n, m), that stay."""
-        return signal if self.keep is None else signal[self.keep]
-
     def select(self, rows: npt.NDArray[np.intp]) -> None:
         """Keep only these of the rows that have stayed so far, numbers without unit of shape (m,), in this order."""
-        self.keep = rows if self.keep is None else self.keep[rows]
         self.time = self.time[rows]
+        self.columns = {name: column[rows] for name, column in self.columns.items()}
 
 
-def even_clock(count: int, rate: float, kept: npt.NDArray[np.intp] | None = None) -> Clock:
-    """Return the clock of `count` rows sampled at `rate` [Hz], at the rows that were `kept`, shape (n,)."""
-    rows = np.arange(count) if kept is None else kept
-    clock = Clock((rows - rows[0]) / rate, notes=[f"time from --rate: {rate:g} Hz"])
+def even_clock(rows: npt.NDArray[np.intp], rate: float, columns: dict[str, Array]) -> Clock:
+    """Return the clock of rows, numbers without unit of shape (n,), sampled at `rate` [Hz]."""
+    clock = Clock((rows - rows[0]) / rate, columns, notes=[f"time from --rate: {rate:g} Hz"])
     _report_gaps(clock)
     return clock
 
@@ -94,7 +89,13 @@ def typical_step(stamps: Array) -> float:
 
 
 def repair_clock(
-    stamps: Array, signal: Array, unit: str | None, name: str, *, computed: bool = False
+    stamps: Array,
+    columns: dict[str, Array],
+    lively: str,
+    unit: str | None,
+    name: str,
+    *,
+    computed: bool = False,
 ) -> Clock:
     """Make a strictly increasing clock of a log's stamps.
 
@@ -103,9 +104,11 @@ def repair_clock(
 
     Args:
         stamps: Finite stamps in the order of the file, shape (n,).
-        signal: The signal that they belong to, shape (n,); tells late stamps from late samples.
+        columns: The log's columns, shape (n,) each.
+        lively: The one that moves most: it tells late stamps from late samples.
         unit: Unit of the stamps, or None.
-        computed: The signal was computed for just these times, as by `husky-sysid roll`: uneven ones are not late.
+        name: Of the column of time.
+        computed: The columns were computed for just these times, as by `husky-sysid roll`: uneven ones are not late.
 
     Raises:
         SysidError: The stamps do not increase, so they are no clock.
@@ -115,7 +118,7 @@ def repair_clock(
         raise SysidError(
             f"the time column '{name}' never changes. Name another with --time-column, or give --rate."
         )
-    clock = Clock(stamps)
+    clock = Clock(stamps, columns)
     if np.mean(np.diff(stamps) < 0) > 0.5:
         clock.select(np.arange(stamps.size)[::-1])
         clock.notes.append("time: newest row first, turned round")
@@ -133,10 +136,10 @@ def repair_clock(
     _cut_frozen(clock)
     if np.diff(clock.time).min() < 0:
         _undo_going_back(clock, scale, float(np.ptp(stamps)), name)
-    _drop_copies(clock, clock.of(signal))
+    _drop_copies(clock, clock.columns[lively])
     if not computed or np.diff(clock.time).min() <= 0:
-        _even_out(clock, clock.of(signal))
-    drop_repeats(clock, clock.of(signal))
+        _even_out(clock, clock.columns[lively])
+    _drop_repeats(clock, clock.columns[lively])
     if clock.time.size < MIN_SAMPLES:
         raise SysidError(
             f"only {clock.time.size} of {stamps.size} rows are measurements of their own by their time '{name}'; at "
@@ -181,7 +184,7 @@ def _cut_frozen(clock: Clock) -> None:
     clock.select(rows)
 
 
-def drop_repeats(clock: Clock, signal: Array) -> None:
+def _drop_repeats(clock: Clock, signal: Array) -> None:
     """Keep one row a measurement where a slow sensor was logged faster than it measures, by its signal in any unit, shape (n,).
 
     A held value stays for some rows of a fast motion. An encoder repeats a count only while it moves slowly.

@@ -94,8 +94,11 @@ def _far(signal: Array) -> npt.NDArray[np.intp]:
         low, high = float(rest.min()), float(rest.max())
     reach = MAX_RANGE_RATIO * (high - low)
     far = (signal < low - reach) | (signal > high + reach)
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], far, [False])).astype(np.int8)))
+    # Far rows with few others between them belong together: a fast swing passes the middle in a row or two.
+    joined = np.convolve(far, np.ones(GLITCH_ROWS + 1), "full") > 0
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], joined, [False])).astype(np.int8)))
     for start, end in zip(edges[::2], edges[1::2], strict=True):
-        if end - start > GLITCH_ROWS and not missing[start:end].all():
-            far[start:end] = False
+        rows = slice(start, end - GLITCH_ROWS)
+        if rows.stop - start > GLITCH_ROWS and not missing[rows][far[rows]].all():
+            far[rows] = False
     return np.flatnonzero(far)
