@@ -68,7 +68,7 @@ def clock_offset(one: Roll, other: Roll) -> Quantity:
             "Align records of the same releases, with the same sign of roll."
         )
     others = np.linalg.qr(np.stack([aligned, np.ones_like(time)], axis=1))[0]
-    own = np.asarray(-gain * slope(time - offset), np.float64)
+    own = -gain * np.asarray(slope(time - offset), np.float64)
     own = own - others @ (others.T @ own)
     left, power = residuals(fit.x), float(own @ own)
     # In motion, interpolation and sensors err more than at rest.

@@ -104,7 +104,8 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
     steps = np.diff(time)
     angle = np.asarray(integral_of(time, free)(time), np.float64)
     late = slice(time[counted].size // 2, None)  # holds before a release are not the rest
-    angle -= np.mean(level_of(time[counted][late], angle[counted][late])[0])
+    rest, rest_std = level_of(time[counted][late], angle[counted][late])
+    angle -= np.mean(rest) if np.isfinite(rest_std) else np.median(angle[counted])
     walk = noise.std * np.sqrt(np.cumsum(np.concatenate((steps[:1], steps))) * np.median(steps))
     kept = ~clipped_rows(rate, noise)
     if not kept.all():
@@ -113,7 +114,7 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
             "samples: left out, and angles after them are off; use a range that is wide enough"
         )
     if not np.isfinite(offset_std):
-        remarks += warning("nothing shows the gyro's offset: its median is taken, roll may drift")
+        remarks += warning("neither rest nor swing shows the gyro's offset: taken as 0, roll may drift")
     drift = offset[-1] - offset[0]
     shown = f", drifting by {drift:.2g} rad/s" if abs(drift) > offset_std else ""
     remarks += note(
@@ -129,7 +130,7 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
 
 
 def level_of(time: Array, signal: Array) -> tuple[Array, float]:
-    """Return the line that a signal swings about or rests on, shape (n,), and the standard deviation of its mean, inf if unknown.
+    """Return the line that a signal swings about or rests on, shape (n,), and the standard deviation of its mean; 0 and inf if unknown.
 
     A decaying sine about a level c, and rest at c, obey `y(t + 2m) = a y(t + m) + b y(t) + (1 - a - b) c` for any lag m
     (Prony). With m a quarter of the period, the least absolute residuals give c as a line in time. Releases and pushes do not
@@ -143,7 +144,7 @@ def level_of(time: Array, signal: Array) -> tuple[Array, float]:
     rows = max(1, int(4 * quarter / PER_SWING))  # averaged: noise, and hardly anything of the swing
     lag, count = max(1, round(quarter / rows)), signal.size // rows
     if count < 6 * lag:
-        return np.full(signal.size, np.median(signal)), np.inf
+        return np.zeros(signal.size), np.inf
     values, since = (
         x[: count * rows].reshape(count, rows).mean(axis=1) for x in (signal, time - time.mean())
     )
@@ -151,15 +152,15 @@ def level_of(time: Array, signal: Array) -> tuple[Array, float]:
         (values[lag:-lag], values[: -2 * lag], np.ones(count - 2 * lag), since[2 * lag :]), axis=1
     )
     target = values[2 * lag :]
-    weight = np.ones(target.size)
+    solution, left = np.zeros(4), np.ones(target.size)
     for _ in range(ROUNDS):
-        solution, *_ = np.linalg.lstsq(design * weight[:, None], target * weight, rcond=None)
-        left = np.abs(target - design @ solution)
         weight = 1 / np.sqrt(np.maximum(left, max(float(np.median(left)), 1e-300)))
+        solution = np.linalg.lstsq(design * weight[:, None], target * weight, rcond=None)[0]
+        left = np.abs(target - design @ solution)
     gain = float(1 - solution[0] - solution[1])
     level = (solution[2] + solution[3] * (time - time.mean())) / max(gain, 1e-9)
     if not abs(np.mean(level) - np.mean(signal)) < np.ptp(signal) / 2:
-        return np.full(signal.size, np.median(signal)), np.inf
+        return np.zeros(signal.size), np.inf
     # Residuals are alike over about a lag: that many fewer of them are independent.
     return level, 1.5 * float(np.median(left)) / gain * np.sqrt(lag / target.size)
 

@@ -121,7 +121,7 @@ def smooth_swing(
     free = np.array([has_gyro, has_gyro, True, arm is None, arm is None])
     cost, now, left, inverse = np.inf, np.inf, np.zeros(n, complex), np.eye(5)
     parts = _linear_parts(blocks)
-    rough = _stencil(_ROUGH, n - 3, n + 1) / stiff if stiff > 0 else sparse.csr_matrix((0, n + 1))
+    rough: Any = _stencil(_ROUGH, n - 3, n + 1) / stiff if stiff > 0 else sparse.csr_matrix((0, n + 1))
     for _ in range(ROUNDS):
         left, by_angle, by_const = _accelerations(blocks, parts, phi, const)
         rates, gyro, by_gyro = _rates(blocks, parts, phi, const)
@@ -190,7 +190,7 @@ def _accelerations(
         - 2 * rho * sparse.diags(rate) @ parts.slope
     )
     by_const = np.stack((0 * turned, 0 * turned, turned, lever, 1j * lever), axis=1)
-    return left, by_angle, by_const * parts.weight[:, None]
+    return left, by_angle, np.asarray(by_const * parts.weight[:, None], np.complex128)
 
 
 def _rates(blocks: Blocks, parts: _Parts, phi: Array, const: Array) -> tuple[Array, Any, Array]:

@@ -74,7 +74,7 @@ def rises(stamps: Array) -> bool:
     """Return whether a column of stamps, shape (n,), goes one way as a clock does; a swing goes both ways alike."""
     steps = np.diff(stamps[np.isfinite(stamps)])
     up, down = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
-    return 2 * min(up, down) < max(up, down)
+    return bool(2 * min(up, down) < max(up, down))
 
 
 def typical_step(stamps: Array) -> float:
