@@ -308,7 +308,9 @@ def _scale_by_gravity(
     blocks = _blocks(time, rate, accel)
     assert blocks.rate is not None
     turned = np.cumsum((blocks.rate - np.median(blocks.rate)) * np.diff(blocks.edges))
-    size = 1e-3 / float(np.ptp(turned))
+    if not (reach := float(np.ptp(turned))) > 0:  # about an axis that does not turn
+        return rate_scale(rate[:, None], choice)
+    size = 1e-3 / reach
     small = replace(blocks, rate=size * blocks.rate, rate_std=size * blocks.rate_std)
     swing = smooth_swing(small, np.full(len(blocks.edges), np.angle(blocks.accel.mean())), gain_std=np.inf)
     if not Z95 * swing.std[1] < CONSISTENT * swing.gain:

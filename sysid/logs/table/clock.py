@@ -71,7 +71,7 @@ def time_scale(stamps: Array, unit: str | None) -> tuple[float, str]:
 
 
 def rises(stamps: Array) -> bool:
-    """Return whether a column of stamps, shape (n,), goes one way as a clock does; a swing goes both ways alike."""
+    """Return whether stamps in any unit, shape (n,), go one way as a clock does; a swing goes both ways alike."""
     steps = np.diff(stamps[np.isfinite(stamps)])
     up, down = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
     return bool(2 * min(up, down) < max(up, down))
