@@ -9,7 +9,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.files import atomic_path
 from sysid.roll import Array, Roll
-from sysid.video.film.frames import Clip
+from sysid.video.film.frames import SURVEY_FRAMES, Clip
 from sysid.video.film.track import Track
 from sysid.video.types import Picture, Rows
 
@@ -17,8 +17,6 @@ Colour = tuple[int, ...]
 """In OpenCV's order: blue, green, red."""
 SEEN_COLOUR, LOST_COLOUR = (tuple(bytes.fromhex(one)) for one in ("009fe6", "3c3cff"))
 """Orange, as all measurements, and red for points not seen in this frame."""
-SHEET_CELLS = 12
-"""Frames on the contact sheet."""
 CODECS = {".mp4": "mp4v", ".mov": "mp4v", ".avi": "MJPG", ".mkv": "mp4v"}
 
 
@@ -31,16 +29,10 @@ def draw_overlay(
     joined: tuple[tuple[int, int], ...] = (),
     on_frame: Callable[[float, Picture], None] | None = None,
 ) -> None:
-    """Write the clip with points, angle and trace drawn in, and `<path>.png` with twelve frames of it.
+    """Write the clip with points, angle and trace drawn in, and `<path>.png` with some frames of it.
 
-    Args:
-        clip: The film.
-        track: The points that were followed in it.
-        roll: The roll made from it.
-        rows: Row of `track` that each sample of `roll` is from, shape (m,).
-        path: The clip to write (.mp4, .mov, .mkv or .avi).
-        joined: Points between which a line is drawn.
-        on_frame: Called with the time of each frame on the roll's clock [s], and the frame as drawn.
+    Each sample of the roll is from a row of the track, shape (m,). Lines are drawn between the points `joined`. `on_frame` is called
+    with the time of each frame on the roll's clock [s], and the frame as drawn.
 
     Raises:
         SysidError: The clip cannot be written.
@@ -51,7 +43,7 @@ def draw_overlay(
     size = (clip.width, clip.height)
     sample = {int(row): number for number, row in enumerate(rows)}
     frames = {int(index): row for row, index in enumerate(track.index)}
-    chosen = {int(index) for index in np.linspace(0, len(track.index) - 1, SHEET_CELLS).round()}
+    chosen = {int(index) for index in np.linspace(0, len(track.index) - 1, SURVEY_FRAMES).round()}
     sheet: list[Picture] = []
     shift = float(np.median(roll.time - track.time[rows]))
     with atomic_path(path) as temporary:
@@ -69,7 +61,7 @@ def draw_overlay(
                 if on_frame is not None:
                     on_frame(float(track.time[row]) + shift, picture)
                 if row in chosen:
-                    small = cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+                    small = cv2.resize(picture, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
                     sheet.append(np.asarray(small, np.uint8))
         finally:
             writer.release()
@@ -113,7 +105,8 @@ def _text(picture: Picture, text: str, colour: Colour) -> None:
 
 
 def _write_sheet(pictures: list[Picture], path: Path) -> None:
-    columns, rows = 4, SHEET_CELLS // 4
+    columns = 8
+    rows = SURVEY_FRAMES // columns
     blank = np.zeros_like(pictures[0])
     cells = [*pictures, *[blank] * (columns * rows)][: columns * rows]
     sheet = np.vstack([np.hstack(cells[row * columns : (row + 1) * columns]) for row in range(rows)])

@@ -48,15 +48,9 @@ canvas.onpointerup = event => {{ draw(event); start = null; }};
 
 
 def write_preview(reel: Reel, command: str, path: Path) -> str:
-    """Write a page (.html) and a picture (.png beside it) of the points to be followed.
+    """Write a page (.html) and a picture (.png beside it) of the points to be followed; return their description, or the reason for their absence.
 
-    Args:
-        reel: The film.
-        command: The user's command, to which the page adds the region that is drawn.
-        path: The page.
-
-    Returns:
-        A description of the targets, or the reason for their absence.
+    The page adds the region that is drawn in it to the user's command.
     """
     picture = next(reel.clip.frames()).colour
     width = max(1, reel.clip.width // 500)

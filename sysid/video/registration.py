@@ -17,8 +17,8 @@ from sysid.roll import Array
 from sysid.video.film.background import SMALL_SIDE
 from sysid.video.film.frames import SURVEY_FRAMES, Frame, halved
 from sysid.video.film.track import Track
-from sysid.video.pose.pose import attitude_share, pose_between, principal_corners, turn_of
-from sysid.video.pose.rectify import project
+from sysid.video.pose.prior import ROUNDS
+from sysid.video.pose.rectify import attitude_share, pose_between, principal_corners, project, turn_of
 from sysid.video.types import Box, Image, Mask, Points
 
 KERNEL = cv2.getGaussianKernel(7, 0.8)
@@ -29,17 +29,11 @@ AGREEMENT = 0.3
 """Spread of a pixel in pictures turned back, over its spread as filmed, up to which it is the board's."""
 MAX_PIXELS = 2000
 """Pixels that are used at most: those where brightness changes most."""
-MIN_SPREAD = 4.0
-"""Least standard deviation of the body's pixels about their middle, across its narrow side [px]."""
 MIDDLE_GREY = np.float32(128.0)
 """About which brightness is squared, so that single precision does [grey levels]."""
-ROUNDS = 3
-"""Rounds of least squares: each removes nine tenths of the error, which begins below a pixel."""
 MAX_CORRECTION = 4.0
-"""A picture in which the points end further from where they were followed is not believed [px]."""
-
-NOT_MADE_OUT = np.full((4, 2), np.nan, np.float32)
-"""The corners of a board that is not made out [px]."""
+"""A picture in which the points end further from where they were followed is not believed [px]. A body whose pixels are
+nearer to their middle than that, across its narrow side, may be confused with its surroundings."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,22 +58,41 @@ class BodyPicture:
     """Change of brightness with each of the six numbers, and of gain and offset with their slopes, at these pixels, shape (12, m)."""
 
     def seen(self, frame: Frame, points: Points, before: Points | None = None) -> Points:
-        """Return where a frame shows the board's `corners` [px], shape (4, 2); NaN where it is not made out.
+        """Return where a frame with the followed points (N, 2) shows `corners` [px], shape (4, 2); NaN where it is not made out.
 
-        Args:
-            frame: The frame.
-            points: The followed points in it [px], shape (N, 2).
-            before: The corners in an earlier frame [px], shape (4, 2), for frames without the points.
+        Without the points the search begins `before`, at the corners in an earlier frame [px], shape (4, 2).
         """
         rough = pose_between(self.home, project(self.upright, points.astype(np.float64)))
         if rough is None and before is not None:
             rough = pose_between(self.corners, project(self.upright, before.astype(np.float64)))
-        if rough is None:
-            return NOT_MADE_OUT
-        pose = lay_onto(self, *seen_upright(frame, self.box, self.upright), rough)
+        pose = None if rough is None else self._laid(*seen_upright(frame, self.box, self.upright), rough)
         if pose is None:
-            return NOT_MADE_OUT
+            return np.full((4, 2), np.nan, np.float32)
         return project(_inverse(self.upright) @ pose, self.corners).astype(np.float32)
+
+    def _laid(self, picture: Image, inward: Array, rough: Array) -> Array | None:
+        """Return the affine pose that lays the board onto a picture as `seen_upright` has it; None where it is not to be seen."""
+        pose, middle = rough, self.corners.mean(axis=0)
+        start = project(rough, self.corners)
+        for _ in range(ROUNDS):
+            there = (inward @ pose) @ self.places
+            x, y = (there[:2] / there[2]).astype(np.float32)[:, None]
+            seen = cv2.remap(picture, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+            rest = seen.ravel() - self.bright
+            rest -= _middle(rest[::4])
+            scale = max(1.4826 * float(_middle(np.abs(rest[::4]))), 1.0)
+            weighted = self.slopes / (1 + (rest / np.float32(2.5 * scale)) ** 2) ** 2
+            normal = (weighted @ self.slopes.T).astype(np.float64)
+            normal += np.diag(1e-6 * np.diag(normal) + 1e-9)
+            step = np.linalg.solve(normal, (weighted @ rest).astype(np.float64))
+            change, shift = step[[[1, 2], [4, 5]]] / self.unit, step[[0, 3]]
+            back = np.eye(3)
+            back[:2, :2] -= change
+            back[:2, 2] = change @ middle - shift
+            pose = pose @ back
+            if float(np.abs(project(pose, self.corners) - start).max()) > MAX_CORRECTION:
+                return None
+        return pose
 
 
 def seen_upright(frame: Frame, box: Box, upright: Array) -> tuple[Image, Array]:
@@ -96,11 +109,7 @@ def seen_upright(frame: Frame, box: Box, upright: Array) -> tuple[Image, Array]:
 def picture_of_body(frames: Sequence[Frame], box: Box, track: Track, upright: Array) -> BodyPicture | None:
     """Return what turns with the points of a track, or None where that is too little.
 
-    Args:
-        frames: The first frames of the track.
-        box: Left, top, right and bottom [px] of where it moves.
-        track: Points that were followed, two or more.
-        upright: Takes the film's places to those that a camera along the axis sees, shape (3, 3).
+    It moves inside the box [px] of the track's first frames; `upright` is that of `BodyPicture`, shape (3, 3).
     """
     rows = np.unique(np.linspace(0, len(frames) - 1, SURVEY_FRAMES).astype(int))
     rows = rows[np.isfinite(track.points[rows]).all(axis=2).sum(axis=1) >= 2]
@@ -124,7 +133,12 @@ def picture_of_body(frames: Sequence[Frame], box: Box, track: Track, upright: Ar
     across, down = size.tolist()
     _, usual = _mean_and_spread(good, (across, down), back=False)
     mean, spread = _mean_and_spread(good, (across, down))
-    found = _board_in(mean, spread < AGREEMENT * usual)
+    closed = cv2.morphologyEx(
+        (spread < AGREEMENT * usual).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8)
+    )
+    agree = np.asarray(cv2.erode(closed, np.ones((3, 3), np.uint8)) > 0, np.bool_)
+    agree[:3], agree[-3:], agree[:, :3], agree[:, -3:] = False, False, False, False
+    found = _board_in(mean, agree) if agree.any() else None
     return None if found is None else BodyPicture(box, upright, home, *found)
 
 
@@ -134,17 +148,12 @@ def _inverse(homography: Array) -> Array:
 
 def _board_in(mean: Image, agree: Mask) -> tuple[Array, Image, Array, float, Image] | None:
     """Return what `BodyPicture` holds from `places` on, of a mean picture and where pictures agree, both of shape (h, w)."""
-    closed = cv2.morphologyEx(agree.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
-    mask = np.asarray(cv2.erode(closed, np.ones((3, 3), np.uint8)) > 0, np.bool_)
-    mask[:3], mask[-3:], mask[:, :3], mask[:, -3:] = False, False, False, False
-    if not mask.any():
-        return None
-    slope = np.stack([cv2.Scharr(mean, cv2.CV_32F, *axis)[mask] / 32 for axis in ((1, 0), (0, 1))], axis=1)
+    slope = np.stack([cv2.Scharr(mean, cv2.CV_32F, *axis)[agree] / 32 for axis in ((1, 0), (0, 1))], axis=1)
     most = np.argsort(-(slope**2).sum(axis=1))[:MAX_PIXELS]
-    slope, bright, places = slope[most], mean[mask][most], np.argwhere(mask)[most, ::-1].astype(np.float64)
+    slope, bright, places = slope[most], mean[agree][most], np.argwhere(agree)[most, ::-1].astype(np.float64)
     weight = (slope**2).sum(axis=1).astype(np.float64) + 1e-6
     corners, lengths = principal_corners(places, weight)
-    if lengths[0] < MIN_SPREAD:
+    if lengths[0] < MAX_CORRECTION:
         return None
     unit = float(lengths[1])
     arm = np.vstack([np.ones(len(places)), (places - corners.mean(axis=0)).T / unit]).astype(np.float32)
@@ -172,38 +181,6 @@ def _mean_and_spread(
         cv2.scaleAdd(some * some, part, second, second)
     spread = cv2.GaussianBlur(np.sqrt(np.maximum(second - first**2, 0)), (0, 0), 2.0)
     return first + MIDDLE_GREY, np.asarray(spread, np.float32)
-
-
-def lay_onto(body: BodyPicture, picture: Image, inward: Array, rough: Array) -> Array | None:
-    """Return the affine pose that lays the board onto a picture, shape (3, 3); None where it is not to be seen.
-
-    Args:
-        body: The board.
-        picture: The picture [grey levels], shape (h, w).
-        inward: Map to it of places along the axis, shape (3, 3).
-        rough: The pose roughly, of places along the axis [px], shape (3, 3).
-    """
-    pose, middle = rough, body.corners.mean(axis=0)
-    start = project(rough, body.corners)
-    for _ in range(ROUNDS):
-        there = (inward @ pose) @ body.places
-        x, y = (there[:2] / there[2]).astype(np.float32)[:, None]
-        seen = cv2.remap(picture, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-        rest = seen.ravel() - body.bright
-        rest -= _middle(rest[::4])
-        scale = max(1.4826 * float(_middle(np.abs(rest[::4]))), 1.0)
-        weighted = body.slopes / (1 + (rest / np.float32(2.5 * scale)) ** 2) ** 2
-        normal = (weighted @ body.slopes.T).astype(np.float64)
-        normal += np.diag(1e-6 * np.diag(normal) + 1e-9)
-        step = np.linalg.solve(normal, (weighted @ rest).astype(np.float64))
-        change, shift = step[[[1, 2], [4, 5]]] / body.unit, step[[0, 3]]
-        back = np.eye(3)
-        back[:2, :2] -= change
-        back[:2, 2] = change @ middle - shift
-        pose = pose @ back
-        if float(np.abs(project(pose, body.corners) - start).max()) > MAX_CORRECTION:
-            return None
-    return pose
 
 
 def _middle(values: Image) -> np.float32:

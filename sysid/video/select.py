@@ -1,6 +1,6 @@
 """The one decision which tracker: of all that is found, the one that gives the angle best, with level from one that shows it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -11,11 +11,9 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video import trackers
-from sysid.video.film.frames import ahead
+from sysid.video.film.frames import MAX_MISSING_SHARE, Frame, ahead
 from sysid.video.film.reel import Reel
 from sysid.video.film.track import Track
-from sysid.video.follow import follow, follow_all, track_of
-from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import CameraState, before_looking
 from sysid.video.pose.prior import BODY_FLOOR, BodyPrior
@@ -27,8 +25,8 @@ from sysid.video.trackers._base import (
     MIN_SEEN_SHARE,
     MIN_SWING,
     SAME_SCALE,
+    Follower,
     Target,
-    Tracker,
     level_at_rest,
     rests_at,
 )
@@ -42,8 +40,6 @@ VAGUE, MAX_STD = np.radians([0.3, 3.0])
 """Standard deviation above which a last resort is tried as well, and above which an angle is refused [rad]."""
 MAX_STRAY = 0.3
 """Distance from a circle about a fixed pivot, as a share of its own motion, above which a point is carried along [1]. A truck that gives way reaches 0.1."""
-MAX_ASIDE = 4.0
-"""Standard deviations from where people stand beyond which a camera is rejected."""
 MAX_BENT = 0.007
 """Misfit of a rigid body at rest, as a share of its size, beyond compression (`BODY_FLOOR`) [1]. It is up to 0.005 in films of
 many kinds; bodies at several depths, with angles off by 2 to 20 %, are beyond."""
@@ -106,18 +102,15 @@ def follow_board(reel: Reel) -> Followed:
     for targets in find_targets(reel):
         with ThreadPoolExecutor() as pool:
             several = list(pool.map(partial(_followed_in_memory, reel), targets))
-        missed += [
-            one
-            for one, target in zip(several, targets, strict=True)
-            if isinstance(one, str) and target.shows_level
-        ]
-        others = [one.target.other() for one in several if isinstance(one, Followed) and one.target.other]
-        several += [_followed_in_memory(reel, other) for other in others if other is not None]
-        for one in several:
+        seconds = [one.target.other() for one in several if isinstance(one, Followed) and one.target.other]
+        targets += (others := [other for other in seconds if other is not None])
+        several += [_followed_in_memory(reel, other) for other in others]
+        for one, target in zip(several, targets, strict=True):
             if isinstance(one, Followed):
                 usable.append(one)
             else:
                 failed.append(one)
+                missed += [one] if target.shows_level else []
         if min((one.std for one in usable if one.turns), default=np.inf) < VAGUE:
             break
     if not usable:
@@ -125,15 +118,20 @@ def follow_board(reel: Reel) -> Followed:
     if turning := [one for one in usable if one.turns]:
         missed += [f"{one.target.what} does not turn" for one in usable if not one.turns]
     best = _best(reel, turning or usable)
-    return _to_the_end(
-        reel, replace(best, target=replace(best.target, why="; ".join([best.target.why, *missed])))
-    )
+    why = "; ".join([best.target.why, *missed])
+    return _to_the_end(reel, replace(best, target=replace(best.target, why=why)))
 
 
 def _followed_in_memory(reel: Reel, target: Target) -> Followed | str:
     """Return a target with its angle in the frames in memory; or why it has none."""
-    stamps = [(frame.index, frame.time) for frame in reel.kept]
-    one = _followed(reel, target, track_of(reel, stamps, follow_all(target.follower, reel.kept)))
+    follower, lost = target.follower, 0
+    points = np.full((len(reel.kept), follower.points, 2), np.nan, np.float32)
+    for row, frame in enumerate(reel.kept):
+        points[row] = _seen(follower, frame)
+        lost += bool(np.isnan(points[row]).all())
+        if lost > (1 - MIN_SEEN_SHARE) * len(reel.kept):  # too few frames can show it
+            break
+    one = _followed(reel, target, _track_of(reel, [(frame.index, frame.time) for frame in reel.kept], points))
     if isinstance(one, str) or target.shows_level or not target.shows_body or not one.turns:
         return one
     # Patches of anything agree on some motion: those of a rigid body only if pictures turned back by it agree.
@@ -155,7 +153,7 @@ def _to_the_end(reel: Reel, led: Followed) -> Followed:
     body, corners = led.laid or (_lay_body(reel, led) if target.shows_body else None) or (None, [])
     whole = _whole_body(reel, led, corners) if corners else None
     last = next((seen for seen in reversed(corners) if np.isfinite(seen).all()), None)
-    rest = ((frame, follow(target.follower, frame)) for frame in reel.others())
+    rest = ((frame, _seen(target.follower, frame)) for frame in reel.others())
     with closing(ahead(rest, 1)) as others:
         for frame, seen in others:
             stamps.append((frame.index, frame.time))
@@ -164,12 +162,38 @@ def _to_the_end(reel: Reel, led: Followed) -> Followed:
                 corners.append(body.seen(frame, seen, last))
                 last = corners[-1] if np.isfinite(corners[-1]).all() else last
     if len(points) > len(led.track.points):
-        whole_film = _followed(reel, target, track_of(reel, stamps, np.array(points)))
+        whole_film = _followed(reel, target, _track_of(reel, stamps, np.array(points)))
         if isinstance(whole_film, str):
             raise SysidError(f"{reel.clip.path}: {whole_film}. {ADVICE}")
         led = whole_film
         whole = None if whole is None else _whole_body(reel, led, corners)
     return whole or led
+
+
+def _seen(follower: Follower, frame: Frame) -> Points:
+    """Return the points in the next frame [px], shape (N, 2); NaN where not seen."""
+    found = follower.update(frame)
+    return np.full((follower.points, 2), np.nan, np.float32) if found is None else found.astype(np.float32)
+
+
+def _track_of(reel: Reel, frames: Sequence[tuple[int, float]], points: Points) -> Track:
+    """Return points (n, N, 2) [px] in frames of these numbers and times [s], with the camera's shake.
+
+    Raises:
+        SysidError: There are fewer than 8 frames, or their stamps are garbled.
+    """
+    if len(frames) < 8:
+        raise SysidError(
+            f"{reel.clip.path}: {len(frames)} frames are too few for a decay. Film at least a second."
+        )
+    if reel.repeated > MAX_MISSING_SHARE * len(frames):
+        raise SysidError(
+            f"{reel.clip.path}: {reel.repeated} frames carry no later time stamp than the one before: its times are not those of "
+            "the board. Give the film as the camera wrote it, or its frame rate with --rate."
+        )
+    shake = reel.background.shake(reel.skipped, len(frames))
+    index, time = (np.array(each) for each in zip(*frames, strict=True))
+    return Track(time, points, shake, index, reel.repeated)
 
 
 def _lay_body(reel: Reel, led: Followed) -> tuple[BodyPicture, list[Points]] | None:
@@ -244,9 +268,6 @@ def _fault(one: Followed) -> str | None:
             f"{what} is seen in {frames - one.track.lost} of {frames} frames, but turns as one body in only {kept}: something "
             "else was followed in the others"
         )
-    state = one.found.camera_state
-    if np.any(np.abs(state.value - one.before.value)[:2] > MAX_ASIDE * one.before.std[:2]):
-        return f"{what} turns about an axis far aside of any camera behind a board"
     if one.target.shows_body and _strays(one.track, one.found.angle):
         return f"{what} moves along rather than turns about a point: a foot, a hand, or a camera that moves"
     # A single dot on a short arc leaves the scale open, which is no reason to refuse its period.
@@ -260,17 +281,15 @@ def _fault(one: Followed) -> str | None:
 
 def _strays(track: Track, angle: Array) -> bool:
     """Return whether the point that is seen most leaves the circle about any fixed pivot, as it turns by an angle (n,) [rad]."""
-    points = track.shake.undo(track.points.astype(np.float64))
-    path = points[:, int(np.argmax(np.isfinite(points[..., 0]).sum(axis=0)))] @ np.array([1, 1j])
+    points = track.shake.undo(track.points.astype(np.float64)) @ [1, 1j]
+    path = points[:, int(np.argmax(np.isfinite(points).sum(axis=0)))]
     seen = np.isfinite(path) & np.isfinite(angle)
     path, circle = path[seen], np.stack([np.ones(seen.sum()), np.exp(1j * angle[seen])], axis=1)
-    fit, *_ = np.linalg.lstsq(circle, path, rcond=None)
-    stray, moved = (
-        float(np.quantile(np.abs(off), 0.8))
-        for off in (path - circle @ fit, path - np.median(path.real) - 1j * np.median(path.imag))
-    )
+    off = path - circle @ np.linalg.lstsq(circle, path, rcond=None)[0]
+    middle = np.median(path.real) + 1j * np.median(path.imag)
+    stray, moved = np.quantile(np.abs([off, path - middle]), 0.8, axis=1)
     # A hundredth of the picture's width is the play of trucks.
-    return stray > max(MAX_STRAY * moved, track.shake.centre.real / 50)
+    return bool(stray > max(MAX_STRAY * moved, track.shake.matrix[0, 2] / 50))
 
 
 def _whole_body(reel: Reel, led: Followed, corners: list[Points]) -> Followed | None:
@@ -337,11 +356,14 @@ def find_targets(reel: Reel) -> Iterator[list[Target]]:
     """Yield what can be followed: by the tracker that the user names, else by all; last resorts come last.
 
     Raises:
-        SysidError: Nothing that can be followed is found.
+        SysidError: The tracker is unknown, or nothing that can be followed is found.
     """
-    path, options = reel.clip.path, reel.options
-    tried = _asked_for(options)
-    found = False
+    path, options, found = reel.clip.path, reel.options, False
+    known = {name: one for name, one in trackers.ranked().items() if options.pivot is None or one.takes_pivot}
+    if options.method not in ("auto", *known):
+        pivot = "" if options.pivot is None else f" --pivot {options.pivot[0]:g} {options.pivot[1]:g}"
+        raise SysidError(f"--method {options.method}{pivot}: known are auto, {', '.join(known)}.")
+    tried = {name: one for name, one in known.items() if options.method in ("auto", name)}
     for last in (False, True):
         several = [tracker.find(reel) for tracker in tried.values() if tracker.last_resort == last]
         targets = [target for target in several if target is not None]
@@ -357,14 +379,3 @@ def find_targets(reel: Reel) -> Iterator[list[Target]]:
             )
         words = tried[options.method].not_found.format(where=where)
         raise SysidError(f"{path}: {words}, or choose another --method.")
-
-
-def _asked_for(options: VideoOptions) -> dict[str, Tracker]:
-    """Return the trackers that may be used, by name."""
-    known = trackers.ranked()
-    if options.pivot is not None:
-        known = {name: one for name, one in known.items() if one.takes_pivot}
-    if options.method not in ("auto", *known):
-        pivot = "" if options.pivot is None else f" --pivot {options.pivot[0]:g} {options.pivot[1]:g}"
-        raise SysidError(f"--method {options.method}{pivot}: known are auto, {', '.join(known)}.")
-    return {name: one for name, one in known.items() if options.method in ("auto", name)}

@@ -3,7 +3,7 @@
 No lens, no depth: for what a file, a codec or a choice does to the angle. `film.py` has the faults of a camera.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import cv2
@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from film_container import film_writer
 
-from sysid.roll import Array
+from sysid.roll import Array, Roll
 
 Picture = npt.NDArray[np.uint8]
 SIZE = (640, 360)
@@ -24,6 +24,22 @@ def decay(time: Array, amplitude: float = 0.3, rate: float = 3.0, frequency: flo
     """Return a damped swing from a hold of 0.2 s [rad], shape (n,)."""
     since = np.maximum(time - 0.2, 0.0)
     return amplitude * np.exp(-rate * since) * np.cos(frequency * since)
+
+
+def rmse(roll: Roll, truth: Array, fps: float = 60.0) -> float:
+    """Return the error of a roll without its common offset, by the truth in each frame [rad], shape (n,); in degrees."""
+    error = roll.roll - np.interp(roll.time, np.arange(len(truth)) / fps, truth)
+    return float(np.degrees(np.sqrt(np.mean((error - np.median(error[-10:])) ** 2))))
+
+
+def write_pictures(path: Path, pictures: Iterable[Picture], fps: float = 60.0) -> Path:
+    """Write pictures as a film, Motion JPEG."""
+    first, *others = pictures
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), fps, first.shape[1::-1])
+    for picture in (first, *others):
+        writer.write(picture)
+    writer.release()
+    return path
 
 
 def wall(contrast: float = 20.0, seed: int = 0) -> Picture:
@@ -80,28 +96,17 @@ def draw_film(
     noise: float = 1.5,
     move: Callable[[int], tuple[float, float]] | None = None,
 ) -> Path:
-    """Write a film in which `body` turns about its middle, clockwise for a positive roll.
+    """Write a film in which `body`, in fine pixels, turns about its middle, clockwise for a positive roll [rad], shape (n,).
 
-    Args:
-        path: The film.
-        body: The plate, in fine pixels.
-        roll: In each frame [rad], shape (n,).
-        fps: Frames/s.
-        background: What stands still; a wall with blotches if None; or what is seen there in each frame.
-        bits: Bits a pixel.
-        noise: Of the sensor [grey levels].
-        move: How far the camera has shifted the whole picture in a frame [px].
+    The background stands still or is seen in each frame; `move` shifts the whole picture in a frame [px].
     """
     behind = wall() if background is None else background
     look = behind if callable(behind) else lambda number: behind
     rng = np.random.default_rng(5)
     with film_writer(path, SIZE, np.arange(len(roll)) / fps, bits, fps) as write:
         for number, angle in enumerate(roll):
-            write(
-                _frame(
-                    look(number), body, float(angle), (0.0, 0.0) if move is None else move(number), noise, rng
-                )
-            )
+            shift = (0.0, 0.0) if move is None else move(number)
+            write(_frame(look(number), body, float(angle), shift, noise, rng))
     return path
 
 

@@ -74,23 +74,13 @@ class Camera:
 
 
 def film(path: Path, board: Board, motion: Motion, mark: Mark, camera: Camera, *, seed: int = 0) -> Array:
-    """Film `motion` from behind and write it as a clip.
+    """Film `motion` from behind and write it as a clip: .mp4 or .mov (H.264), or .avi (Motion JPEG).
 
-    Args:
-        path: The clip; .mp4 or .mov (H.264), .avi (Motion JPEG).
-        board: Its dimensions.
-        motion: The known roll.
-        mark: What is on the deck's end: an ArUco marker, two coloured stickers, nothing ('edge': a
-            plain deck), or a picture ('none').
-        camera: The camera and its faults.
-        seed: Of noise, shake and jitter.
+    The seed is that of noise, shake and jitter.
 
     Returns:
         Time of the middle of the exposure of each frame's first row [s], shape (n,); the container's
         stamps are these less the first.
-
-    Raises:
-        SysidError: The clip cannot be written.
     """
     rng = np.random.default_rng(seed)
     stamps = frame_times(camera, motion.time[-1], rng)
@@ -109,14 +99,8 @@ def film(path: Path, board: Board, motion: Motion, mark: Mark, camera: Camera, *
 
 def write_calibration(lens: Lens, size: tuple[int, int]) -> str:
     """Return a calibration of pictures of this width and height [px] as the JSON text that `lens_of` reads."""
-    return json.dumps(
-        {
-            "image_width": size[0],
-            "image_height": size[1],
-            "camera_matrix": lens.matrix.tolist(),
-            "distortion_coefficients": lens.distortion.tolist(),
-        }
-    )
+    numbers = {"camera_matrix": lens.matrix.tolist(), "distortion_coefficients": lens.distortion.tolist()}
+    return json.dumps({"image_width": size[0], "image_height": size[1], **numbers})
 
 
 def frame_times(camera: Camera, duration: float, rng: np.random.Generator) -> Array:
@@ -138,30 +122,18 @@ def shake(camera: Camera, stamps: Array, rng: np.random.Generator) -> Array:
     return np.radians(camera.shake_deg) * turns
 
 
-def marker_calibration(camera: Camera) -> tuple[Array, Array]:
-    """Return the film camera's matrix [px] and distortion coefficients (k1, k2, p1, p2)."""
-    return camera.matrix, np.array([camera.distortion, 0, 0, 0])
-
-
 def _develop(
-    exposed: Exposed,
+    picture: Exposed,
     turn: Array,
     lens: tuple[Exposed, Exposed] | None,
     camera: Camera,
     rng: np.random.Generator,
 ) -> Picture:
-    picture = exposed
     if camera.shake_deg > 0:
         matrix = camera.matrix
-        rotation, _ = cv2.Rodrigues(turn)
-        homography = matrix @ rotation @ np.linalg.inv(matrix)
-        picture = cv2.warpPerspective(
-            picture,
-            homography,
-            (camera.width, camera.height),
-            flags=cv2.INTER_CUBIC,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
+        homography = matrix @ cv2.Rodrigues(turn)[0] @ np.linalg.inv(matrix)
+        size, border = (camera.width, camera.height), cv2.BORDER_REPLICATE
+        picture = cv2.warpPerspective(picture, homography, size, flags=cv2.INTER_CUBIC, borderMode=border)
     if lens is not None:
         picture = cv2.remap(picture, *lens, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     picture = cv2.GaussianBlur(picture, (0, 0), 0.6)  # the lens is not sharper than its pixels
@@ -173,7 +145,7 @@ def _develop(
 
 
 def _lens(camera: Camera) -> tuple[Exposed, Exposed]:
-    matrix, coefficients = marker_calibration(camera)
+    matrix, coefficients = camera.matrix, np.array([camera.distortion, 0, 0, 0])
     columns, rows = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
     pixels = np.stack([columns.ravel(), rows.ravel()], axis=1).astype(np.float64)[:, None]
     straight = cv2.undistortPoints(pixels, matrix, coefficients, P=matrix)
@@ -205,11 +177,8 @@ class _Stage:
         half = self.camera.exposure / 2
         begin, end = centres[0] - half, centres[-1] + half
         turned = np.abs(np.diff(motion.at(np.linspace(begin, end, 16)))).sum()
-        instants = np.linspace(
-            begin,
-            end,
-            1 + int(np.ceil(turned * self.part.width / 2 / self.camera.samples / self.camera.step)),
-        )
+        steps = turned * self.part.width / 2 / self.camera.samples / self.camera.step
+        instants = np.linspace(begin, end, 1 + int(np.ceil(steps)))
         weights = _box_weights(instants, centres - half, centres + half)
         exposed = np.zeros((height, width, 3), np.float32)
         for weight, roll in zip(weights, motion.at(instants), strict=True):
@@ -270,26 +239,12 @@ def _stage(board: Board, mark: Mark, camera: Camera) -> Generator[_Stage]:
 
 
 def _reach(board: Board, camera: Camera) -> tuple[int, int, int, int]:
-    """Return left, top, right and bottom [px] of what the deck and its mark can cover at ±0.65 rad."""
+    """Return left, top, right and bottom [px] of what the deck and its mark can cover."""
     size = {name: quantity.value for name, quantity in board.geometry.items()}
-    roll = np.linspace(-0.65, 0.65, 14)[:, None, None]
-    across, up = np.array([-0.5, 0.5, -0.3, 0.3]) * size["width"], np.array([-0.03, 0.04, 0.11, 0.11])
-    turned = (across * np.exp(1j * roll)) + 1j * up * np.exp(1j * roll)
-    yaw, pitch = np.radians([camera.yaw_deg, camera.pitch_deg])
-    corners: list[Array] = []
-    for forward in (0.0, size["length"]):
-        point = np.stack([np.full(turned.shape, forward), turned.real, turned.imag - 0.02], axis=-1)
-        ahead = np.array([np.cos(yaw) * np.cos(pitch), -np.sin(yaw) * np.cos(pitch), -np.sin(pitch)])
-        leftward = np.array([np.sin(yaw), np.cos(yaw), 0.0])
-        depth = camera.distance + point @ ahead
-        picture = np.stack([-(point @ leftward), -(point @ np.cross(ahead, leftward))], axis=-1)
-        corners.append((picture / depth[..., None] * camera.focal * camera.width).reshape(-1, 2))
-    tilt = np.radians(camera.roll_deg)
-    turn = np.array([[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]])
-    everything = np.concatenate([np.concatenate(corners) @ turn, np.concatenate(corners) @ turn.T])
+    aside = np.sin(np.radians(max(abs(camera.yaw_deg), abs(camera.pitch_deg)))) * size["length"]
+    reach = (np.hypot(size["width"] / 2, 0.11) + aside) / camera.distance * camera.focal * camera.width
     middle = np.array([camera.width, camera.height]) / 2
-    low = np.maximum(middle + everything.min(axis=0) - 8, 0).astype(int)
-    high = np.minimum(middle + everything.max(axis=0) + 8, 2 * middle).astype(int)
+    low, high = np.maximum(middle - reach, 0).astype(int), np.minimum(middle + reach, 2 * middle).astype(int)
     return int(low[0]), int(low[1]), int(high[0]), int(high[1])
 
 

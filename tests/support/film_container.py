@@ -21,14 +21,8 @@ def film_writer(
 ) -> Generator[Write]:
     """Yield what writes the next frame of a film, as a picture in the order blue, green, red.
 
-    Phones encode as they film: no frames out of order, no look ahead, a whole picture each second.
-
-    Args:
-        path: Ends in .mp4 or .mov (H.264), or in .avi (Motion JPEG; its stamps are at a constant rate).
-        size: Width and height [px].
-        stamps: Time of each frame [s], shape (n,); the first is written as 0.
-        bits: Bits a pixel, on average (H.264).
-        fps: Nominal rate [frames/s].
+    Phones encode as they film: no frames out of order, no look ahead, a whole picture each second. H.264 with so many bits a pixel, or
+    Motion JPEG at a constant rate (.avi). The first of the stamps [s] is written as 0.
     """
     import av
 

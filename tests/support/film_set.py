@@ -40,16 +40,9 @@ class Motion:
 
 
 def rock(board: Board, duration: float, releases: tuple[tuple[float, float], ...] = ((0.3, 0.4),)) -> Motion:
-    """Tip the board by hand and let it go, one or several times.
+    """Tip the board by hand and let it go, one or several times: its roll inertia, stiffness and damping govern the free decays.
 
-    Args:
-        board: Its roll inertia, stiffness and damping govern the free decays.
-        duration: Length of the record [s].
-        releases: Time [s] and roll [rad] of each letting go; a hand brings the deck there within a
-            quarter of a second and holds it, the first from the start on.
-
-    Returns:
-        The motion in steps of 0.2 ms, by RK4: exact to 1e-8 rad at the frequencies of a board.
+    A hand brings the deck to each release's roll [rad] within a quarter of a second and holds it until its time [s]. The motion is in steps of 0.2 ms, by RK4: exact to 1e-8 rad at the frequencies of a board.
     """
     # Without the set: its textures take longer to make than the motion.
     bare = f'<mujoco><option gravity="0 0 0"/><worldbody><body>{_tilt(board)}</body></worldbody></mujoco>'
@@ -90,7 +83,7 @@ def film_xml(board: Board, mark: Mark) -> str:
     axis = size["wheel_radius"] + size["truck_height"]
     end = -half[0] - 0.001
     marks = {
-        "marker": f'<geom type="mesh" mesh="card" material="card" pos="{end} 0 {half[2] + 0.045}"/>',
+        "marker": f'<geom type="box" size="0.001 0.045 0.045" material="card" pos="{end} 0 {half[2] + 0.045}"/>',
         "dots": "".join(
             f'<geom type="cylinder" size="0.011 0.001" quat="0.7071068 0 0.7071068 0" '
             f'pos="{end} {side * DOT_DISTANCE / 2} 0.012" rgba="0.95 0.1 0.45 1"/>'
@@ -98,7 +91,7 @@ def film_xml(board: Board, mark: Mark) -> str:
         )
         + f'<geom type="box" size="0.001 {half[1]} 0.018" pos="{end + 0.001} 0 0.012" rgba="0.75 0.75 0.7 1"/>',
         "edge": "",
-        "none": f'<geom type="mesh" mesh="plate" material="plate" pos="{end} 0 0.01"/>',
+        "none": f'<geom type="box" size="0.001 {half[1]} 0.035" material="plate" pos="{end} 0 0.01"/>',
     }
     trucks = "".join(
         f'<geom type="box" size="0.03 {size["track"] / 2} 0.01" pos="{x} 0 {size["wheel_radius"]}" rgba="0.5 0.5 0.55 1"/>'
@@ -110,6 +103,12 @@ def film_xml(board: Board, mark: Mark) -> str:
         )
         for x in (-size["wheelbase"] / 2, size["wheelbase"] / 2)
     )
+    shine = {"wall": 0.5, "floor": 0.5, "deck": 0.1, "card": 0.05, "plate": 0.05}
+    textures = "".join(
+        f'<texture name="{name}" type="2d" file="{name}.png"/>'
+        f'<material name="{name}" texture="{name}" specular="{specular}"/>'
+        for name, specular in shine.items()
+    )
     return f"""
 <mujoco>
   <option gravity="0 0 0"/>
@@ -120,19 +119,7 @@ def film_xml(board: Board, mark: Mark) -> str:
     <headlight ambient="0.35 0.35 0.35" diffuse="0.35 0.35 0.35" specular="0 0 0"/>
   </visual>
   <asset>
-    <texture name="wall" type="2d" file="wall.png"/>
-    <texture name="floor" type="2d" file="floor.png"/>
-    <texture name="deck" type="2d" file="deck.png"/>
-    <texture name="card" type="2d" file="card.png"/>
-    <texture name="plate" type="2d" file="plate.png"/>
-    <material name="wall" texture="wall" texrepeat="1 1"/>
-    <material name="floor" texture="floor" texrepeat="1 1"/>
-    <material name="deck" texture="deck" specular="0.1"/>
-    <material name="card" texture="card" specular="0.05"/>
-    <material name="plate" texture="plate" specular="0.05"/>
-    {_box_mesh("deck", half)}
-    {_box_mesh("card", (0.001, 0.045, 0.045))}
-    {_box_mesh("plate", (0.001, half[1], 0.035))}
+    {textures}
   </asset>
   <worldbody>
     <light pos="-1.5 1.0 2.0" dir="0.6 -0.4 -0.8" diffuse="0.5 0.5 0.5" specular="0.1 0.1 0.1" castshadow="false"/>
@@ -145,7 +132,7 @@ def film_xml(board: Board, mark: Mark) -> str:
     </body>
     <body name="deck" pos="0 0 {axis}">
       {_tilt(board)}
-      <geom type="mesh" mesh="deck" material="deck"/>
+      <geom type="box" size="{half[0]} {half[1]} {half[2]}" material="deck"/>
       {marks[mark]}
     </body>
   </worldbody>
@@ -157,7 +144,7 @@ def film_textures(mark: Mark) -> dict[str, bytes]:
     rng = np.random.default_rng(20260)
     marker = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50).generateImageMarker(MARKER_ID, 700)
     card = np.full((900, 900, 3), 245, np.uint8)
-    card[100:800, 100:800] = marker[:, :, None]
+    card[100:800, 100:800] = marker[:, ::-1, None]  # MuJoCo shows it from inside the box
     deck = _blotches(rng, (512, 512), (60, 95, 150), 1.0)
     pictures = {
         "wall": _blotches(rng, (2048, 2048), (150, 150, 140), 0.35),
@@ -184,28 +171,3 @@ def _blotches(
         picture += cv2.resize(noise, shape[::-1], interpolation=cv2.INTER_CUBIC)
     picture *= 45 * contrast / picture.std()
     return np.clip(picture + np.array(colour), 0, 255).astype(np.uint8)
-
-
-def _box_mesh(name: str, half: tuple[float, float, float]) -> str:
-    """Return a box as a mesh whose every face shows the whole texture, upright as seen from behind."""
-    corners: list[str] = []
-    faces: list[str] = []
-    coordinates: list[str] = []
-    for axis in range(3):
-        for side in (-1, 1):
-            first, second = ((1, 2), (0, 1), (0, 1))[axis] if axis != 1 else (0, 2)
-            base = len(corners)
-            for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
-                corner = np.zeros(3)
-                corner[axis], corner[first], corner[second] = side, a, b
-                corners.append(" ".join(str(float(c * h)) for c, h in zip(corner, half, strict=True)))
-                # Seen from behind, +y is left; MuJoCo's v runs down the picture.
-                coordinates.append(f"{(1 - a) / 2} {(1 - b) / 2}")
-            normal = np.cross(np.eye(3)[first], np.eye(3)[second])[axis] * side
-            order = (0, 1, 2, 3) if normal > 0 else (0, 3, 2, 1)
-            faces += [f"{base + order[0]} {base + order[1]} {base + order[2]}"]
-            faces += [f"{base + order[0]} {base + order[2]} {base + order[3]}"]
-    return (
-        f'<mesh name="{name}" vertex="{"  ".join(corners)}" face="{"  ".join(faces)}" '
-        f'texcoord="{"  ".join(coordinates)}"/>'
-    )

@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from drawn_films import write_pictures
 
 from sysid.errors import SysidError
 from sysid.video import trackers
@@ -56,15 +57,14 @@ def test_a_tracker_is_one_file(lamps):
     assert trackers.names() == ("dots", "edge", "features", "lamps", "marker")
     time = np.arange(60) / 60
     truth = 0.3 * np.exp(-2 * time) * np.cos(20 * time)
-    path = lamps / "lamps.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 60, (320, 240))
+    pictures = []
     for roll in truth:
         picture = np.full((240, 320, 3), 90, np.uint8)
         for side, colour in ((-1, (30, 30, 230)), (1, (30, 230, 30))):
             x, y = 160 + side * 80 * np.cos(roll), 120 + side * 80 * np.sin(roll)
             cv2.circle(picture, (round(8 * x), round(8 * y)), 80, colour, -1, cv2.LINE_AA, 3)
-        writer.write(picture)
-    writer.release()
+        pictures.append(picture)
+    path = write_pictures(lamps / "lamps.avi", pictures)
     roll = roll_from_video(path, VideoOptions(method="lamps", readout=0.0))
     assert any(note.startswith("follows: two lamps") for note in roll.notes)
     np.testing.assert_allclose(roll.roll, truth, atol=0.01)

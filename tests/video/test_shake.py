@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from backgrounds import light, people, soft
-from drawn_films import SIZE, decay, draw_film, marked, plate, wall
+from drawn_films import SIZE, decay, draw_film, marked, plate, rmse, wall
 
 from sysid.errors import SysidError
 from sysid.video_roll import VideoOptions, roll_from_video
@@ -17,11 +17,6 @@ def read(path, **options):
     return roll_from_video(path, VideoOptions(method="marker", readout=0.0, **options))
 
 
-def error_of(roll):
-    error = roll.roll - ROLL
-    return np.degrees(np.sqrt(np.mean((error - np.median(error[-10:])) ** 2)))
-
-
 @pytest.fixture(scope="module")
 def wide(tmp_path_factory):
     """A small marker on a wide deck with texture, in front of a plain wall: nothing else has texture."""
@@ -33,7 +28,7 @@ def wide(tmp_path_factory):
 def test_a_wide_deck_is_not_taken_for_background(wide):
     roll = read(wide)
     assert not any("shake" in note for note in roll.notes)
-    assert error_of(roll) < 0.15
+    assert rmse(roll, ROLL) < 0.15
 
 
 @pytest.mark.slow
@@ -43,7 +38,7 @@ def test_shake_before_a_wall_is_taken_out(tmp_path):
     film = draw_film(tmp_path / "shaken.mp4", marked(plate(), 64), ROLL, move=lambda n: tuple(path[n]))
     roll = read(film)
     assert any(note.startswith("shake: ") for note in roll.notes)
-    assert error_of(roll) < 0.15
+    assert rmse(roll, ROLL) < 0.15
     assert not any(note.startswith("shake: ") for note in read(film, no_shake=True).notes)
 
 
@@ -62,7 +57,7 @@ def test_a_hand_that_goes_away_leaves_the_wall_as_background(tmp_path):
     roll = read(film)
     assert any(note.startswith("shake: ") for note in roll.notes)
     assert not any("background" in warning for warning in roll.warnings)
-    assert error_of(roll) < 0.15
+    assert rmse(roll, ROLL) < 0.15
 
 
 def test_what_trembles_is_not_refused_for_its_pace(tmp_path):
@@ -84,4 +79,4 @@ def test_a_still_camera_does_not_pan_whatever_is_behind_the_board(behind, tmp_pa
     for no_shake in (False, True):
         roll = read(film, no_shake=no_shake)
         assert not any(note.startswith("shake: ") for note in roll.notes)
-        assert error_of(roll) < 0.1
+        assert rmse(roll, ROLL) < 0.1

@@ -1,7 +1,7 @@
 """The background: patches followed against the first frame, whether the camera moves, and cuts.
 
-Three hypotheses compete: the background stands still, it moves as a camera that turns would show it, or it moves with the body.
-In each frame the picture decides between the first two. Over the whole film each patch decides, by its likelihood.
+In each frame the picture decides whether the background stands still or moves as a camera that turns would show it. Patches where
+something else moves are then left out, and the others give the camera's motion.
 """
 
 from dataclasses import dataclass, field
@@ -14,20 +14,20 @@ from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.camera import FOCAL_SPREAD, Lens
 from sysid.video.film.frames import Frame, halved
-from sysid.video.film.shake import MIN_PATCHES, Shake, find_shake, still
+from sysid.video.film.shake import MIN_PATCHES, Shake, find_shake, fit_rotations, rays, still
 from sysid.video.types import Mask, Picture, Points
 
 SMALL_SIDE = 640
 """Longer side of the pictures in which motion is looked for and patches are followed [px]: a patch is found to 0.05 of these."""
-WINDOW = 15
-"""Side of a patch [px of the small picture]."""
+WINDOW, PATCHES = 15, 96
+"""Side of a patch [px of the small picture], and most patches."""
 MIN_QUALITY = 1e-4
 """Least eigenvalue of the second moments of brightness at a patch, in OpenCV's unit: sensor noise of 3 grey levels has this."""
 LIKENESS = 0.5
-"""Correlation above which two pictures show the same [1]: neighbouring frames one scene, cells a marker."""
+"""Correlation above which two pictures show the same [1]: neighbouring frames one scene, cells a marker, two frames a patch that stands still."""
 TURN_STD = np.radians(1.0)
 """Standard deviation of the turn of a camera held by hand about its line of sight [rad]; a body turns by several times as much."""
-IDENTITY = np.eye(2, 3)
+IDENTITY = np.eye(3)
 COST = np.log1p(np.arange(256)).astype(np.float32)
 """Negative log-likelihood of a difference of brightness [grey levels]: a heavy tail, so that moving things count little."""
 
@@ -50,7 +50,7 @@ class Background:
     """Places in each frame [px], each (m, 2); NaN where a patch is not found."""
     _gains: list[float] = field(default_factory=list)
     _poses: list[Array] = field(default_factory=list)
-    """The background's motion since the first frame [px of the small picture], each (2, 3)."""
+    """The background's motion since the first frame [px of the small picture], homogeneous, each (3, 3)."""
 
     def update(self, frame: Frame) -> Array:
         """Take in the next frame; return the shift of the picture's middle since the first one [px], shape (2,).
@@ -71,14 +71,14 @@ class Background:
         self._before = small
         self._gains.append(_gain(small, self._first))
         small = np.asarray(cv2.convertScaleAbs(small, alpha=self._gains[-1]), np.uint8)
-        seen = self._follow(small)
-        self._seen.append(seen * scale + (scale - 1) / 2)
-        self._poses.append(self._likelier(small, seen))
+        self._seen.append(self._follow(small) * scale + (scale - 1) / 2)
+        self._poses.append(self._likelier(small, scale))
         middle = np.array(small.shape[::-1]) / 2
-        return scale * (self._poses[-1] @ np.append(middle, 1.0) - middle)
+        x, y, z = self._poses[-1] @ np.append(middle, 1.0)
+        return scale * (np.array([x, y]) / z - middle)
 
     def pose(self, number: int) -> tuple[Array, float]:
-        """Return the background's motion since the first frame [px of the small picture], shape (2, 3), and the light's loss.
+        """Return the background's motion since the first frame [px of the small picture], shape (3, 3), and the light's loss.
 
         Both are of one frame; the second is the factor that makes it as bright as the first one.
         """
@@ -92,26 +92,16 @@ class Background:
         x, y = (scale * self._anchors.T).astype(int)
         self._beside = np.asarray(~near[y, x], np.bool_)
 
-    def shake(self, first: int, turn: Array) -> Shake:
-        """Return the camera's motion against the first frame of the film.
-
-        Args:
-            first: Number of the first of n frames.
-            turn: The body's turn in them [rad], shape (n,).
-        """
-        matrix = self.lens.matrix
-        focal, centre = float(matrix[0, 0]), complex(matrix[0, 2], matrix[1, 2])
-        seen = np.array(self._seen[first : first + len(turn)])[:, self._beside]
-        home = self._seen[0][self._beside]
+    def shake(self, first: int, count: int) -> Shake:
+        """Return the camera's motion in some frames, of which the first one has this number, against the first one of the film."""
+        seen = np.array(self._seen[first : first + count])[:, self._beside]
         usual = np.isfinite(seen[..., 0]).mean(axis=0) > 0.5
         if self.stands or usual.sum() < MIN_PATCHES:
-            return still(len(turn), focal, centre, found=self.stands)
-        spread = 0.0 if self.lens.known else FOCAL_SPREAD
-        here, there = (
-            np.asarray(self.lens.straighten(one) @ np.array([1, 1j]) - centre, np.complex128)
-            for one in (home[usual], seen[:, usual])
+            return still(count, self.lens.matrix, found=self.stands)
+        home, seen = (
+            self.lens.straighten(one) for one in (self._seen[0][self._beside][usual], seen[:, usual])
         )
-        return find_shake(here, there, focal, centre, turn, spread)
+        return find_shake(home, seen, self.lens.matrix, 0.0 if self.lens.known else FOCAL_SPREAD)
 
     def _follow(self, small: Picture) -> Points:
         """Find the patches, shape (m, 2) [px of the small picture]; NaN where one is not found."""
@@ -120,7 +110,7 @@ class Background:
         start = self._anchors[some]
         if len(start):
             last = self._poses[-1] if self._poses else IDENTITY
-            guess = (start @ last[:, :2].T + last[:, 2]).astype(np.float32)
+            guess = cv2.perspectiveTransform(start[None], last)[0]
             flow: Any = cv2.calcOpticalFlowPyrLK  # its stubs do not know the type of points
             moved, good, _ = flow(
                 self._first, small, start, guess, winSize=(WINDOW, WINDOW), maxLevel=1, flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
@@ -130,22 +120,26 @@ class Background:
             places[some] = np.where((good.ravel() > 0)[:, None] & near[:, None], moved, np.nan)
         return places
 
-    def _likelier(self, small: Picture, seen: Points) -> Array:
-        """Return the shift and turn on which most patches agree if they are likelier than none.
+    def _likelier(self, small: Picture, scale: int) -> Array:
+        """Return the motion on which most patches of the last frame agree if it is likelier than none.
 
         The median over the corners of the picture decides: a body reaches into one of them at most. Before a plain wall the
         motion of the body itself would explain the whole picture better than none.
         """
-        good = self._beside & np.isfinite(seen[:, 0])
-        estimate: Any = cv2.estimateAffinePartial2D  # its stubs do not know that it may find nothing
-        found = None
-        if good.sum() >= MIN_PATCHES:
-            found = estimate(self._anchors[good], seen[good], ransacReprojThreshold=1.0)[0]
-        if found is None:
+        good = self._beside & np.isfinite(self._seen[-1][:, 0])
+        if good.sum() < MIN_PATCHES:
             return IDENTITY
+        lens = self.lens
+        home, seen = (
+            rays(lens.straighten(places[good]), lens.matrix) for places in (self._seen[0], self._seen[-1])
+        )
+        turn = fit_rotations(home, seen[None])[0][0]
+        middle = (1 / scale - 1) / 2
+        matrix = np.array([[1 / scale, 0, middle], [0, 1 / scale, middle], [0, 0, 1]]) @ lens.matrix
+        found = matrix @ turn @ np.linalg.inv(matrix)
         size, flags = small.shape[::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        shown = cv2.warpAffine(np.ones_like(small), found, size, flags=flags)
-        back = cv2.warpAffine(small, found, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        shown = cv2.warpPerspective(np.ones_like(small), found, size, flags=flags)
+        back = cv2.warpPerspective(small, found, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
         # Means of 5x5 pixels: interpolation takes no noise away from them.
         first, *both = (cv2.blur(one, (5, 5)) for one in (self._first, small, back))
         none, moved = (cv2.LUT(cv2.absdiff(one, first), COST) for one in both)
@@ -156,41 +150,24 @@ class Background:
             for columns in (slice(width), slice(-width, None))
         ]
         blocks = 4 * height * width / 16**2  # a film holds blocks of 16x16 pixels, whose errors are one
-        turn = float(np.arctan2(found[1, 0], found[0, 0])) / TURN_STD
-        return found if np.median(gains) * blocks > 2 * np.log(blocks) + turn**2 / 2 else IDENTITY
+        aside = float(turn[1, 0]) / TURN_STD
+        return found if np.median(gains) * blocks > 1.5 * np.log(blocks) + aside**2 / 2 else IDENTITY
 
 
 def _gain(picture: Picture, other: Picture) -> float:
-    """Return the factor that makes a picture as bright as another one, if it is likelier than none.
-
-    Light and exposure change most pixels by one factor, the median; something that passes changes some of them.
-    """
-    some, first = picture[::8, ::8], other[::8, ::8]
-    ratio = float(np.median((first + 1.0) / (some + 1.0)))
-    costs = [
-        float(np.mean(cv2.LUT(cv2.absdiff(cv2.convertScaleAbs(some, alpha=gain), first), COST)))
-        for gain in (1.0, ratio)
-    ]
-    return ratio if costs[1] < costs[0] else 1.0
+    """Return the factor that makes a picture as bright as another one: the median, as something that passes changes some pixels."""
+    return float(np.median((other[::8, ::8] + 1.0) / (picture[::8, ::8] + 1.0)))
 
 
 def _corners(small: Picture) -> Points:
-    """Return the two best patches in each cell of a grid over a picture in grey [px], shape (m, 2)."""
-    smooth = cv2.GaussianBlur(small, (0, 0), 1.0)
-    mask = (cv2.cornerMinEigenVal(smooth, 7) > MIN_QUALITY).astype(np.uint8)
-    found: list[Points] = []
+    """Return patches all over a picture in grey [px], shape (m, 2): the best ones that lie as far apart as in a grid."""
+    smooth, border = cv2.GaussianBlur(small, (0, 0), 1.0), np.zeros_like(small)
+    border[WINDOW:-WINDOW, WINDOW:-WINDOW] = 1  # a patch there is not whole
+    apart = float(np.sqrt(small.size / PATCHES))
+    quality = MIN_QUALITY / max(float(cv2.cornerMinEigenVal(smooth, 7).max()), MIN_QUALITY)
     corners_in: Any = cv2.goodFeaturesToTrack  # its stubs do not know that it may find none
-    # Eight cells across and six down; a patch at the border is not whole.
-    sides = [
-        np.linspace(WINDOW, size - WINDOW, count + 1).astype(int)
-        for size, count in zip(small.shape, (6, 8), strict=True)
-    ]
-    for top, bottom in zip(sides[0], sides[0][1:], strict=False):
-        for left, right in zip(sides[1], sides[1][1:], strict=False):
-            cell = slice(top, bottom), slice(left, right)
-            best = corners_in(smooth[cell], 2, 0.01, WINDOW // 2, mask=mask[cell])
-            found += [] if best is None else [best.reshape(-1, 2) + np.array([left, top], np.float32)]
-    return np.concatenate([np.zeros((0, 2), np.float32), *found])
+    found = corners_in(smooth, PATCHES, quality, apart, mask=border, blockSize=7)
+    return np.zeros((0, 2), np.float32) if found is None else found.reshape(-1, 2)
 
 
 def _is_cut(before: Picture, now: Picture) -> bool:

@@ -49,10 +49,7 @@ class Lens:
 
 
 def lens_of(clip: Clip, calibration: Path | None) -> Lens:
-    """Return the lens that a clip was filmed with.
-
-    Without calibration the focal length is a phone's usual one. A scale does not matter for an angle;
-    what a wrong focal length does to the perspective is added to the uncertainty.
+    """Return the lens that a clip was filmed with; without calibration, a phone's usual one.
 
     Raises:
         SysidError: The calibration cannot be read, or belongs to another shape of picture.

@@ -4,6 +4,9 @@ Films hold brightness pixel by pixel and colour at half the resolution. Nearly a
 is used where the decoder left it. Colour is made of the parts that need it.
 """
 
+import mmap
+import re
+import struct
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -19,7 +22,6 @@ from av.error import FFmpegError
 
 from sysid.errors import SysidError
 from sysid.roll import Array
-from sysid.video.film.edits import plays_ramps
 from sysid.video.types import Box, Picture
 
 Item = TypeVar("Item")
@@ -34,12 +36,10 @@ NO_RATE_GUESS = {"fpsprobesize": "0"}
 CAPTURE_RATE = "com.android.capture.fps"
 READOUT = "com.apple.quicktime.camera.framereadouttimeinmicroseconds"
 """Notes of phones: the rate at which a film was taken [Hz], and the time for reading a frame [µs]."""
-PLANES, BLACK = "yuv420p", 16
-"""How nearly all films hold pictures: 8 bits of brightness from this to 235, and chroma at half the resolution."""
+PLANES = "yuv420p"
+"""How nearly all films hold pictures: 8 bits of brightness from 16 to 235, and chroma, 128 for grey, at half the resolution."""
 TO_COLOUR = np.array([[1.164, 2.018, 0.0], [1.164, -0.391, -0.813], [1.164, 0.0, 1.596]])
-"""Blue, green and red of brightness beyond `BLACK` and chroma beyond `GREY` (ITU-R BT.601)."""
-GREY = 128
-"""Chroma of grey."""
+"""Blue, green and red of brightness beyond black and chroma beyond grey (ITU-R BT.601)."""
 TURNS = dict(
     zip(
         range(90, 360, 90),
@@ -48,6 +48,10 @@ TURNS = dict(
     )
 )
 """Clockwise turns [deg] in OpenCV's names."""
+
+HEAD, ENTRY = 16, {0: ">IiHH", 1: ">QqHH"}
+"""An edit list (ISO 14496-12): bytes before its entries, which are size, name, version and number of entries. An entry of each version:
+length, start, and speed with its fraction."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +62,7 @@ class Frame:
     time: float
     """The container's stamp since the film's first frame [s], of a film that plays slowly as it was filmed; NaN without a stamp."""
     picture: Picture
-    """Brightness as films hold it, from `BLACK` to 235, shape (height, width)."""
+    """Brightness as films hold it, from 16 to 235, shape (height, width)."""
     chroma: tuple[Picture, Picture]
     """Blue and red beyond brightness in squares of 2x2 pixels, shape (height / 2, width / 2), rounded up."""
     corner: tuple[int, int] = (0, 0)
@@ -89,13 +93,9 @@ class Frame:
         left, top = left - left % 2, top - top % 2
         x, y = left - self.corner[0], top - self.corner[1]
         picture = self.picture[y : bottom - self.corner[1], x : right - self.corner[0]]
-        down, across = (
-            slice(at // 2, (at + size + 1) // 2) for at, size in zip((y, x), picture.shape, strict=True)
-        )
-        blue, red = self.chroma
-        return replace(
-            self, picture=picture, chroma=(blue[down, across], red[down, across]), corner=(left, top)
-        )
+        height, width = ((size + 1) // 2 for size in picture.shape)
+        blue, red = (one[y // 2 : y // 2 + height, x // 2 : x // 2 + width] for one in self.chroma)
+        return replace(self, picture=picture, chroma=(blue, red), corner=(left, top))
 
     @property
     def colour(self) -> Picture:
@@ -173,10 +173,6 @@ def ahead(items: Generator[Item], count: int) -> Generator[Item]:
 def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) -> Clip:
     """Check that a file is a film that can be read, without decoding more than one frame.
 
-    Args:
-        path: The file.
-        progress: Told which share of the film was decoded, whenever it is.
-
     Raises:
         SysidError: It is missing, not a film, has no pictures (audio only), or too large ones.
     """
@@ -206,7 +202,7 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
             f"{path}: not a film that can be read: no pictures in it, cut off before its index, or "
             "another kind of file, or empty. Copy it again from the camera, or convert it to MP4."
         ) from error
-    if plays_ramps(path):
+    if _plays_ramps(path):
         raise SysidError(
             f"{path}: parts of it play faster or slower than others (a speed ramp of slow motion): its times are not those "
             "of the board. Give the film as the camera took it, not as it was edited."
@@ -223,6 +219,22 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
     return Clip(
         path, *size, turned, announced, codec, slowed if round(slowed) > 1 else 1.0, progress, readout if 0 < readout * rate <= 1 else None
     )  # fmt: skip
+
+
+def _plays_ramps(path: Path) -> bool:
+    """Return whether an MP4 or QuickTime file plays parts at another speed by its edit list, which FFmpeg passes over."""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        for found in re.finditer(b"elst", data):
+            begin = found.start() + 12
+            if len(head := data[begin - HEAD : begin]) < HEAD:
+                break
+            size, version, count = struct.unpack(">I4xB3xI", head)
+            entry, end = struct.Struct(ENTRY.get(version, ">")), begin - HEAD + size
+            if size != HEAD + count * entry.size or end > len(data):
+                continue  # these four letters are part of something else
+            if any(start >= 0 and speed != [1, 0] for _, start, *speed in entry.iter_unpack(data[begin:end])):
+                return True
+    return False
 
 
 def _decoded(path: Path) -> Generator[av.VideoFrame]:
@@ -270,7 +282,7 @@ def box_about(places: Array, margin: float) -> Box:
 def in_colour(bright: Picture, chroma: Sequence[Picture]) -> Picture:
     """Return blue, green and red [grey levels], shape (h, w, 3), of brightness (h, w) and chroma of full or half resolution."""
     planes = [cv2.resize(one, bright.shape[::-1], interpolation=cv2.INTER_NEAREST) for one in chroma]
-    grey = np.array([[BLACK], [GREY], [GREY]])
+    grey = np.array([[16], [128], [128]])
     turn = np.hstack([TO_COLOUR, -TO_COLOUR @ grey])
     return np.asarray(cv2.transform(cv2.merge([bright, *planes]), turn), np.uint8)
 

@@ -12,12 +12,8 @@ frame."""
 def half_swings(time: Array, roll: Array, std: Array) -> tuple[Array, Array]:
     """Return when a swing turns [s], shape (m + 1,), and how far it goes from turn to turn [rad], shape (m,).
 
-    A half swing is longer than the range of n values of normal noise, 2 σ √(2 ln n).
-
-    Args:
-        time: Times of the frames [s], shape (n,).
-        roll: Roll [rad], shape (n,).
-        std: Its standard deviation without errors common to all frames [rad], shape (n,).
+    Roll and its deviation [rad] are given at times [s], each (n,). A half swing is longer than the range of n values of normal noise,
+    2 σ √(2 ln n).
     """
     least = 2 * np.sqrt(2 * np.log(len(roll))) * np.median(std)
     turns, way = [0], 0.0

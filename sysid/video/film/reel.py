@@ -18,10 +18,6 @@ from sysid.video.types import Box, Mask
 
 MARGIN = 0.35
 """Margin about the part that has moved so far, in widths of it [1]: a tilted board will swing to the other side."""
-MOST = 0.5
-"""Share of the final motion that must lie in the part that was kept: a speck may have moved first."""
-BEGUN = 0.1
-"""Share of the final motion from which on the board moves: a speck is less, a hand that passes is several times as much."""
 
 
 @dataclass
@@ -86,10 +82,12 @@ class Reel:
         """
         motion, part = self._fill(None, 1)
         moving = motion.mask(self.region)
-        if part is not None and moving[part[1] : part[3], part[0] : part[2]].sum() < MOST * moving.sum():
+        # A speck may have moved first: most of the motion must lie in the part that was kept, and shows that the board moves.
+        most = moving.sum() / 2
+        if part is not None and moving[part[1] : part[3], part[0] : part[2]].sum() < most:
             self._source.close()
             self._begin()
-            motion, _ = self._fill(_with_margin(moving), round(BEGUN * moving.sum()))
+            motion, _ = self._fill(_with_margin(moving), round(most))
             moving = motion.mask(self.region)
         if not self._frames:
             raise SysidError(
@@ -113,9 +111,7 @@ class Reel:
     def _fill(self, part: Box | None, least: int) -> tuple[Motion, Box | None]:
         """Keep frames until memory is full of the part that moves, at least `SURVEY_FRAMES`; return the motion and that part [px].
 
-        Args:
-            part: The part, if it is known; else it follows from the motion seen when whole frames fill the memory.
-            least: Pixels that change where the board has been seen to move.
+        An unknown part follows from the motion seen when whole frames fill the memory. It moves once `least` pixels change.
         """
         motion, size = Motion(), 0
         for number, frame in enumerate(self._source):

@@ -47,20 +47,21 @@ class Motion:
     """How far the camera has gone in each frame [px of the small picture]."""
 
     def add(self, frame: Frame, pose: Array, gain: float) -> None:
-        """Take in the next whole frame, with the pose, shape (2, 3) [px], and the gain [1] of `Background.pose`."""
+        """Take in the next whole frame, with the pose, shape (3, 3) [px], and the gain [1] of `Background.pose`."""
         self._shape = frame.picture.shape
         bright = halved(frame.picture, SMALL_SIDE)[0]
         small = in_colour(bright, [halved(one, SMALL_SIDE)[0] for one in frame.chroma])
         small = np.asarray(cv2.convertScaleAbs(small, alpha=gain), np.uint8)
         height, width = small.shape[:2]
-        corners = np.array([[0, 0, 1], [width, 0, 1], [0, height, 1], [width, height, 1]])
-        went = float(np.abs(corners @ pose.T - corners[:, :2]).max())
+        corners = np.array([[[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]]])
+        went = float(np.abs(cv2.perspectiveTransform(corners, pose) - corners).max())
         self._went.append(went)
         if went:
             flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
             hidden = np.broadcast_to(self._low, small.shape).copy()
             small = np.asarray(
-                cv2.warpAffine(small, pose, (width, height), hidden, flags, cv2.BORDER_TRANSPARENT), np.uint8
+                cv2.warpPerspective(small, pose, (width, height), hidden, flags, cv2.BORDER_TRANSPARENT),
+                np.uint8,
             )
         self._low, self._high = np.minimum(self._low, small), np.maximum(self._high, small)
 

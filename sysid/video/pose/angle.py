@@ -12,15 +12,11 @@ import numpy as np
 from sysid.roll import Array
 from sysid.video.pose.camera_state import READOUT, CameraState, spread_by
 from sysid.video.pose.circles import Found, fit_circles
-from sysid.video.pose.keyframes import keyframes_of, point_speed
-from sysid.video.pose.point_noise import BLUR_SHARE
-from sysid.video.pose.prior import POINT_FLOOR, BodyPrior
+from sysid.video.pose.keyframes import BLUR_SHARE, keyframes_of, point_speed
+from sysid.video.pose.prior import POINT_FLOOR, SLOPE, BodyPrior
 from sysid.video.pose.rectify import smear, unwrap
 from sysid.video.pose.view import View
 from sysid.video.types import Complex
-
-DRAWN = 2.0
-"""Motion of which compression leaves out a quarter of the dead zone's variance [px/frame], as found in films of a phone's kind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,20 +47,14 @@ class AngleTrack:
 
 
 def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior | None = None) -> AngleTrack:
-    """Estimate the angle of a rigid body in every frame that shows all of its points.
+    """Estimate the angle [rad] of a rigid body in every frame that shows all of its points; zero is the attitude in one of them.
 
-    Args:
-        view: The points.
-        matrix: Camera matrix [px], shape (3, 3).
-        before: Direction of the axis, focal length and read-out, as known beforehand.
-        prior: Prior knowledge of the body.
-
-    Returns:
-        The angles. Zero is arbitrary here: the attitude in one of the frames.
+    The camera matrix [px] has shape (3, 3).
     """
     prior = prior or BodyPrior()
     some = keyframes_of(view, prior.still)
-    fits = [fit_circles(view, some, matrix, before, prior, before.value, slope) for slope in prior.slopes]
+    slopes = (SLOPE, -SLOPE) if prior.any_side else (0.0,)
+    fits = [fit_circles(view, some, matrix, before, prior, before.value, slope) for slope in slopes]
     if {0, 1} <= set(before.free):  # from the other side a body looks nearly the same
         mirrored = fits[0].camera_state.value * [-1, -1, 1, 1]
         fits.append(fit_circles(view, some, matrix, before, prior, mirrored))
@@ -83,7 +73,8 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
     angle[wrong] = np.nan
     arm = np.abs(found.body.shape - found.body.shape.mean())
     variance = found.noise.variance(speed) / np.sum(arm**2) + smear(angle) ** 2
-    variance += (prior.dead_zone / np.sqrt(3) / arm.max()) ** 2 * (1 + (speed / DRAWN) ** 2) ** -2.0
+    # Compression draws anew what moves by more than a pixel a frame.
+    variance += (prior.dead_zone / np.sqrt(3) / arm.max()) ** 2 * (1 + speed**2) ** -2.0
     clock = (view.time(found.camera_state.readout), view.share, before.place_of(READOUT))
     common = spread_by(found.x, found.covariance, angle, lambda x: angle_of(found, x), *clock)
     apart = np.exp(1j * (np.array([angle_of(one, one.x) for one in fits]) - angle))

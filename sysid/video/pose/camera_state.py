@@ -61,13 +61,9 @@ def spread_by(
     A slant squeezes the picture by its square, of which the derivative where a camera looks along the axis shows nothing. So the mean square is taken over numbers one standard deviation off, to either side along each axis of their covariance.
 
     Args:
-        x: The numbers, shape (P,).
-        covariance: Of these, shape (P, P).
-        angle: Angle at these [rad], shape (n,).
-        angle_of: Angle at others.
-        time: Times of the frames [s], shape (n,).
-        share: Share of the read-out at which each frame is read, shape (n,).
-        readout: Which of them is a read-out that is not given [s].
+        x: The numbers, shape (P,), with their `covariance`, shape (P, P); `readout` tells which one is a read-out that is not given [s].
+        angle: Angle at these [rad], shape (n,); `angle_of` gives it at others.
+        time: Times of the frames [s], shape (n,), each read at a `share` of the read-out.
 
     Returns:
         Variance of the angle [rad²], shape (n,).
@@ -97,14 +93,9 @@ def rate_of(time: Array, angle: Array) -> Array:
 def before_looking(
     track: Track, lens: Lens, direction_std: float, readout: float | None, angle: tuple[float, float] | None
 ) -> CameraState:
-    """Return the prior knowledge of camera, lens and shutter.
+    """Return the prior knowledge of camera, lens and shutter; the stamps of the track limit the read-out [s].
 
-    Args:
-        track: Its shake shows the focal length, its stamps limit the read-out.
-        lens: The lens.
-        direction_std: Standard deviation of yaw and pitch where they are not given [rad].
-        readout: Read-out [s], if it is given.
-        angle: Yaw and pitch [rad], if they are given.
+    Yaw and pitch [rad] are known to `direction_std` unless they are given by `angle`.
 
     Raises:
         SysidError: The read-out is out of range.

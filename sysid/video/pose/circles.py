@@ -23,17 +23,12 @@ import numpy as np
 from sysid.least_squares import Normal, minimise
 from sysid.roll import Array
 from sysid.video.pose.camera_state import DIFFERENCE_STEP, READOUT, CameraState
-from sysid.video.pose.keyframes import Keyframes
-from sysid.video.pose.point_noise import BLUR_SHARE, PointNoise, point_noise
-from sysid.video.pose.prior import SLOPE_SPREAD, BodyPrior
+from sysid.video.pose.keyframes import BLUR_SHARE, Keyframes, PointNoise, point_noise
+from sysid.video.pose.prior import PLANE_CENTRES, ROUNDS, SLOPE, BodyPrior
 from sysid.video.pose.rectify import project, upright
 from sysid.video.pose.view import View
 from sysid.video.types import Complex
 
-NOISE_ROUNDS = 3
-"""Times that the noise is found anew."""
-SLANTED_STEPS = 8
-"""Most steps of a search for a slanted side, to save time: most bodies have none, and the search then leads nowhere."""
 ACROSS = np.radians(7.0)
 """A printed square stands across the axis to within this [rad]: what docs/video.md asks for."""
 
@@ -52,12 +47,7 @@ class Body:
     """c, shape (..., N)."""
 
     def upright(self, points: Array, shear: Array) -> tuple[Array, Complex]:
-        """Return points with the shutter's part, shape (..., n, N, 2), and as a camera along the axis sees them [px], (..., n, N).
-
-        Args:
-            points: Points as a straight lens shows them [px], shape (n, N, 2).
-            shear: Shift of each for a second of read-out [px/s], shape (n, N, 2).
-        """
+        """Return points (n, N, 2) [px] with the shutter's part, (..., n, N, 2), and to a camera along the axis, (..., n, N)."""
         seen = points + self.camera[..., READOUT, None, None, None] * shear
         # All frames at once: products of many small matrices take long.
         there = project(self.flat, seen.reshape(*seen.shape[:-3], -1, 2))
@@ -65,23 +55,17 @@ class Body:
 
     def pivot(self, points: Array, shear: Array, share: Array) -> Array:
         """Return where the axis is seen [px], shape (2,): about there the middle of the points turns, as `share`, shape (n,), weighs frames."""
-        turn = np.exp(1j * self.placed(points, shear)[0])
-        middle = self.upright(points, shear)[1].mean(axis=-1)
-        mean_turn, mean_middle = np.average(turn, weights=share), np.average(middle, weights=share)
-        spread = max(float(share @ np.abs(turn - mean_turn) ** 2), 1e-12)
-        place = (
-            mean_middle - mean_turn * (share @ ((middle - mean_middle) * (turn - mean_turn).conj())) / spread
+        weight = np.sqrt(share)
+        circle = weight[:, None] * np.stack(
+            [np.ones(len(share)), np.exp(1j * self.placed(points, shear)[0])], axis=1
         )
+        middle = self.upright(points, shear)[1].mean(axis=-1)
+        place = np.linalg.lstsq(circle, weight * middle, rcond=None)[0][0]
         aside = np.asarray(np.linalg.inv(self.flat), np.float64)
         return project(aside, np.array([[place.real, place.imag]]))[0]
 
     def placed(self, points: Array, shear: Array) -> tuple[Array, Array]:
-        """Return where the body fits best: its angle [rad], shape (..., n), and what does not fit [px], (..., n, N, 2).
-
-        Args:
-            points: Points as a straight lens shows them [px], shape (n, N, 2).
-            shear: Shift of each for a second of read-out [px/s], shape (n, N, 2).
-        """
+        """Return the angle at which the body fits points (n, N, 2) best [rad], shape (..., n), and the rest [px], (..., n, N, 2)."""
         seen, place = self.upright(points, shear)
         place = place - self.centre[..., None, :]
         shift = place.mean(axis=-1, keepdims=True)
@@ -94,20 +78,17 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class Unknowns:
-    """How what all frames have in common stands in a row of numbers.
-
-    The camera's free ones, c and q, and for a slanted side the logarithm of its slope against the usual one.
-    """
+    """The order of the common unknowns of all frames: the camera's free numbers, c and q, and g if a side may be slanted."""
 
     before: CameraState
     matrix: Array
     """Camera matrix [px], shape (3, 3)."""
     home: Array
     """The body in one of the frames, as filmed [px], shape (N, 2). q is counted from its picture along the axis."""
-    slope: float = 0.0
-    """How depth grows with height, as usual where its points are [1]; 0 across the axis, where that is not unknown."""
+    any_side: bool = False
+    """Whether depth may grow with height."""
     pivot: Array = field(default_factory=lambda: np.zeros(2))
-    """Place of the axis on a slanted side [px], shape (2,); c is counted from the slope's part of it."""
+    """Place of the axis on a slanted side [px], shape (2,); c is counted from g's part of it."""
 
     @property
     def focal(self) -> float:
@@ -115,7 +96,7 @@ class Unknowns:
         return float(self.matrix[0, 0])
 
     def body(self, x: Array) -> Body:
-        """Return camera and body of numbers [rad, rad, 1, s; focal lengths; logarithm], shape (P,), or of rows of them."""
+        """Return camera and body of numbers [rad, rad, 1, s; focal lengths; 1], shape (P,), or of rows of them."""
         free, size = self.before.free, len(self.home)
         camera = np.broadcast_to(self.before.value, (*x.shape[:-1], 4)).copy()
         camera[..., free] = x[..., : len(free)]
@@ -124,9 +105,9 @@ class Unknowns:
         shape = project(flat, self.home) @ np.array([1, 1j]) + parts[..., 2, :] + 1j * parts[..., 3, :]
         shape = shape - shape.mean(axis=-1, keepdims=True)
         centre = parts[..., 0, :] + 1j * parts[..., 1, :]
-        if self.slope:
+        if self.any_side:
             aside = (project(flat, self.pivot[None]) - self.matrix[:2, 2]) @ np.array([1, 1j])
-            centre = centre - aside * self.slope * np.exp(x[..., -1:]) * shape.imag / self.focal
+            centre = centre - aside * x[..., -1:] * shape.imag / self.focal
         return Body(camera, flat, shape, centre)
 
 
@@ -157,20 +138,11 @@ def fit_circles(
 ) -> Found:
     """Find body and camera, three times, as the noise weighs the frames.
 
-    Args:
-        view: The points.
-        some: The frames that are used.
-        matrix: Camera matrix [px], shape (3, 3).
-        before: Prior knowledge of the camera.
-        prior: Prior knowledge of the body.
-        start: Camera from which the search sets out, shape (4,).
-        slope: How depth grows with height, as usual where the points are [1]; 0 across the axis.
+    The search sets out from the camera `start`, shape (4,), and a slope g [1]; the camera matrix [px] has shape (3, 3).
     """
     points, shear = view.points[some.rows], view.shear[some.rows]
-    unknowns = Unknowns(before, matrix, points[len(points) // 2], slope)
-    x = np.concatenate([start[before.free], np.zeros(4 * points.shape[1])])
-    if slope:
-        x = np.append(x, 0.0)
+    unknowns = Unknowns(before, matrix, points[len(points) // 2], prior.any_side)
+    x = np.concatenate([start[before.free], np.zeros(4 * points.shape[1]), [slope] * prior.any_side])
     beforehand = _priors(unknowns, prior)
 
     def residuals(x: Array, weight: Array) -> Array:
@@ -179,10 +151,12 @@ def fit_circles(
         return np.concatenate([rest.reshape(*x.shape[:-1], -1), beforehand(x, body)], axis=-1)
 
     noise, doubt = PointNoise(0.05**2, 0.0), np.ones(len(points))
-    low, high, width = _limits(before, len(x))
+    low, high, width = (np.full(len(x), limit) for limit in (-np.inf, np.inf, np.inf))
+    if (at := before.place_of(READOUT)) is not None:  # as likely anywhere within its limits
+        low[at], high[at], width[at] = 0.0, before.readout_limit, before.std[READOUT]
     information = np.zeros((0, 0))
-    for _ in range(NOISE_ROUNDS):
-        if slope:
+    for _ in range(ROUNDS):
+        if prior.any_side:
             unknowns = replace(unknowns, pivot=unknowns.body(x).pivot(points, shear, some.share))
         weight = some.share * doubt / noise.variance(some.speed)
 
@@ -191,7 +165,7 @@ def fit_circles(
             slopes = (rows[1:] - rows[0]) / DIFFERENCE_STEP
             return Normal(float(0.5 * rows[0] @ rows[0]), slopes @ rows[0], slopes @ slopes.T)
 
-        found = minimise(normal, x, low, high, iterations=SLANTED_STEPS if slope else 60)
+        found = minimise(normal, x, low, high, iterations=12)
         x, information = found.point, found.normal.hessian
         noise, doubt = point_noise(unknowns.body(x).placed(points, shear)[1], some, len(before.free), prior)
     covariance = np.asarray(np.linalg.inv(information + np.diag(width**-2.0)), np.float64)
@@ -204,14 +178,6 @@ def fit_circles(
     count = float(some.share.sum() * (2 * points.shape[1] - 3))
     state = replace(before, value=body.camera, covariance=unknown)
     return Found(unknowns, x, covariance, state, body, noise, -count / 2 * np.log1p(cost / count))
-
-
-def _limits(before: CameraState, count: int) -> tuple[Array, Array, Array]:
-    """Return the least, the greatest and the deviation of each number: the readout time is as likely anywhere within its limits."""
-    low, high, width = np.full(count, -np.inf), np.full(count, np.inf), np.full(count, np.inf)
-    if (at := before.place_of(READOUT)) is not None:
-        low[at], high[at], width[at] = 0.0, before.readout_limit, before.std[READOUT]
-    return low, high, width
 
 
 def _priors(unknowns: Unknowns, prior: BodyPrior) -> Callable[[Array, Body], Array]:
@@ -227,14 +193,14 @@ def _priors(unknowns: Unknowns, prior: BodyPrior) -> Callable[[Array, Body], Arr
         known = [
             (body.camera[..., told] - before.value[told]) / before.std[told],
             own * unknowns.focal / size,
-            centre / prior.centre_std,
+            centre / PLANE_CENTRES,
         ]
         if prior.square:
             off = body.shape - (body.shape @ ideal.conj())[..., None] * ideal
             squeeze = 1 - np.cos(ACROSS)
             known += [part / (squeeze * size) for part in (off.real, off.imag)]
-        if unknowns.slope:
-            known.append(x[..., -1:] / SLOPE_SPREAD)
+        if unknowns.any_side:
+            known.append(x[..., -1:] / SLOPE)
         return np.concatenate(known, axis=-1)
 
     return at

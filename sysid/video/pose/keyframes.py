@@ -1,16 +1,19 @@
-"""The frames of a film that tell where the camera stands: each attitude once, the furthest ones most."""
+"""The frames of a film that tell where the camera stands, and the noise of points in them, at rest and in motion."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.pose.pose import attitude_share
+from sysid.video.pose.prior import POINT_FLOOR, BodyPrior
+from sysid.video.pose.rectify import attitude_share
 from sysid.video.pose.view import View
 from sysid.video.types import Rows
 
 MAX_KEYFRAMES = 150
 """Most frames that are used to fit the camera; the angle is found in all."""
+BLUR_SHARE = 0.06
+"""Distance from where they should be that is allowed to points in motion, as a share of their step from frame to frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,3 +53,35 @@ def point_speed(view: View) -> Array:
     moved = np.linalg.norm(np.diff(view.track.points, axis=0), axis=-1).mean(axis=1)
     moved = np.pad(np.nan_to_num(moved).astype(np.float64), 1)
     return np.maximum(moved[1:], moved[:-1])
+
+
+@dataclass(frozen=True, slots=True)
+class PointNoise:
+    """Variance of a point's place [px²], at rest and growing with the square of its speed."""
+
+    rest: float
+    blur: float
+
+    def variance(self, speed: Array) -> Array:
+        """Return the variance in each direction [px²] at a speed [px/frame], both of shape (n,)."""
+        return self.rest + self.blur * speed**2
+
+
+def point_noise(rest: Array, some: Keyframes, unknowns: int, prior: BodyPrior) -> tuple[PointNoise, Array]:
+    """Find the noise by residuals (m, N, 2) [px] of a body and some unknowns of the camera, and how much to believe each frame [1]."""
+    speed, points = some.speed, rest.shape[1]
+    freedom = max(2 * points - 3, 1)
+    square = (rest**2).sum(axis=(1, 2)) / freedom
+    typical = float(np.median(square)) + POINT_FLOOR**2 + (BLUR_SHARE * speed) ** 2
+    doubt = 1 / (1 + square / (9 * typical)) ** 2
+    spent = min(0.7, (4 * points - 5 + unknowns) / float(freedom * some.share.sum()))
+    used = square < 25 * typical
+    slow = used & (speed <= np.median(speed[used]))
+    at_rest = float(np.average(square[slow], weights=some.share[slow])) / (1 - spent) + prior.floor**2
+    fast = used & (speed > 0.5)
+    blur = 0.0
+    if fast.sum() >= 3:
+        moving = speed[fast]
+        tells = some.share[fast] * moving**2 / (at_rest + 1e-3 * moving**2) ** 2
+        blur = float(max(np.sum(tells * (square[fast] - at_rest)) / np.sum(tells * moving**2), 0.0))
+    return PointNoise(at_rest, blur), doubt

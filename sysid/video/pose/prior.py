@@ -10,9 +10,9 @@ PLANE_CENTRES = 0.0005
 """Standard deviation of the circles' centres of points in one plane across the axis [focal lengths]: depths differ by 1 %,
 a twentieth of it aside."""
 SLOPE = 2.0
-"""How depth grows downwards on an upturned tail from below, and upwards on the deck's upper side: 27 degrees to the axis [1]."""
-SLOPE_SPREAD = 0.5
-"""Standard deviation of its logarithm: 17 to 40 degrees to the axis."""
+"""Standard deviation of how depth grows with height [1]: an upturned tail from below and the deck's upper side are 27 degrees to the axis."""
+ROUNDS = 3
+"""Rounds of least squares in which weights or pixels are found anew: each removes nine tenths of the error, which begins below a pixel."""
 SAME_PICTURE = 0.25
 """Motion up to which a picture is still the same one, with the same errors [px]."""
 
@@ -23,8 +23,6 @@ class BodyPrior:
 
     square: bool = False
     """Its points are the corners of a square that stands across the axis (to within 7 degrees), in order."""
-    centre_std: float = PLANE_CENTRES
-    """Standard deviation of the circles' centres, in focal lengths."""
     floor: float = POINT_FLOOR
     """Least standard deviation of a point's position [px]."""
     dead_zone: float = 0.0
@@ -33,8 +31,3 @@ class BodyPrior:
     """Motion up to which its points keep their errors [px]."""
     any_side: bool = False
     """Whether they lie on any side of the deck, which may be slanted, rather than across the axis."""
-
-    @property
-    def slopes(self) -> tuple[float, ...]:
-        """How depth may grow with height; 0 across the axis [1]."""
-        return (0.0, SLOPE, -SLOPE) if self.any_side else (0.0,)

@@ -20,8 +20,6 @@ class View:
     """When, from 0 to 1 of the read-out, the sensor reads a point as filmed."""
     points: Array = field(init=False)
     """Points [px], shape (n, N, 2)."""
-    late: Array = field(init=False)
-    """Share of the read-out by which a point is read after the middle of its frame's, shape (n, N)."""
     share: Array = field(init=False)
     """Mean share of the read-out at which each frame's points are read, shape (n,)."""
     shear: Array = field(init=False)
@@ -39,9 +37,9 @@ class View:
         count = seen.sum(axis=1)
         share = np.where(seen, when, 0).sum(axis=1) / np.maximum(count, 1)
         share = np.interp(track.time, track.time[count > 0], share[count > 0]) if seen.any() else share
-        late = when - share[:, None]
-        shear = -_velocity(points, track.time) * np.nan_to_num(late)[..., None]
-        for name, value in (("points", points), ("late", late), ("share", share), ("shear", shear)):
+        late = np.nan_to_num(when - share[:, None])[..., None]
+        shear = -_velocity(points, track.time) * late
+        for name, value in (("points", points), ("share", share), ("shear", shear)):
             object.__setattr__(self, name, value)
 
     def time(self, readout: float) -> Array:

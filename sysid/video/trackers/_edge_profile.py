@@ -15,14 +15,11 @@ MIN_CONTRAST = 10.0
 
 
 def find_steps(frame: Frame, ends: Array, reach: float, window: float) -> Array:
-    """Move points evenly along edges onto the steps of brightness nearby that rise across them.
+    """Move points evenly along edges onto the steps of brightness that rise across them within `reach` [px].
 
-    Args:
-        frame: A frame.
-        ends: Rough ends of the edges [px], shape (m, 2, 2). Brightness rises along the normal (dy, -dx) of the way between them.
-        reach: Distance to either side in which a step is looked for [px].
-        window: Width of the window that weighs a step, in widths of the step [1]. 1 is best against noise (matched filter).
-            A wider one suffers less from the pixels' grid.
+    Brightness rises along the normal (dy, -dx) of the way between the rough ends, shape (m, 2, 2) [px]. The window that weighs a
+    step is given in widths of the step. A width of 1 is best against noise (matched filter). A wider one suffers less from the
+    pixels' grid.
 
     Returns:
         Points, shape (m, PIECES, 2) [px]; NaN where there is no such step.

@@ -7,13 +7,13 @@ numbers for a square of 2x2 pixels, both 128 for grey.
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import combinations
 
 import cv2
 import numpy as np
 
-from sysid.errors import SysidError
 from sysid.roll import Array
-from sysid.video.film.frames import GREY, Frame
+from sysid.video.film.frames import Frame, box_about
 from sysid.video.film.reel import Reel
 from sysid.video.film.survey import MIN_AREA, Survey
 from sysid.video.pose.angle import AngleTrack, fit_angle
@@ -35,12 +35,8 @@ from sysid.video.types import Complex, Image, Picture
 
 MIN_CHROMA = 28.0
 """Distance from grey, in CIELAB units, from which a colour is taken as a sticker's."""
-MAX_AREA_SHARE = 0.02
-"""Largest area of a dot as a share of the picture [1]."""
-MAX_AROUND = 0.05
-"""Share of dot in the ring about a sticker, up to twice its radius: 0.03 at most in films of stickers, mostly more in prints."""
-MAX_PAIRS, MAX_STRETCH = 8, 0.03
-"""Most pairs of dots that are tried, and largest scatter of their distance [1]."""
+MAX_STRETCH = 0.03
+"""Largest scatter of the distance of two dots [1]."""
 MAX_ASIDE = np.radians(3.0)
 """How far from straight below, above or beside its pivot a single dot may rest and still show level by that [rad]."""
 RIM = 2
@@ -58,38 +54,29 @@ class Dot:
     radius: float
     """Radius of the circle of the same area [px]."""
     chroma: Array
-    """Blue and red beyond grey, in a film's units, shape (2,)."""
-    pale: bool = False
-    """Whether it is much paler than the brightest."""
-    alone: bool = True
-    """Whether nothing about it has its colour, as about a sticker; a blob of a print fades into others like it."""
+    """Its colour, in a film's units, shape (2,)."""
+    worth: float
+    """How much it stands out: radius times distance from grey."""
+
+    def is_at(self, place: Array) -> bool:
+        """Return whether it covers a place [px], shape (2,)."""
+        return bool(np.linalg.norm(self.place - place) < self.radius)
 
 
 def find_dots(look: Survey, besides: tuple[Dot, ...] = ()) -> tuple[Dot, ...]:
-    """Return the two dots that turn as one, or the one that moves, other than some; nothing where no colour stands out."""
-    dots = [
-        dot
-        for dot in _patches(look.frames[0].cut(look.box), look)
-        if all(np.linalg.norm(dot.place - other.place) > dot.radius for other in besides)
-    ]
-    pairs = [(a, b) for a in dots for b in dots if a.place[0] < b.place[0] and _alike(a, b)]
-    pairs = sorted(pairs, key=_likely, reverse=True)[:MAX_PAIRS]
-    bright = [pair for pair in pairs if not (pair[0].pale or pair[1].pale)]
-    single = tuple(sorted((dot for dot in dots if not dot.pale), key=_worth)[-1:])
-    return next((pair for pair in pairs if _turn_as_one(pair, look)), bright[0] if bright else single)
+    """Return the two dots that turn as one, or the only two, or the one that stands out most, other than some; none without colour."""
+    dots = [dot for dot in _patches(look) if not any(other.is_at(dot.place) for other in besides)]
+    dots.sort(key=lambda dot: -dot.worth)
+    pairs = [(a, b) if a.place[0] < b.place[0] else (b, a) for a, b in combinations(dots, 2) if _alike(a, b)]
+    pairs = sorted(pairs, key=lambda pair: -pair[0].worth - pair[1].worth)
+    turning = (pair for pair in pairs if _turn_as_one(pair, look))
+    return next(turning, pairs[0] if pairs and len(dots) == 2 else tuple(dots[:1]))
 
 
 def _alike(a: Dot, b: Dot) -> bool:
-    """Return whether two dots may be stickers of one deck: as large and well apart. A pale one needs a bright one beside it."""
+    """Return whether two dots may be stickers of one deck: as large and well apart."""
     apart = np.linalg.norm(a.place - b.place) > 4 * max(a.radius, b.radius)
-    clear = not (a.pale or b.pale) or (a.pale != b.pale and a.alone and b.alone)
-    return bool(0.65 < a.radius / b.radius < 1.55 and apart and clear)
-
-
-def _likely(pair: tuple[Dot, Dot]) -> tuple[bool, bool, float]:
-    """Return the rank of a pair as stickers: bright, alone of their colour, and large."""
-    a, b = pair
-    return not (a.pale or b.pale), a.alone and b.alone, _worth(a) + _worth(b)
+    return bool(0.65 < a.radius / b.radius < 1.55 and apart)
 
 
 def _turn_as_one(pair: tuple[Dot, Dot], look: Survey) -> bool:
@@ -103,11 +90,6 @@ def _turn_as_one(pair: tuple[Dot, Dot], look: Survey) -> bool:
         np.std(np.abs(arm)) < MAX_STRETCH * np.mean(np.abs(arm))
         and np.ptp(np.unwrap(np.angle(arm))) > MIN_SWING
     )
-
-
-def _worth(dot: Dot) -> float:
-    """How much a dot stands out: large and colourful."""
-    return dot.radius * float(np.linalg.norm(dot.chroma))
 
 
 @dataclass(slots=True)
@@ -160,8 +142,7 @@ class DotFollower:
     def _near(self, frame: Frame, place: Array, reach: float, dot: Dot) -> tuple[Array, float]:
         """Find a dot; return its centre [px] and how much of it there is [px]; NaN where it is not seen."""
         nothing = np.full(2, np.nan), np.nan
-        low, high = np.floor(place - reach), np.ceil(place + reach) + 1
-        part = frame.cut((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
+        part = frame.cut(box_about(place[None], reach))
         if min(part.picture.shape) < 4:
             return nothing
         weight = _dot_share(np.dstack(part.chroma), dot)
@@ -174,34 +155,22 @@ class DotFollower:
         best = int(np.argmin(score))
         if not 0.4 < area[best] < 2.5:
             return nothing
-        left, top, width, height = stats[best + 1, : cv2.CC_STAT_AREA].tolist()
-        rows, columns = (
-            slice(max(low - RIM, 0), low + size + RIM) for low, size in ((top, height), (left, width))
-        )
-        core = (labels[rows, columns] == best + 1).astype(np.uint8)
-        soft = weight[rows, columns] * cv2.dilate(core, np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8))
-        begin = np.array([columns.start, rows.start])
-        first, end = part.corner + 2 * begin, part.corner + 2 * (begin + soft.shape[::-1])
-        if np.any(first == frame.box[:2]) or np.any(end >= frame.box[2:]):
-            return nothing  # it is cut by the picture's border
-        across, down = soft.sum(axis=0, dtype=np.float64), soft.sum(axis=1, dtype=np.float64)
-        total = float(across.sum())
-        middle = np.array([across @ np.arange(len(across)), down @ np.arange(len(down))]) / total
-        return _in_film(begin + middle, part), 4 * total
+        rim = np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)
+        soft = weight * cv2.dilate((labels == best + 1).astype(np.uint8), rim)
+        if soft[[0, -1]].any() or soft[:, [0, -1]].any():
+            return nothing  # it is cut, by the picture's border or that of the search
+        sums = cv2.moments(soft)
+        middle = np.array([sums["m10"], sums["m01"]]) / sums["m00"]
+        return _in_film(middle, part), 4 * sums["m00"]
 
 
 def fit_pivot(
     view: View, matrix: Array, before: CameraState, *, pivot: tuple[float, float] | None = None
 ) -> AngleTrack:
-    """Angle of one dot about a pivot: given, or the centre of the circle that the dot runs on.
+    """Return the angle [rad] of one dot about a pivot: given [px], or the centre of the circle that the dot runs on.
 
-    One dot shows neither direction of the axis nor read-out: they stay as they are known beforehand.
-
-    Args:
-        view: The points, one a frame.
-        matrix: Camera matrix [px], shape (3, 3).
-        before: Prior knowledge of camera and lens.
-        pivot: Pivot [px].
+    One dot shows neither direction of the axis nor read-out: they stay as they are known beforehand. The camera matrix [px] has
+    shape (3, 3).
     """
     flat, dot = upright(matrix, before.value), view.points[:, 0]
     covariance = np.zeros((6, 6))
@@ -232,12 +201,8 @@ def fit_pivot(
 def _centre(z: Complex, share: Array) -> tuple[Array, Array]:
     """Centre of the circle that points [px] run on, shape (2,), and its covariance: least squares of the distances.
 
-    As Gander, Golub and Strebel (1994), with a loss that ignores outliers. Frames of one still picture err alike: they
-    count as one.
-
-    Args:
-        z: The points, shape (m,).
-        share: One over how many frames show the same still picture, shape (m,).
+    As Gander, Golub and Strebel (1994), with a loss that ignores outliers. Frames of one still picture err alike: `share`,
+    shape (m,), is one over their number.
     """
     from scipy.optimize import least_squares
 
@@ -269,7 +234,7 @@ def _dot_share(colour: Picture, dot: Dot) -> Image:
     something else.
     """
     around = np.median(colour[::2, ::2], axis=(0, 1))
-    line = dot.chroma + GREY - around
+    line = dot.chroma - around
     length = float(line @ line)
     if length < 100:
         return np.zeros(colour.shape[:2], np.float32)
@@ -280,8 +245,9 @@ def _dot_share(colour: Picture, dot: Dot) -> Image:
     return np.where((np.abs(off) < 0.45) & (along > 0.15), np.minimum(along, 1.0), np.float32(0))
 
 
-def _patches(part: Frame, look: Survey) -> list[Dot]:
+def _patches(look: Survey) -> list[Dot]:
     """Return the patches that stand out from most of a picture by their colour, as round as stickers, where something moves."""
+    part = look.frames[0].cut(look.box)
     # In whole units: a hundredth of a sticker's colour.
     smooth = cv2.cvtColor(cv2.GaussianBlur(part.colour, (0, 0), 1.0), cv2.COLOR_BGR2LAB)
     chroma = smooth[..., 1:].astype(np.float32)
@@ -292,43 +258,30 @@ def _patches(part: Frame, look: Survey) -> list[Dot]:
     colour = np.dstack(part.chroma)
     dots: list[Dot] = []
     # First by the strongest colour, so that a wooden deck is no dot where a sticker shines; then paler ones.
-    for level in (bright := max(MIN_CHROMA, 0.6 * float(np.sort(strong)[-MIN_AREA])), MIN_CHROMA):
-        mask = (strength > level).astype(np.uint8)
-        mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-        count, labels, stats, centres = cv2.connectedComponentsWithStats(mask)
-        for label in range(1, count):
-            _, _, width, height, area = stats[label]
-            if not MIN_AREA <= area <= MAX_AREA_SHARE * look.moving.size or not 0.5 < width / height < 2:
-                continue
-            if area < 0.55 * width * height:  # a disc fills 0.79 of its box
+    for level in (max(MIN_CHROMA, 0.6 * float(np.sort(strong)[-MIN_AREA])), MIN_CHROMA):
+        mask = cv2.morphologyEx(
+            (strength > level).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
+        )
+        _, labels, stats, centres = cv2.connectedComponentsWithStats(mask)
+        for label, (_, _, width, height, area) in enumerate(stats.tolist()):
+            # A disc fills 0.79 of its box.
+            if label == 0 or area < max(MIN_AREA, 0.55 * width * height) or not 0.5 < width / height < 2:
                 continue
             place = centres[label] + part.corner
-            if not look.moving[round(place[1]), round(place[0])]:
-                continue
-            if any(np.linalg.norm(dot.place - place) < dot.radius for dot in dots):
-                continue
-            own = np.median(colour[labels[::2, ::2] == label], axis=0) - GREY
-            dot = Dot(place, float(np.sqrt(area / np.pi)), own, level < bright)
-            dots.append(replace(dot, alone=_stands_alone(colour, (centres[label] - 0.5) / 2, dot)))
+            x, y = np.round(place).astype(int)
+            if look.moving[y, x] and not any(dot.is_at(place) for dot in dots):
+                own, radius = (
+                    np.median(colour[labels[::2, ::2] == label], axis=0),
+                    float(np.sqrt(area / np.pi)),
+                )
+                dots.append(Dot(place, radius, own, radius * float(strength[labels == label].mean())))
     return dots
-
-
-def _stands_alone(colour: Picture, place: Array, dot: Dot) -> bool:
-    """Whether a dot is all of its colour, shape (h, w, 2), that there is about its place [squares], shape (2,)."""
-    radius = dot.radius / 2
-    reach = 2 * radius + RIM
-    left, top = np.maximum(np.floor(place - reach), 0).astype(int)
-    right, bottom = np.ceil(place + reach).astype(int) + 1
-    near = colour[top:bottom, left:right]
-    rows, columns = np.indices(near.shape[:2])
-    away = np.hypot(columns + left - place[0], rows + top - place[1])
-    share = _dot_share(near, dot)
-    ring = share[(away > radius + RIM) & (away < reach)]
-    return bool(ring.mean() < MAX_AROUND and share[away < radius].mean() > 0.5)
 
 
 def _find(reel: Reel) -> Target | None:
     dots = find_dots(reel.look)
+    if reel.options.pivot is not None:  # a single dot turns about it
+        dots = dots[:1]
     return _target(reel, dots, lambda: _other_pair(reel, dots)) if dots else None
 
 
@@ -337,11 +290,6 @@ def _target(reel: Reel, dots: tuple[Dot, ...], other: Callable[[], Target | None
     follower = DotFollower(dots)
     size = ", ".join(f"{2 * dot.radius:.0f} px wide at {dot.place[0]:.0f},{dot.place[1]:.0f}" for dot in dots)
     if len(dots) == 2:
-        if options.pivot is not None:
-            raise SysidError(
-                f"--pivot {options.pivot[0]:g} {options.pivot[1]:g}: it is what a single dot turns about, and two dots "
-                "move here, which need none. Leave it out, or give the region of the one with --roi LEFT TOP WIDTH HEIGHT."
-            )
         pair = Target(
             follower=follower,
             kind="pair of dots",
@@ -354,7 +302,7 @@ def _target(reel: Reel, dots: tuple[Dot, ...], other: Callable[[], Target | None
             joined=((0, 1),),
             zero_note="where the line between the dots is level in the picture",
         )
-        if all(dot.alone for dot in dots) and not _among_others(reel.look, dots):
+        if not _among_others(reel.look, dots):
             return pair
         return replace(
             pair,
@@ -380,10 +328,7 @@ def _target(reel: Reel, dots: tuple[Dot, ...], other: Callable[[], Target | None
 
 def _among_others(look: Survey, dots: tuple[Dot, ...]) -> bool:
     """Return whether a third patch turns with two dots: they are specks of a print, not two stickers."""
-    patches = _patches(look.frames[0].cut(look.box), look)
-    some = (
-        dot for dot in patches if all(np.linalg.norm(dot.place - other.place) > dot.radius for other in dots)
-    )
+    some = (dot for dot in _patches(look) if not any(other.is_at(dot.place) for other in dots))
     return any(_turn_as_one((dots[0], dot), look) for dot in some)
 
 

@@ -14,23 +14,17 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.background import SMALL_SIDE
+from sysid.video.film.background import LIKENESS, PATCHES, SMALL_SIDE, WINDOW
 from sysid.video.film.frames import Frame, box_about, halved
 from sysid.video.film.reel import Reel
+from sysid.video.film.shake import MIN_PATCHES
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import fit_angle
-from sysid.video.pose.pose import pose_between, principal_corners, shifted, turn_of
 from sysid.video.pose.prior import BODY_FLOOR, BodyPrior
-from sysid.video.pose.rectify import project
+from sysid.video.pose.rectify import pose_between, principal_corners, project, shifted, turn_of
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_at_rest
 from sysid.video.types import Mask, Picture
 
-MAX_FEATURES, MIN_FEATURES = 40, 10
-"""Patches that are followed at most, and at least."""
-WINDOW = 21
-"""Side of a patch [px]."""
-STATIC_LIKENESS = 0.75
-"""Correlation with the same place in other frames, as a share of the patch's highest, above which a patch stands still [1]."""
 AS_EXPECTED = np.radians(1.0)
 """Difference of turns at which patches look as they did in the reference [rad]."""
 SAME_ERRORS = 3.0
@@ -47,15 +41,15 @@ def find_features(look: Survey) -> Array:
     mask = 255 * look.moving[top:bottom, left:right].astype(np.uint8)
     edge = WINDOW // 2 + 3
     mask[:edge], mask[-edge:], mask[:, :edge], mask[:, -edge:] = 0, 0, 0, 0
-    spacing = max(6.0, 0.5 * np.sqrt(max(int((mask > 0).sum()), 1) / MAX_FEATURES))
+    spacing = max(6.0, 0.5 * np.sqrt(max(int((mask > 0).sum()), 1) / PATCHES))
     corners: Any = cv2.goodFeaturesToTrack(
-        cv2.GaussianBlur(part, (0, 0), 0.8), 4 * MAX_FEATURES, 0.01, spacing, mask=mask
+        cv2.GaussianBlur(part, (0, 0), 0.8), 4 * PATCHES, 0.01, spacing, mask=mask
     )
     if corners is None:
         return np.zeros((0, 2))
     places = np.asarray(corners, np.float64).reshape(-1, 2) + corner
     moving = (place for place in places if _moves(frames, place))
-    return np.array([*islice(moving, MAX_FEATURES)]).reshape(-1, 2)
+    return np.array([*islice(moving, PATCHES)]).reshape(-1, 2)
 
 
 @dataclass(slots=True)
@@ -98,7 +92,7 @@ class FeatureFollower:
             if near == 0 or abs(turn_of(found) - turn_of(expected)) < AS_EXPECTED:
                 break
             expected = found
-        if best < max(MIN_FEATURES // 2, 0.3 * len(self.places)):
+        if best < max(MIN_PATCHES, 0.3 * len(self.places)):
             self._step = np.eye(3)
             return None
         step = pose_between(project(self._pose, self._home), project(pose, self._home))
@@ -131,7 +125,7 @@ class FeatureFollower:
             self._patch, back, start, None, winSize=(WINDOW, WINDOW), criteria=criteria, maxLevel=2
         )
         good = status.ravel() > 0
-        if good.sum() < MIN_FEATURES // 2:
+        if good.sum() < MIN_PATCHES:
             return expected, nothing
         estimate: Any = cv2.estimateAffine2D  # its stubs do not know that it may find nothing
         found, agree = estimate(self.places[good], project(begin, there[good].astype(np.float64)))
@@ -155,7 +149,7 @@ def _moves(frames: Sequence[Frame], place: Array) -> bool:
     if not likeness:
         return False
     low, high = np.quantile(likeness, [0.1, 0.9])
-    return bool(low < STATIC_LIKENESS * min(float(high), 1.0))
+    return bool(low < LIKENESS * min(float(high), 1.0))
 
 
 def _find(reel: Reel) -> Target | None:
@@ -163,7 +157,7 @@ def _find(reel: Reel) -> Target | None:
 
 
 def _target(look: Survey, places: Array) -> Target | None:
-    if len(places) < MIN_FEATURES:
+    if len(places) < MIN_PATCHES:
         return None
     follower = FeatureFollower(look.frames[0], places)
     return Target(
@@ -183,5 +177,5 @@ def _target(look: Survey, places: Array) -> Target | None:
 TRACKER = Tracker(
     rank=2,
     find=_find,
-    not_found=f"fewer than {MIN_FEATURES} patches of texture move as one{{where}}. Film the deck larger or in more light",
+    not_found=f"fewer than {MIN_PATCHES} patches of texture move as one{{where}}. Film the deck larger or in more light",
 )

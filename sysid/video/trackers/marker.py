@@ -31,7 +31,7 @@ DICTIONARIES = {
     "AprilTag 25h9": cv2.aruco.DICT_APRILTAG_25h9,
 }
 SEARCH_FRAMES = 5
-"""Frames in which a marker is looked for, and a lost one in the whole picture every so many: that is slow."""
+"""Frames in which a marker is looked for: that is slow."""
 MIN_SIDE = 24
 """Shortest side of a marker that is followed [px]."""
 STEP_WINDOW = 2.8
@@ -53,12 +53,7 @@ class Marker:
 
 
 def find_marker(frame: Frame, region: Box) -> Marker | None:
-    """Return the largest marker of any known dictionary in a frame, or None.
-
-    Args:
-        frame: The frame.
-        region: Left, top, right and bottom [px] of where to look.
-    """
+    """Return the largest marker of any known dictionary in a region of a frame [px], or None."""
     order = {kind: rank for rank, kind in enumerate(DICTIONARIES)}
     # A marker of one dictionary may look like a poor one of another: the first that has any.
     return min(
@@ -75,19 +70,15 @@ class MarkerFollower:
     marker: Marker
     points: int = 4
     """Its corners."""
-    cells: Array = field(init=False)
-    """Brightness of the marker's cells, border included, less its mean, in standard deviations."""
+    _cells: Picture = field(init=False)
     _corners: Array = field(init=False)
     _step: Array = field(default_factory=lambda: np.zeros((4, 2)))
     """How far the corners went from the last but one frame to the last one [px]."""
     _lost: int = 0
-    _miss: float = 3.0
-    """How far the corners were from where they were expected in the last frame [px]."""
 
     def __post_init__(self) -> None:
         """Look up what the marker's cells should look like."""
-        cells = marker_cells(self.marker.number, self.marker.kind).astype(np.float64)
-        self.cells = (cells - cells.mean()) / cells.std()
+        self._cells = marker_cells(self.marker.number, self.marker.kind)
         self._corners = self.marker.corners
 
     def update(self, frame: Frame) -> Array | None:
@@ -97,12 +88,9 @@ class MarkerFollower:
         if found is None:
             margin = 0.8 * np.ptp(self._corners, axis=0).max() * (1 + self._lost)
             found = self._search(frame, box_about(np.concatenate([predicted, self._corners]), margin))
-        if found is None and self._lost % SEARCH_FRAMES == 0:
-            found = self._search(frame, frame.box)
         if found is None:
             self._lost, self._step = self._lost + 1, np.zeros((4, 2))
             return None
-        self._miss = float(np.abs(found - predicted).max())
         self._step = (found - self._corners) * (self._lost == 0)
         self._corners, self._lost = found, 0
         return found
@@ -117,12 +105,12 @@ class MarkerFollower:
         side = np.linalg.norm(np.roll(rough, -1, axis=0) - rough, axis=1)
         if side.min() < MIN_SIDE / 2 or side.max() > 3 * side.min():
             return None
-        cell = side.mean() / len(self.cells)
+        cell = side.mean() / len(self._cells)
         limits = np.reshape(frame.box, (2, 2))
         if np.any(rough < limits[0] + 2) or np.any(rough > limits[1] - 3):
             return None
         place = rough
-        for reach in (min(0.75 * cell, 3.0 + 3.0 * self._miss, 12.0), min(0.6 * cell, 5.0)):
+        for reach in (min(0.75 * cell, 12.0), min(0.6 * cell, 5.0)):
             ends = np.stack([place, np.roll(place, -1, axis=0)], axis=1)
             edges = find_steps(frame, ends, reach, STEP_WINDOW)
             if np.isnan(edges).any(axis=2).mean(axis=1).max() > 0.5:
@@ -134,12 +122,12 @@ class MarkerFollower:
 
     def _likeness(self, frame: Frame, place: Array) -> float:
         """Correlation of the cells seen with the cells that the marker should have."""
-        count = len(self.cells)
+        count = len(self._cells)
         unit = np.array([[0, 0], [count, 0], [count, count], [0, count]], np.float32) - np.float32(0.5)
         there = cv2.getPerspectiveTransform(unit, (place - frame.corner).astype(np.float32))
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         seen = cv2.warpPerspective(frame.picture, there, (count, count), flags=flags)  # the cells' middles
-        return float(np.mean(seen * self.cells) / max(float(seen.std()), 1e-9))
+        return float(cv2.matchTemplate(seen, self._cells, cv2.TM_CCOEFF_NORMED)[0, 0])
 
 
 def _detect(frame: Frame, box: Box, *kinds: str, mirrored: bool = False) -> list[Marker]:
