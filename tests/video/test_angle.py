@@ -84,16 +84,6 @@ def test_a_camera_at_a_slant_matters_and_is_found():
     assert turning.camera_state.value[0] == pytest.approx(0.25, abs=0.02)
 
 
-def test_points_at_different_depths_still_turn_about_one_axis():
-    angle = swing()
-    depth = np.array([0.0, 0.02, 0.02, 0.0])
-    turning = fit_angle(
-        view(picture(angle, 0.1, 0.1, depth=depth)), MATRIX, known(), BodyPrior(any_side=True)
-    )
-    error = turning.angle - angle
-    assert np.abs(error - np.median(error)).max() < 4e-3
-
-
 @pytest.mark.parametrize(("yaw", "pitch"), [(0.07, 0.02), (0.07, -0.1), (-0.03, 0.08)])
 @pytest.mark.parametrize("slope", [0.0, 1.5, 2.7, -2.7, -4.0])
 def test_texture_on_a_slanted_side_of_the_deck_tells_how_far_it_turns(slope, yaw, pitch):

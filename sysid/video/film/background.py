@@ -19,7 +19,7 @@ from sysid.video.types import Mask, Picture, Points
 
 SMALL_SIDE = 640
 """Longer side of the pictures in which motion is looked for and patches are followed [px]: a patch is found to 0.05 of these."""
-WINDOW, PATCHES = 15, 96
+WINDOW, PATCHES = 21, 48
 """Side of a patch [px of the small picture], and most patches."""
 MIN_QUALITY = 1e-4
 """Least eigenvalue of the second moments of brightness at a patch, in OpenCV's unit: sensor noise of 3 grey levels has this."""

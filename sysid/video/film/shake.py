@@ -44,13 +44,13 @@ class Shake:
 
 
 def rays(points: Array, matrix: Array) -> Array:
-    """Return the directions of points [px], shape (..., 2), to a camera: of length 1, shape (..., 3)."""
+    """Return the directions of points [px], shape (m, 2) or (n, m, 2), to a camera: of length 1, shape (m, 3) or (n, m, 3)."""
     ahead = np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1) @ np.linalg.inv(matrix).T
     return ahead / np.linalg.norm(ahead, axis=-1, keepdims=True)
 
 
 def still(count: int, matrix: Array, *, found: bool = False) -> Shake:
-    """Return the shake of a camera that stands still; `found` tells whether something shows it."""
+    """Return the shake of a still camera with this matrix [px], shape (3, 3); `found` tells whether something shows it."""
     return Shake(np.tile(np.eye(3), (count, 1, 1)), np.zeros(count), matrix, found)
 
 
@@ -115,7 +115,7 @@ def fit_rotations(home: Array, seen: Array) -> tuple[Array, Array, Array]:
         seen: Their rays in n frames, shape (n, m, 3); NaN where one is not found.
 
     Returns:
-        Rotations, shape (n, 3, 3), and residuals, shape (n, m, 3). Variance of the turn about the line of sight for patches that are
+        Rotations, shape (n, 3, 3), and residuals [rad], shape (n, m, 3). Variance of the turn about the line of sight for patches that are
         off by 1 rad, shape (n,). It is NaN if fewer than four patches agree.
     """
     found = np.isfinite(seen[..., 0])

@@ -1,6 +1,6 @@
 """The straight edges of a bare body: lines that turn about one point.
 
-A line has the normal n and the distance ρ from the origin. It belongs to a body that turns about q if ρ = h + q·n for all turns; h is the
+A line has the normal n and the distance ρ from the origin. It belongs to a body that turns about q if ρ = h + q·n for all turns. There h is the
 distance of the edge from q. The line segments of pictures from all over the film vote for h and q; what stands still or
 is carried along keeps no such distance. In the mean of the pictures turned back about q, only the body is sharp: its segments are the
 edges. From then on they are searched in each frame over turn and shift, and measured to a hundredth of a pixel.
@@ -317,10 +317,13 @@ def fit_turn(view: View, matrix: Array, before: CameraState) -> AngleTrack:
     Lines across the axis show neither its direction nor focal length nor read-out: these stay as they are known beforehand. The
     camera matrix [px] has shape (3, 3).
     """
-    fit = fit_edges(rectify(view.points, matrix, before.value))
+
+    def fit_at(x: Array) -> EdgeFit:
+        return fit_edges(rectify(view.points + x[READOUT] * view.shear, matrix, x))
+
+    fit = fit_at(before.value)
     unknown = spread_by(
-        before.value, before.covariance, fit.angle, lambda x: fit_edges(rectify(view.points, matrix, x)).angle,
-        view.time(before.readout), view.share, READOUT,
+        before.value, before.covariance, fit.angle, lambda x: fit_at(x).angle, view.time(before.readout), view.share, READOUT
     )  # fmt: skip
     trusted = fit.weight.sum(axis=1)
     wrong = trusted < 0.4 * float(np.median(trusted))
