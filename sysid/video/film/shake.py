@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.roll import Array
+from sysid.video.types import Points
 
 MIN_PATCHES = 4
 """Least number of patches: two show a rotation, and as many more whether they agree."""
@@ -43,7 +44,7 @@ class Shake:
         return there[..., :2] / there[..., 2:]
 
 
-def rays(points: Array, matrix: Array) -> Array:
+def rays(points: Array | Points, matrix: Array) -> Array:
     """Return the directions of points [px], shape (m, 2) or (n, m, 2), to a camera: of length 1, shape (m, 3) or (n, m, 3)."""
     ahead = np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1) @ np.linalg.inv(matrix).T
     return ahead / np.linalg.norm(ahead, axis=-1, keepdims=True)
@@ -54,7 +55,7 @@ def still(count: int, matrix: Array, *, found: bool = False) -> Shake:
     return Shake(np.tile(np.eye(3), (count, 1, 1)), np.zeros(count), matrix, found)
 
 
-def find_shake(home: Array, seen: Array, matrix: Array, focal_std: float) -> Shake:
+def find_shake(home: Points, seen: Points, matrix: Array, focal_std: float) -> Shake:
     """Fit the camera's motion to patches of background, if it is likelier than none by the Bayesian information criterion.
 
     Args:
@@ -65,17 +66,16 @@ def find_shake(home: Array, seen: Array, matrix: Array, focal_std: float) -> Sha
     """
     if focal_std:
         matrix = _likeliest_lens(home, seen, matrix, focal_std)
-    home, seen = rays(home, matrix), rays(seen, matrix)
-    count = len(seen)
+    start, now, count = rays(home, matrix), rays(seen, matrix), len(seen)
     # A hundred frames at once take little longer than one, and little memory.
-    parts = [fit_rotations(home, seen[at : at + 100]) for at in range(0, count, 100)]
+    parts = [fit_rotations(start, now[at : at + 100]) for at in range(0, count, 100)]
     turn, rest, spread = (np.concatenate(each) for each in zip(*parts, strict=True))
     good = np.isfinite(spread)
     # A patch is found to a hundredth of a pixel at best.
     floor = 0.01 / matrix[0, 0]
     scale, moved = (
         np.nanmedian(np.linalg.norm(one, axis=-1)) / np.sqrt(2 * np.log(2)) + floor
-        for one in (rest, seen - home)
+        for one in (rest, now - start)
     )
     gain = 2 * np.isfinite(rest[..., 0]).sum() * np.log(moved / scale)
     if gain < 3 * count * np.log(2 * len(home)) or good.sum() < count / 2:
@@ -86,7 +86,7 @@ def find_shake(home: Array, seen: Array, matrix: Array, focal_std: float) -> Sha
     return Shake(turn[last], std, matrix, True)
 
 
-def _likeliest_lens(home: Array, seen: Array, matrix: Array, std: float) -> Array:
+def _likeliest_lens(home: Points, seen: Points, matrix: Array, std: float) -> Array:
     """Return the camera matrix [px] with which patches (m, 2) in n frames (n, m, 2) fit best, by likelihood and prior.
 
     A pan bends the picture the more, the shorter the lens. Fifty frames are used: neighbours err alike.
@@ -120,6 +120,7 @@ def fit_rotations(home: Array, seen: Array) -> tuple[Array, Array, Array]:
     """
     found = np.isfinite(seen[..., 0])
     place, weight = np.where(found[..., None], seen, home), found.astype(np.float64)
+    turn = rest = np.zeros(0)
     for _ in range(8):  # weighed anew by how far each patch is off; converges by half or better each time
         left, _, right = np.linalg.svd(np.swapaxes(place * weight[..., None], 1, 2) @ home)
         left[..., -1] *= np.sign(np.linalg.det(left @ right))[:, None]

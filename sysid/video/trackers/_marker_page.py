@@ -62,8 +62,10 @@ def _draw_marker(axes: "Axes", number: int, across: float, up: float, side: floa
     axes.imshow(
         fine, "gray", extent=(left, left + side, top - side, top), interpolation="none", aspect="auto"
     )
-    rim = {"fill": False, "linestyle": "--", "linewidth": 0.5, "edgecolor": "0.5"}
-    axes.add_patch(Rectangle((left - unit, top - side - unit), side + 2 * unit, side + 2 * unit, **rim))
+    corner, whole = (left - unit, top - side - unit), side + 2 * unit
+    axes.add_patch(
+        Rectangle(corner, whole, whole, fill=False, linestyle="--", linewidth=0.5, edgecolor="0.5")
+    )
     arrow = {"arrowstyle": "-|>", "color": "black"}
     axes.annotate("", (across, top + unit + 11), (across, top + unit + 2), arrowprops=arrow)
     axes.text(across + 3, top + unit + 5, f"UP   {side:g} mm, no. {number}", fontsize=9)

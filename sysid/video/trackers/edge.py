@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
+from typing import Any
 
 import cv2
 import numpy as np
@@ -63,11 +64,12 @@ class Small:
 
     def lines(self) -> Complex:
         """Return the ends of line segments as `Edges` has them [px], shape (L, 2)."""
-        found = cv2.createLineSegmentDetector().detect(self.picture)[0]
+        detector: Any = cv2.createLineSegmentDetector()  # its stubs do not know that it may find none
+        found = detector.detect(self.picture)[0]
         if found is None:
             return np.zeros((0, 2), complex)
         ends = np.asarray(found, np.float64).reshape(-1, 2, 2) @ [1, 1j]
-        return self.corner + self.times * ends
+        return np.asarray(self.corner + self.times * ends, np.complex128)
 
     def slopes(self) -> tuple[Image, Image]:
         """Return the change of brightness along rows and down columns [grey levels/px], shape (h, w)."""
@@ -228,13 +230,8 @@ class EdgeFollower:
         ends = self.edges.at(turn, shift)
         way = ends[..., 1] - ends[..., 0]
         place = ends[..., :1] + (np.arange(24) + 0.5) / 24 * way[..., None]
-        x, y = (
-            np.float32(part.reshape(len(turn), -1))
-            for part in (
-                np.real((place - small.corner) / small.times),
-                np.imag((place - small.corner) / small.times),
-            )
-        )
+        inside = (place - small.corner) / small.times
+        x, y = (part.reshape(len(turn), -1).astype(np.float32) for part in (inside.real, inside.imag))
         across, down = (cv2.remap(one, x, y, cv2.INTER_LINEAR).reshape(place.shape) for one in small.slopes())
         normal = (-1j * way / np.abs(way))[..., None]
         score = np.maximum(across * normal.real + down * normal.imag, 0).mean(axis=(1, 2))
@@ -304,7 +301,7 @@ def fit_edges(z: Complex) -> EdgeFit:
     return EdgeFit(angle + level, variance, weight, rest)
 
 
-def _middle(values: Complex | Array, weight: Array) -> Complex | Array:
+def _middle(values: Any, weight: Array) -> Any:
     """Return the mean of the points of each edge, for each point, both of shape (n, M)."""
     edges = len(values), -1, PIECES
     total = (weight * values).reshape(edges).sum(axis=2) / np.maximum(weight.reshape(edges).sum(axis=2), 1e-9)
