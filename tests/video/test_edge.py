@@ -30,7 +30,7 @@ def error_of(angle, roll=ROLL):
 
 @pytest.mark.parametrize("far", [0.0, 30.0])
 def test_edges_tell_turn_and_level_though_far_and_near_end_turn_about_two_points(far):
-    fit = fit_edges(edges(ROLL, far), ROLL + 0.02)
+    fit = fit_edges(edges(ROLL, far))
     assert np.std(error_of(fit.angle)) < 0.05
     assert abs(np.degrees(np.median(fit.angle - ROLL))) < 0.05
     assert np.mean(error_of(fit.angle) < 2 * np.degrees(np.sqrt(fit.variance))) > 0.85
@@ -41,7 +41,7 @@ def test_points_that_something_else_has_lent_to_an_edge_are_not_believed():
     level = np.abs(ROLL) < 0.05
     outline = level[:, None] & (np.arange(2 * PIECES) < PIECES // 2)
     z = edges(ROLL) - 4j * outline
-    fit = fit_edges(z, ROLL + 0.02)
+    fit = fit_edges(z)
     assert error_of(fit.angle).max() < 0.2
     assert fit.weight[level][:, : PIECES // 2].mean() < 0.1 * fit.weight[level][:, PIECES:].mean()
 
