@@ -34,7 +34,8 @@ def ride_figure(recording: Recording, title: str, path: Path) -> None:
     """Draw a recorded ride as a PNG file."""
     lean = np.degrees(np.arccos(np.clip(recording.column("upright"), -1, 1)))
     heading = np.degrees(np.unwrap(recording.column("board_heading")))
-    target, told = np.degrees(recording.target_heading), {"color": "black", "ls": "--", "lw": 1}
+    target = np.degrees(recording.target_heading)
+    told: dict[str, Any] = {"color": "black", "ls": "--", "lw": 1}
     trucks = np.degrees(recording.column("trucks"))[:, 0]
     with styled(11, 8) as figure:
         figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
@@ -44,7 +45,7 @@ def ride_figure(recording: Recording, title: str, path: Path) -> None:
         _path(above, recording)
         _torques(below, recording)
         rows: list[Axes] = list(right.subplots(5, 1, sharex=True))
-        curves = (
+        curves: Any = (
             ("speed\n[m/s]", ("commanded", recording.command[:, 0], told), ("board", recording.column("board_speed"), {})),
             ("heading\n[°]", ("target", target, told), ("board", heading, {})),
             ("angle\n[°]", ("deck roll", np.degrees(recording.column("roll")), {}), ("front truck", trucks, {"color": PALE})),
@@ -52,7 +53,7 @@ def ride_figure(recording: Recording, title: str, path: Path) -> None:
         )  # fmt: skip
         for axes, (label, *drawn) in zip(rows, curves, strict=False):
             for name, values, style in drawn:
-                usual: dict[str, Any] = {"color": SIM, "lw": 1.5, "label": name}
+                usual: Any = {"color": SIM, "lw": 1.5, "label": name}
                 axes.plot(recording.time, values, **(usual | style))
             axes.set_ylabel(label)
             if len(drawn) > 1:
