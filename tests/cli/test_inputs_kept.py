@@ -86,7 +86,7 @@ def test_a_measurement_is_not_lost_under_another_kind_of_file(tmp_path, command)
     for path in (log, other):
         path.write_bytes(PINK.read_bytes())
     arguments = [str({"LOG": log, "OTHER": other}.get(word, word)) for word in command]
-    with pytest.raises(SysidError, match="exists, and is not a|has no model to patch"):
+    with pytest.raises(SysidError, match=r"exists, and is not a|has no model to patch"):
         called(*arguments, "--workspace", str(tmp_path))
     assert log.read_bytes() == PINK.read_bytes()
     for _ in range(2):
