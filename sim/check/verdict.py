@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from datetime import date
 from typing import Any
 
+from sim.check.causes import Case, causes, failures, warnings
 from sim.check.decays import check_scene
-from sim.check.rules import Case, said
 from sim.compensation.parasitics import DECK, TiltJoint, measure_parasitics
 from sim.compensation.scene import ClampedScene
 from sysid.board import Board
@@ -159,10 +159,10 @@ def judge(
         board=board, scene=scene, decays=check_scene(board, scene, releases, tolerance=tolerance),
         parts=measure_parasitics(board, scene) if board.geometry else None,
     )  # fmt: skip
-    against = said("before", case)
+    against = tuple(failures(case))
     return Verdict(
-        case=case, against=against, reasons=said("failed", case) if against else (),
-        warnings=() if against else said("passed", case),
+        case=case, against=against, reasons=tuple(causes(case)) if against else (),
+        warnings=() if against else tuple(warnings(case)),
     )  # fmt: skip
 
 

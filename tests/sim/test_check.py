@@ -12,8 +12,8 @@ from command_line import called
 from made import release
 
 from sim.board.scene import board_spec
+from sim.check.causes import departures
 from sim.check.decays import check_scene
-from sim.check.rules.tilt_joint import departures
 from sim.compensation.parasitics import measure, measure_parasitics
 from sim.compensation.scene import compensate_in_scene, scene_from_file, training_scene
 from sim.compensation.step import compensate_step

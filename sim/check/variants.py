@@ -1,4 +1,4 @@
-"""The scene decays as measured with one part of the user's model changed: that part is the cause."""
+"""A user's model with one part changed: if it then decays as measured, that part is the cause."""
 
 import copy
 from collections.abc import Callable, Iterator, Mapping
@@ -7,9 +7,9 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from sim.check.decays import check_scene
-from sim.check.rules._base import Case, Rule
+from sim.check.decays import SceneCheck, check_scene
 from sim.compensation.scene import ClampedScene
+from sysid.board import Board
 from sysid.effects._mjcf import set_friction
 
 Change = Callable[[mujoco.MjModel, int], bool]
@@ -74,21 +74,12 @@ CHANGES: Mapping[str, tuple[Change, str]] = {
 """Each change of the scene, and the advice if it halves the error."""
 
 
-def _says(case: Case) -> Iterator[str]:
-    if case.parts is not None:
-        return
-    decays, scene = case.decays, case.scene
+def variants(board: Board, scene: ClampedScene, decays: SceneCheck) -> Iterator[str]:
+    """Yield each change of a user's model that halves the error: that part is the cause."""
+    releases = [one.release for one in decays.releases]
     for name, (change, advice) in CHANGES.items():
         model = copy.copy(scene.model)
         if change(model, int(model.joint(scene.joint).id)):
-            error = _error(case, replace(scene, model=model))
+            error = check_scene(board, replace(scene, model=model), releases).nrmse
             if error < decays.nrmse / 2:
                 yield f"with {name} the scene is {100 * error:.2g} % off: {advice}"
-
-
-def _error(case: Case, scene: ClampedScene) -> float:
-    releases = [one.release for one in case.decays.releases]
-    return check_scene(case.board, scene, releases, tolerance=case.decays.tolerance).nrmse
-
-
-RULE = Rule(order=9, asked=("failed",), says=_says)
