@@ -26,7 +26,6 @@ from suite import command_line
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 import robots
 
-from sim.board.bench import swing
 from sim.model.scene import scene_of
 from sim.model.setup import Setup
 from sim.model.subject import board_of
@@ -98,9 +97,7 @@ def _path(case: Case, setup: Setup, board: Board, angle: float) -> tuple[Array, 
         own = int(scene.model.joint(case.joint).dofadr[0])
         scene.model.dof_damping[own] += case.truth["damping"]
         scene.model.dof_armature[own] += case.truth["armature.inertia"]
-        return grid, swing(scene.model, angle, 0.0, case.duration, joint=case.joint, begin=scene.begin).at(
-            grid
-        )
+        return grid, scene.swing(angle, 0.0, case.duration).at(grid)
     inertia = board.inertia.value + case.truth.get("armature.inertia", 0.0)
     truth = robots.plain(
         inertia, case.truth.get("stiffness", 0.0), case.truth["damping"], case.truth.get("rest_angle", 0.0)

@@ -109,11 +109,13 @@ def run(case: Case) -> dict[str, Any]:
 
 def bench_error(case: Case, file: Path) -> float:
     """Return the NRMSE of the file's decay in MuJoCo against the true law."""
+    from sim.board.clamped import ClampedScene
     from sim.compensation.step import decay_error, release_amplitudes
 
     truth = true_board(case)
     within = replace(truth, decay={})  # amplitudes as they were recorded, not as published
-    return decay_error(truth, mujoco.MjModel.from_xml_path(str(file)), release_amplitudes(within))
+    scene = ClampedScene(model=mujoco.MjModel.from_xml_path(str(file)))
+    return decay_error(truth, scene, release_amplitudes(within))
 
 
 def cells(row: dict[str, Any]) -> tuple[str, ...]:

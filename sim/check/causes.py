@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.board.bodies import as_represented, substituted
+from sim.board.clamped import ClampedScene
 from sim.check.decays import SceneCheck, smooth_power
 from sim.check.variants import variants
 from sim.compensation.parasitics import DECK, Parasitics, TiltJoint
-from sim.compensation.scene import ClampedScene
 from sysid.board import Board
 from sysid.errors import SysidError
 from sysid.fitting.initial_state import fit_initial_states

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim.compensation.scene import ClampedScene
+from sim.board.clamped import ClampedScene
 from sysid.board import Board
 from sysid.errors import SysidError
 from sysid.joint import JointLaw

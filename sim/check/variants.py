@@ -7,8 +7,8 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from sim.board.clamped import ClampedScene
 from sim.check.decays import SceneCheck, check_scene
-from sim.compensation.scene import ClampedScene
 from sysid.board import Board
 from sysid.effects._mjcf import set_friction
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from datetime import date
 from typing import Any
 
+from sim.board.clamped import ClampedScene
 from sim.check.causes import Case, causes, failures, warnings
 from sim.check.decays import check_scene
 from sim.compensation.parasitics import DECK, TiltJoint, measure_parasitics
-from sim.compensation.scene import ClampedScene
 from sysid.board import Board
 from sysid.roll import Release
 from sysid.shown import Shown

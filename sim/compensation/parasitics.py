@@ -13,10 +13,9 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from sim.board.bench import rig_spec
+from sim.board.clamped import ClampedScene
 from sim.board.scene import integrator_name
-from sim.compensation.scene import ClampedScene
-from sim.compensation.step import compensate_step
+from sim.compensation.scene import bench_scene, compensate
 from sysid.board import Board
 from sysid.errors import SysidError
 from sysid.joint.sampled import joint_of_map
@@ -79,9 +78,8 @@ def measure_parasitics(board: Board, scene: ClampedScene) -> Parasitics:
         SysidError: The scene does not move, or blows up.
     """
     timestep, integrator = float(scene.model.opt.timestep), integrator_name(scene.model)
-    needed = compensate_step(board, timestep=timestep, integrator=integrator).board
-    bench = rig_spec(needed, timestep=timestep, integrator=integrator).compile()
-    wanted = measure(board, ClampedScene(model=bench, name="bench"))
+    needed = compensate(board, "step-compensated", timestep=timestep, integrator=integrator).board
+    wanted = measure(board, bench_scene(needed, timestep=timestep, integrator=integrator))
     whole = measure(board, scene)
     parts: list[tuple[str, TiltJoint]] = []
     for name, switch in _SWITCHES:
@@ -132,16 +130,11 @@ def measure(board: Board, scene: ClampedScene) -> TiltJoint:
 
 def _static(scene: ClampedScene, torque: float) -> float:
     """Return the roll under a constant torque [rad]."""
-    model = scene.model
-    data = mujoco.MjData(model)
-    where = model.joint(scene.joint)
-    sign = 1.0 if where.axis[0] > 0 else -1.0
-    data.qfrc_applied[where.dofadr[0]] = sign * torque
-    for _ in range(round(2.0 / model.opt.timestep)):
-        mujoco.mj_step(model, data)
-        if scene.after_step is not None:
-            scene.after_step(model, data)
-    return sign * float(data.qpos[where.qposadr[0]])
+    data, where = mujoco.MjData(scene.model), scene.model.joint(scene.joint)
+    data.qfrc_applied[where.dofadr[0]] = scene.sign * torque
+    for _ in range(round(2.0 / scene.model.opt.timestep)):
+        scene.step(data)
+    return scene.sign * float(data.qpos[where.qposadr[0]])
 
 
 def _no_servos(model: mujoco.MjModel, joint: str) -> bool:

@@ -4,8 +4,6 @@ The chassis is held while the deck is released, as in a measurement. A free boar
 stiff HUSKY board takes its wheels off the ground beyond seven degrees.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -13,17 +11,17 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from sim.board.bench import AfterStep, Begin, Swing, rig_spec, stable, swing
-from sim.board.bodies import FREE_JOINT, TILT_JOINT, Coupling
+from sim.board.bench import rig_spec
+from sim.board.bodies import TILT_JOINT, Coupling
+from sim.board.clamped import ClampedScene, stable
 from sim.board.scene import board_spec, integrator_name, set_trucks
 from sim.compensation.step import (
     Compensation,
     closed_form,
-    compensate_step,
     evaluate,
     fit_inertia_and_damping,
+    has_closed_form,
     release_amplitudes,
-    uncompensated,
 )
 from sysid.board import Board
 from sysid.errors import SysidError, did_you_mean
@@ -34,34 +32,6 @@ Export = Literal["physical", "step-compensated", "in-scene"]
 does, wheels and coupling included."""
 SETTLING = 1.5
 """Time in which the board sinks into its contacts before it is held [s]: it is still to 1e-15 m after half of it."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ClampedScene:
-    """A compiled scene with its chassis held, ready for a release."""
-
-    model: mujoco.MjModel
-    name: str
-    """In words, for the record and the report."""
-    joint: str = TILT_JOINT
-    after_step: AfterStep | None = None
-    begin: Begin | None = None
-    """Sets a robot's model to a release. Its limits then act in MuJoCo and do not end the compared decay."""
-
-    def swing(self, angle: float, rate: float, duration: float) -> Swing:
-        """Release the joint, see `sim.board.bench.swing`."""
-        return swing(
-            self.model, angle, rate, duration, joint=self.joint, after_step=self.after_step, begin=self.begin
-        )
-
-    @property
-    def tilt_range(self) -> float:
-        """Largest tilt that the joint allows to both sides [rad]; infinite without a limit."""
-        if self.begin is not None:
-            return float("inf")
-        joint = self.model.joint(self.joint)
-        limited = bool(self.model.jnt_limited[joint.id])
-        return float(min(abs(joint.range[0]), abs(joint.range[1]))) if limited else float("inf")
 
 
 def training_scene(
@@ -78,7 +48,7 @@ def training_scene(
     return ClampedScene(
         model=spec.compile(),
         name=f"board on its wheels, {coupling} coupling, {integrator} at {1e3 * timestep:g} ms",
-        after_step=_set_trucks(board) if coupling == "direct" else None,
+        after_step=partial(set_trucks, rake=board.geometry["rake"].value) if coupling == "direct" else None,
     )
 
 
@@ -159,62 +129,37 @@ def _settled_pose(spec: mujoco.MjSpec, free: mujoco.MjsJoint) -> Array:
 
 
 def compensate(
-    board: Board, export: Export, *, timestep: float, integrator: str = "implicitfast",
+    board: Board, export: Export, *, timestep: float = 0.005, integrator: str = "implicitfast",
     coupling: Coupling = "equality",
 ) -> Compensation:  # fmt: skip
-    """Return the board to be written for an export; arguments as in `compensate_in_scene`."""
-    if export == "in-scene":
-        return compensate_in_scene(board, timestep=timestep, integrator=integrator, coupling=coupling)
-    make = compensate_step if export == "step-compensated" else uncompensated
-    return make(board, timestep=timestep, integrator=integrator)
+    """Return the board to be written for an export.
 
-
-def compensate_in_scene(
-    board: Board, *, timestep: float = 0.005, integrator: str = "implicitfast",
-    coupling: Coupling = "equality",
-) -> Compensation:  # fmt: skip
-    """Return the board to be written so that the whole scene decays like the record's law.
-
-    The deck's roll inertia and damping make up for wheels, contacts, coupling and the step. The static stiffness is the
-    record's.
+    Roll inertia and damping make up for the step, and in the scene also for wheels, contacts and coupling. The static
+    stiffness is the record's.
 
     Args:
         timestep: [s].
 
     Raises:
-        SysidError: The board cannot be built or the step is too long for it.
+        SysidError: The board cannot be built, the step is too long for it, the integrator damps more than it does, or nothing
+            pulls it back.
     """
-    build = _builder(board, timestep, integrator, coupling)
-    amplitudes = [0.95 * angle for angle in release_amplitudes(board)]
-    after_step = _set_trucks(board) if coupling == "direct" else None
-    start = closed_form(board, timestep=timestep, integrator=integrator)
-    written = fit_inertia_and_damping(board, start, build, amplitudes, after_step=after_step)
-    how = f"compensated in the scene ({coupling} coupling, wheels on the ground)"
-    return evaluate(board, written, build, amplitudes, how, after_step=after_step)
-
-
-def _builder(
-    board: Board, timestep: float, integrator: str, coupling: Coupling
-) -> Callable[[Board], mujoco.MjModel]:
-    """Return the function that compiles candidates in the pose into which the first one has sunk."""
-    built = partial(board_spec, timestep=timestep, integrator=integrator, coupling=coupling)
-    first = built(board)
-    pose = _settled_pose(first, first.joint(FREE_JOINT))
-
-    def build(candidate: Board) -> mujoco.MjModel:
-        spec = built(candidate)
-        spec.delete(spec.joint(FREE_JOINT))
-        body = spec.body("board")
-        body.pos, body.quat = pose[:3], pose[3:]
-        return spec.compile()
-
-    return build
-
-
-def _set_trucks(board: Board) -> AfterStep:
-    rake = board.geometry["rake"].value
-
-    def after_step(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        set_trucks(model, data, rake)
-
-    return after_step
+    amplitudes = release_amplitudes(board)
+    build = partial(bench_scene, timestep=timestep, integrator=integrator)
+    if export == "in-scene":
+        build = partial(training_scene, timestep=timestep, integrator=integrator, coupling=coupling)
+        amplitudes = tuple(0.95 * angle for angle in amplitudes)  # a limit pushes just before its end
+    written, how = board, "physical parameters"
+    if export != "physical":
+        written, how = (
+            closed_form(board, timestep=timestep, integrator=integrator),
+            "compensated in closed form",
+        )
+        if export == "in-scene" or not has_closed_form(board):
+            written, how = (
+                fit_inertia_and_damping(board, written, build, amplitudes),
+                "compensated numerically",
+            )
+    if export == "in-scene":
+        how = f"compensated in the scene ({coupling} coupling, wheels on the ground)"
+    return evaluate(board, written, build, amplitudes, how)

@@ -15,8 +15,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sim.board.bench import AfterStep, rig_spec, swing
-from sim.board.bodies import TILT_JOINT, as_represented, inertia_ratio, left_out
+from sim.board.bodies import as_represented, inertia_ratio, left_out
+from sim.board.clamped import ClampedScene
 from sim.board.scene import integrator_name
 from sysid.board import Board, BoardEffect
 from sysid.effects import effect
@@ -28,8 +28,6 @@ from sysid.joint.sampled import continuous_map, joint_of_map
 from sysid.progress import steps
 from sysid.roll import Array
 
-USUAL_STEPS = 8
-"""Usual steps of the search, for the progress bar."""
 UNKNOWN_RANGE, DEFAULT_RANGE = 3.1, 0.3
 """A tilt range of half a turn or more counts as unknown; the release is then from a deck's usual range [rad]."""
 BELOW_BARRIER = 0.75
@@ -95,34 +93,13 @@ class Compensation:
         )
 
 
-def compensate_step(board: Board, *, timestep: float, integrator: str = "implicitfast") -> Compensation:
-    """Return the board whose bench decays in MuJoCo as the record's law decays in continuous time.
-
-    Args:
-        timestep: [s].
-
-    Raises:
-        SysidError: The step is too long for this board, the integrator damps more than the board, or its restoring torque is missing.
-    """
-    build = _bench(timestep, integrator)
-    first = closed_form(board, timestep=timestep, integrator=integrator)
-    plain = all(effect(part.name).role in ("measurement", "record") for part in board.effects)
-    amplitudes = release_amplitudes(board)
-    if plain:
-        return evaluate(board, first, build, amplitudes, "compensated in closed form")
-    fitted = fit_inertia_and_damping(board, first, build, amplitudes)
-    return evaluate(board, fitted, build, amplitudes, "compensated numerically")
+Build = Callable[[Board], ClampedScene]
+"""Makes the scene of a candidate."""
 
 
-def uncompensated(board: Board, *, timestep: float, integrator: str = "implicitfast") -> Compensation:
-    """Return the board as recorded, with the errors that this integrator and step (and substitutes) make."""
-    build = _bench(timestep, integrator)
-    return evaluate(board, board, build, release_amplitudes(board), "physical parameters")
-
-
-def _bench(timestep: float, integrator: str) -> Callable[[Board], mujoco.MjModel]:
-    """Return the function that compiles the bench of a candidate."""
-    return lambda board: rig_spec(board, timestep=timestep, integrator=integrator).compile()
+def has_closed_form(board: Board) -> bool:
+    """Return whether spring, damper and inertia are the whole joint."""
+    return all(effect(part.name).role in ("measurement", "record") for part in board.effects)
 
 
 def closed_form(board: Board, *, timestep: float, integrator: str = "implicitfast") -> Board:
@@ -197,10 +174,7 @@ def _static_torque(board: Board, tilt: Array) -> Array:
     return torque
 
 
-def fit_inertia_and_damping(
-    board: Board, start: Board, build: Callable[[Board], mujoco.MjModel], amplitudes: Sequence[float], *,
-    after_step: AfterStep | None = None,
-) -> Board:  # fmt: skip
+def fit_inertia_and_damping(board: Board, start: Board, build: Build, amplitudes: Sequence[float]) -> Board:
     """Fit roll inertia and damping so that MuJoCo's decay is the law's; start rates are free.
 
     The parameters of a second body (support or hanging) are fitted too. Parts that MuJoCo cannot represent are left out of the
@@ -215,44 +189,42 @@ def fit_inertia_and_damping(
     turned = 2 + sum(len(effect(part.name).stepped) for part in start.effects)
 
     def misfit(knobs: Array) -> Array:
-        next(tries, None)
-        model = build(_knobs(start, knobs))
-        pairs = zip(truth, knobs[turned:], strict=True)
-        return np.concatenate([_residual(model, each, rate * each.speed, after_step) for each, rate in pairs])
+        next(bar, None)
+        scene = build(_knobs(start, knobs))
+        return np.concatenate(
+            [_residual(scene, each, rate) for each, rate in zip(truth, knobs[turned:], strict=True)]
+        )
 
-    lag = -build(start).opt.timestep / 2
-    rates = [lag * release.deceleration / release.speed for release in truth]
+    step = build(start).model.opt.timestep
+    rates = [release.lag(step) for release in truth]
     guess = [0.0] * turned + rates
     # Half a step against a stop may change the speed by more than the board's own.
     reach = [1.5] * turned + [max(1.0, 2 * abs(rate)) for rate in rates]
-    bounds = (-np.array(reach), reach)
-    tries = iter(steps(range(USUAL_STEPS * (len(guess) + 1))))
-    found = least_squares(misfit, guess, bounds=bounds, diff_step=1e-4, xtol=1e-7, ftol=1e-9, max_nfev=25)
+    bounds, tries = (-np.array(reach), reach), 25
+    bar = iter(steps(range(tries * (len(guess) + 1))))
+    found = least_squares(misfit, guess, bounds=bounds, diff_step=1e-4, xtol=1e-7, ftol=1e-9, max_nfev=tries)
     return _knobs(start, found.x)
 
 
 def evaluate(
-    board: Board, written: Board, build: Callable[[Board], mujoco.MjModel], amplitudes: Sequence[float],
-    how: str, *, after_step: AfterStep | None = None,
-) -> Compensation:  # fmt: skip
+    board: Board, written: Board, build: Build, amplitudes: Sequence[float], how: str
+) -> Compensation:
     """Measure both errors of a written board in MuJoCo: unloaded decay and static stiffness."""
-    model = build(written)
-    error = step_error = decay_error(board, model, amplitudes, after_step=after_step)
+    scene = build(written)
+    error = step_error = decay_error(board, scene, amplitudes)
     if (lacking := as_represented(board)) != board:
-        step_error = decay_error(lacking, model, amplitudes, after_step=after_step)
+        step_error = decay_error(lacking, scene, amplitudes)
     return Compensation(
-        board=written, timestep=float(model.opt.timestep), integrator=integrator_name(model),
+        board=written, timestep=float(scene.model.opt.timestep), integrator=integrator_name(scene.model),
         inertia_ratio=written.inertia.value / board.inertia.value,
         damping_ratio=written.damping / board.damping if board.damping else 1.0, decay_error=error,
-        decay_error_before=decay_error(board, build(board), amplitudes, after_step=after_step),
+        decay_error_before=error if written is board else decay_error(board, build(board), amplitudes),
         static_error=_static_error(board, build, written), how=how, left_out=left_out(board),
         step_error=step_error,
     )  # fmt: skip
 
 
-def decay_error(
-    board: Board, model: mujoco.MjModel, amplitudes: Sequence[float], *, after_step: AfterStep | None = None
-) -> float:
+def decay_error(board: Board, scene: ClampedScene, amplitudes: Sequence[float]) -> float:
     """Return the NRMSE of MuJoCo's decays against the law's; the start rate of each is fitted.
 
     In a semi-implicit step, velocity lags position by half a step, so the rate at release is free.
@@ -263,10 +235,9 @@ def decay_error(
     for release in _truth(board, amplitudes):
 
         def misfit(rate: Array, release: _Release = release) -> Array:
-            return _residual(model, release, float(rate[0]) * release.speed, after_step)
+            return _residual(scene, release, float(rate[0]))
 
-        guess = -model.opt.timestep / 2 * release.deceleration / release.speed
-        found = least_squares(misfit, [guess], diff_step=1e-4, max_nfev=8)
+        found = least_squares(misfit, [release.lag(scene.model.opt.timestep)], diff_step=1e-4, max_nfev=8)
         square += 2 * float(found.cost)
         power += float(np.sum((release.roll / release.scale) ** 2))
     return math.sqrt(square / power)
@@ -291,6 +262,10 @@ class _Release:
         """RMS of the release, by which wide and narrow ones count alike [rad]."""
         return float(np.sqrt(np.mean(self.roll**2)))
 
+    def lag(self, step: float) -> float:
+        """Return the rate half a step [s] before the release, in units of `speed`."""
+        return -step / 2 * self.deceleration / self.speed
+
 
 def _truth(board: Board, amplitudes: Sequence[float]) -> list[_Release]:
     law = JointLaw.from_board(board).of_joint()
@@ -312,25 +287,24 @@ def _truth(board: Board, amplitudes: Sequence[float]) -> list[_Release]:
     return releases
 
 
-def _residual(model: mujoco.MjModel, release: _Release, rate: float, after_step: AfterStep | None) -> Array:
-    moved = swing(model, release.angle, rate, float(release.time[-1]), after_step=after_step)
+def _residual(scene: ClampedScene, release: _Release, rate: float) -> Array:
+    """Return MuJoCo's decay less the law's, from a rate in units of the release's speed, over the release's size."""
+    moved = scene.swing(release.angle, rate * release.speed, float(release.time[-1]))
     return (moved.at(release.time) - release.rest - release.roll) / release.scale
 
 
-def _static_error(board: Board, build: Callable[[Board], mujoco.MjModel], written: Board) -> float:
+def _static_error(board: Board, build: Build, written: Board) -> float:
     """Compare MuJoCo's static torque at the full tilt with the law's, without effects with memory."""
     elastic = tuple(part for part in board.effects if not effect(part.name).states)
-    model = build(replace(written, effects=elastic))
-    where = model.joint(TILT_JOINT)
-    dof, tilt = where.dofadr[0], board.tilt["range"].value
-    simulated, expected = 0.0, 0.0
+    scene = build(replace(written, effects=elastic))
+    where, tilt = scene.model.joint(scene.joint), board.tilt["range"].value
+    simulated = expected = 0.0
     for x in (tilt, -tilt):
-        data = mujoco.MjData(model)
+        data = mujoco.MjData(scene.model)
         data.qpos[where.qposadr[0]] = board.rest_angle + x
-        mujoco.mj_forward(model, data)
-        simulated += math.copysign(1.0, x) * float(
-            data.qfrc_passive[dof] - data.qfrc_bias[dof] + data.qfrc_actuator[dof]
-        )
+        mujoco.mj_forward(scene.model, data)
+        torque = data.qfrc_passive - data.qfrc_bias + data.qfrc_actuator
+        simulated += math.copysign(1.0, x) * float(torque[where.dofadr[0]])
         expected += math.copysign(1.0, x) * float(_static_torque(board, np.array(x)))
     return simulated / expected - 1
 

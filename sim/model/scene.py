@@ -3,8 +3,8 @@
 import mujoco
 import numpy as np
 
+from sim.board.clamped import ClampedScene
 from sim.board.scene import integrator_name
-from sim.compensation.scene import ClampedScene
 from sim.model.arc import close, tangent_of, tied_to
 from sim.model.setup import Setup
 from sysid.roll import Array

@@ -157,10 +157,10 @@ def _described(
         if read := found.space.reading:
             new = replace(new, fit={**new.fit, "reading": shlex.join(read)})
         if model.in_scene:
-            from sim.compensation.scene import compensate_in_scene
+            from sim.compensation.scene import compensate
 
             with stage(0.3, 0.6, "in the scene"):
-                scene = compensate_in_scene(new)
+                scene = compensate(new, "in-scene")
             new = replace(new, fit={**new.fit, "in_scene": scene.entry()})
         with stage(0.6, 1.0, "simpler models"):
             text = result.report(printer.width)

@@ -33,7 +33,7 @@ def mine(tmp_path):
 
 def test_the_template_works_at_once(mine, tmp_path):
     """It is found, fitted, recorded with its file, read back and written into MuJoCo."""
-    from sim.board.bench import rig_spec, swing
+    from sim.compensation.scene import bench_scene
     from sysid.joint import JointLaw, simulate
 
     name = use_file(mine)
@@ -49,9 +49,7 @@ def test_the_template_works_at_once(mine, tmp_path):
     assert load_board(tmp_path / "data/boards/pink.toml").effects[0].file == str(mine)
     time = np.linspace(0, 0.5, 100)
     truth = simulate(JointLaw.from_board(board), time, 0.17).roll
-    assert swing(rig_spec(board, timestep=1e-4).compile(), 0.17, 0.0, 0.5).at(time) == pytest.approx(
-        truth, abs=2e-3
-    )
+    assert bench_scene(board, timestep=1e-4).swing(0.17, 0.0, 0.5).at(time) == pytest.approx(truth, abs=2e-3)
 
 
 def test_a_record_says_which_file_its_effect_needs(mine, tmp_path):

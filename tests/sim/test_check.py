@@ -15,8 +15,7 @@ from sim.board.scene import board_spec
 from sim.check.causes import departures
 from sim.check.decays import check_scene
 from sim.compensation.parasitics import measure, measure_parasitics
-from sim.compensation.scene import compensate_in_scene, scene_from_file, training_scene
-from sim.compensation.step import compensate_step
+from sim.compensation.scene import compensate, scene_from_file, training_scene
 from sysid.board import Board, BoardEffect, load_board
 from sysid.errors import QualityGateError, SysidError
 from sysid.joint import JointLaw, simulate
@@ -41,7 +40,7 @@ def measured(board: Board, *, angle: float = 0.17, noise: float = 0.0, bias: flo
 
 @pytest.mark.parametrize("coupling", ["equality", "direct"])
 def test_our_scene_decays_like_the_board_within_a_percent(board: Board, coupling: str):
-    written = compensate_in_scene(board, coupling=coupling)
+    written = compensate(board, "in-scene", coupling=coupling)
     scene = training_scene(written.board, coupling=coupling)
     releases = find_releases(read_roll(DECAYS / f"{board.name}.csv", LogOptions()))
     result = check_scene(board, scene, releases)
@@ -54,7 +53,7 @@ def test_our_scene_decays_like_the_board_within_a_percent(board: Board, coupling
 
 
 def test_noise_and_an_unknown_zero_do_not_count_against_the_scene(board: Board):
-    scene = training_scene(compensate_step(board, timestep=0.005).board, coupling="direct")
+    scene = training_scene(compensate(board, "step-compensated").board, coupling="direct")
     clean = check_scene(board, scene, [measured(board)])
     glued_on_askew = replace(measured(board, noise=0.003, bias=0.05), zero="constant")
     noisy = check_scene(board, scene, [glued_on_askew])
@@ -65,7 +64,7 @@ def test_noise_and_an_unknown_zero_do_not_count_against_the_scene(board: Board):
 
 
 def test_decays_beyond_the_scenes_range_are_compared_from_where_they_come_within(board: Board):
-    scene = training_scene(compensate_in_scene(board).board)
+    scene = training_scene(compensate(board, "in-scene").board)
     result = check_scene(board, scene, [measured(board, angle=0.583)])
     assert result.releases[0].cut > 0.01
     assert result.nrmse < 0.01
@@ -97,7 +96,7 @@ def test_effects_of_the_record_are_not_blamed_on_the_scene(board: Board):
         BoardEffect("gravity", {"moment": Quantity(1.0, 0.0, "N*m")}),
     )
     rich = replace(board, effects=effects)
-    scene = training_scene(compensate_in_scene(rich).board)
+    scene = training_scene(compensate(rich, "in-scene").board)
     assert list(departures(measure_parasitics(rich, scene))) == []
     assert check_scene(rich, scene, [measured(rich)]).nrmse < 0.01
 
@@ -164,7 +163,7 @@ def rests_at(board: Board, angle: float, std: float = 0.0) -> Board:
 @pytest.mark.parametrize("angle", [0.02, 0.1])
 def test_a_scene_that_rests_elsewhere_fails_and_says_so(board: Board, angle: float):
     off = rests_at(board, angle)
-    scene = training_scene(compensate_in_scene(off).board)
+    scene = training_scene(compensate(off, "in-scene").board)
     made = measured(board)
     result = check_scene(off, scene, [made])
     assert result.nrmse > result.tolerance
@@ -176,6 +175,6 @@ def test_a_scene_that_rests_elsewhere_fails_and_says_so(board: Board, angle: flo
 
 
 def test_a_rest_angle_beyond_the_range_is_refused(board: Board):
-    scene = training_scene(compensate_in_scene(board).board)
+    scene = training_scene(compensate(board, "in-scene").board)
     with pytest.raises(SysidError, match="lean on its stop"):
         check_scene(rests_at(board, 3.0), scene, [measured(board)])

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from made import with_effect
 
-from sim.board.bench import rig_spec, swing
-from sim.compensation.step import closed_form, compensate_step, decay_error, release_amplitudes
+from sim.compensation.scene import bench_scene, compensate
+from sim.compensation.step import closed_form, decay_error, release_amplitudes
 from sysid.board import Board, load_board
 from sysid.effects import catalogue
 from sysid.errors import SysidError
@@ -39,7 +39,7 @@ def measured_poles(roll: Array, timestep: float) -> tuple[float, float]:
 @pytest.mark.parametrize(("name", "inertia", "damping"), [("black", -16.9, 1.0), ("pink", -10.8, 0.4)])
 def test_the_closed_form_moves_inertia_and_damping_as_calculated(name: str, inertia: float, damping: float):
     board = load_board(shipped_data() / "boards" / f"{name}.toml")
-    done = compensate_step(board, timestep=0.005)
+    done = compensate(board, "step-compensated")
     assert 100 * (done.inertia_ratio - 1) == pytest.approx(inertia, abs=0.06)
     assert 100 * (done.damping_ratio - 1) == pytest.approx(damping, abs=0.06)
     assert done.board.stiffness == board.stiffness
@@ -53,8 +53,8 @@ def test_mujocos_own_rollout_has_the_boards_poles(board: Board, integrator: str,
     if integrator == "discrete" and "mjINT_DISCRETE" not in mujoco.mjtIntegrator.__members__:
         pytest.skip("this MuJoCo has no integrator 'discrete'")
     written = closed_form(board, timestep=timestep, integrator=integrator)
-    model = rig_spec(written, timestep=timestep, integrator=integrator).compile()
-    frequency, ratio = measured_poles(swing(model, 0.3, 0.0, 0.4).roll, timestep)
+    scene = bench_scene(written, timestep=timestep, integrator=integrator)
+    frequency, ratio = measured_poles(scene.swing(0.3, 0.0, 0.4).roll, timestep)
     assert (frequency, ratio) == pytest.approx(poles_of(board), rel=1e-9 if integrator != "RK4" else 1e-2)
 
 
@@ -72,7 +72,7 @@ def test_mujocos_own_rollout_has_the_boards_poles(board: Board, integrator: str,
     ],
 )
 def test_richer_joints_are_compensated_numerically(pink: Board, name: str, values: tuple[float, ...]):
-    done = compensate_step(with_effect(pink, name, *values), timestep=0.005)
+    done = compensate(with_effect(pink, name, *values), "step-compensated")
     assert done.decay_error < 0.01
     assert done.decay_error < 0.5 * done.decay_error_before
     assert abs(done.static_error) < 1e-6
@@ -81,8 +81,8 @@ def test_richer_joints_are_compensated_numerically(pink: Board, name: str, value
 @pytest.mark.parametrize(("name", "angle"), [("one-sided-stop", 0.09), ("end-stop", 0.12)])
 def test_the_loss_of_a_stop_is_not_spread_into_the_joint(pink: Board, name: str, angle: float):
     """MuJoCo has none that acts beyond the stop only: the damper would make up for it and be wrong below."""
-    lossy = compensate_step(with_effect(pink, name, angle, 60.0, 0.21), timestep=0.005)
-    without = compensate_step(with_effect(pink, name, angle, 60.0, 0.0), timestep=0.005)
+    lossy = compensate(with_effect(pink, name, angle, 60.0, 0.21), "step-compensated")
+    without = compensate(with_effect(pink, name, angle, 60.0, 0.0), "step-compensated")
     assert lossy.damping_ratio == pytest.approx(without.damping_ratio, rel=1e-6)
     assert lossy.step_error == pytest.approx(without.decay_error, rel=1e-6)
     assert lossy.step_error < 0.02 < lossy.decay_error
@@ -93,8 +93,7 @@ def test_the_loss_of_a_stop_is_not_spread_into_the_joint(pink: Board, name: str,
 def test_what_hangs_on_the_deck_is_at_rest_where_that_is_let_go(board: Board):
     """Its joint counts from the deck: it must turn back as fast as a deck that has a rate at once."""
     rich = with_effect(board, "hanging-body", 0.5 * board.inertia.value, 22.0, 0.05)
-    model = rig_spec(rich, timestep=0.0005, integrator="RK4").compile()
-    moved = swing(model, 0.1, 2.0, 0.3)
+    moved = bench_scene(rich, timestep=0.0005, integrator="RK4").swing(0.1, 2.0, 0.3)
     law = simulate(JointLaw.from_board(rich), moved.time, 0.1, 2.0).roll
     assert np.max(np.abs(moved.roll - law)) < 1e-3 * 0.1
 
@@ -113,16 +112,18 @@ has no jump at the turning points."""
 def test_mujoco_moves_by_the_law_of_every_effect(pink: Board, name: str):
     """With a fine step the bench decays as the law says: each effect's MJCF is its torque law."""
     rich = with_effect(pink, name)
-    model = rig_spec(rich, timestep=0.0002).compile()
-    assert decay_error(rich, model, release_amplitudes(rich)) < SUBSTITUTES.get(name, 0.0075)
-    other = rig_spec(pink, timestep=0.0005).compile()
-    assert decay_error(rich, other, release_amplitudes(rich)) > 0.015, "the example must show"
+    assert decay_error(rich, bench_scene(rich, timestep=0.0002), release_amplitudes(rich)) < SUBSTITUTES.get(
+        name, 0.0075
+    )
+    assert decay_error(rich, bench_scene(pink, timestep=0.0005), release_amplitudes(rich)) > 0.015, (
+        "the example must show"
+    )
 
 
 def test_a_record_without_a_spring_is_refused_at_once(board: Board):
     """Its decay has no end: one such check stepped for 261,187 s of the joint's time."""
     with pytest.raises(SysidError, match=r"stiffness of 0 N·m/rad.*husky-sysid fit LOG --board"):
-        compensate_step(board.with_tilt(stiffness=Quantity(0.0, 0.0, "N*m/rad")), timestep=0.005)
+        compensate(board.with_tilt(stiffness=Quantity(0.0, 0.0, "N*m/rad")), "step-compensated")
 
 
 def test_what_cannot_be_compensated_is_refused(board: Board):

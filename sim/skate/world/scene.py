@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from sim.board.scene import Coupling, board_spec, integrator_value
-from sim.compensation.scene import compensate_in_scene
+from sim.compensation.scene import compensate
 from sim.skate.robot import g1
 from sim.skate.world.terrain import Terrain, add_ledge, add_terrain
 from sysid.board import Board
@@ -103,7 +103,7 @@ def as_written(board: Board, options: SceneOptions) -> Board:
     Raises:
         SysidError: The board cannot be built, or the step is too long for it.
     """
-    return compensate_in_scene(board, timestep=options.timestep, coupling=options.coupling).board
+    return compensate(board, "in-scene", timestep=options.timestep, coupling=options.coupling).board
 
 
 def standing_state(model: mujoco.MjModel) -> Array:
