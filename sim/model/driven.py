@@ -7,16 +7,7 @@ from typing import Any, Literal, Self
 import mujoco
 import numpy as np
 
-from sim.model.patch import (
-    ATTRIBUTES,
-    Patch,
-    attribute_text,
-    difference,
-    find_element,
-    is_joint,
-    tagged,
-    with_sections,
-)
+from sim.model.patch import Patch, Writer, patched
 from sim.model.scene import HOLDING_ARMATURE
 from sim.model.setup import Setup
 from sysid.driven.fit import DrivenFit
@@ -319,49 +310,17 @@ def patch_driven(setup: Setup, fits: Mapping[str, DrivenFit]) -> Patch:
     Raises:
         SysidError: A joint is not in the text, or MuJoCo cannot hold an effect there.
     """
-    spec = setup.with_(payload=()).load()
-    known = {kind: {one.name for one in getattr(spec, f"{kind}s")} for kind in ("tendon", "actuator")}
-    texts: dict[Any, str] = {}
-    remarks: list[str] = []
-    for name, fit in fits.items():
-        one = setup.with_(joint=name, payload=())
-        joint = one.joint_of(spec)
-        acting = actuators_of(spec, joint)
-        before, acted = _numbers(joint, ATTRIBUTES), [_numbers(a, _ACTUATOR) for a in acting]
-        joint.armature, joint.damping, joint.frictionloss = (
-            fit.values["armature"],
-            [fit.values["damping"], 0.0, 0.0],
-            0.0,
-        )
-        remarks += [f"{name}: {line}" for line in _written(spec, joint, fit)]
-        _rewrite(
-            texts,
-            setup,
-            name,
-            is_joint(name),
-            {
-                ATTRIBUTES[k]: attribute_text(k, v)
-                for k, v in _changed(before, _numbers(joint, ATTRIBUTES)).items()
-            },
-        )
-        for actuator, old in zip(acting, acted, strict=True):
-            changes = _changed(old, _numbers(actuator, _ACTUATOR))
-            _rewrite(
-                texts,
-                setup,
-                name,
-                lambda tag, own, stack, a=actuator: (
-                    bool(stack) and stack[-1] == "actuator" and own.get("name") == a.name
-                ),
-                changes,
-            )
-    texts.setdefault(setup.file, setup.file.read_bytes().decode())
-    texts[setup.file] = with_sections(texts[setup.file], spec, known)
-    return Patch(texts, difference(texts), tuple(remarks), spec, setup.file)
+
+    def writer(fit: DrivenFit) -> Writer:
+        return lambda spec, joint: [f"{joint.name}: {line}" for line in _written(spec, joint, fit)]
+
+    return patched(setup.with_(payload=()), {name: writer(fit) for name, fit in fits.items()})
 
 
 def _written(spec: Any, joint: Any, fit: DrivenFit) -> list[str]:
-    """Write the fitted effects into a spec; return remarks on them."""
+    """Write a fitted joint into a spec; return remarks on it."""
+    joint.armature, joint.frictionloss = fit.values["armature"], 0.0
+    joint.damping = [fit.values["damping"], 0.0, 0.0]
     remarks: list[str] = []
     constraint = joint.solref_friction.copy(), joint.solimp_friction.copy()
     for part in fit.structure.parts:
@@ -381,41 +340,3 @@ def _written(spec: Any, joint: Any, fit: DrivenFit) -> list[str]:
         if key in fit.quantities and abs(fit.values[key]) > Z95 * fit.quantities[key].std
     ]
     return remarks
-
-
-_ACTUATOR = ("gainprm", "biasprm", "forcerange", "delay", "nsample")
-"""Attributes of an actuator that a fit may change."""
-
-
-def _numbers(element: Any, names: Any) -> dict[str, Array]:
-    return {
-        name: np.array(getattr(element, name), dtype=np.float64) for name in names if hasattr(element, name)
-    }
-
-
-def _changed(old: Mapping[str, Array], new: Mapping[str, Array]) -> dict[str, Array]:
-    return {name: value for name, value in new.items() if not np.array_equal(value, old[name])}
-
-
-def _rewrite(
-    texts: dict[Any, str], setup: Setup, joint: str, wanted: Any, changes: Mapping[str, Any]
-) -> None:
-    """Set attributes of one element in the text of its file."""
-    if not changes:
-        return
-    chain, start, end = find_element(setup.file, joint, wanted, texts=texts)
-    for file in chain:
-        texts.setdefault(file, file.read_bytes().decode())
-    raw = texts[chain[-1]].encode()
-    tag = raw[start:end].decode()
-    servo = tag.startswith("<position")
-    written: dict[str, str] = {}
-    for name, value in changes.items():
-        if isinstance(value, str):
-            written[name] = value
-        elif name in ("gainprm", "biasprm") and servo:
-            written |= {"kp": f"{value[0]:.7g}"} if name == "gainprm" else {"kv": f"{-value[2]:.7g}"}
-        else:
-            digits = np.trim_zeros(np.atleast_1d(value), "b")
-            written[name] = " ".join(f"{x:.7g}" for x in digits) or "0"
-    texts[chain[-1]] = (raw[:start] + tagged(tag, written).encode() + raw[end:]).decode()

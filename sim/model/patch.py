@@ -7,11 +7,10 @@ into the text of the joint. The compiled text is compared with the compiled spec
 import difflib
 import os
 import re
-import xml.etree.ElementTree as ElementTree
-import xml.parsers.expat
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -21,8 +20,22 @@ from sim.model.arc import walk
 from sim.model.faults import disabled, refuse_unphysical
 from sim.model.setup import Setup
 from sim.model.subject import in_degrees, rest_of
+from sim.model.text import (
+    ADDED,
+    LINKED,
+    Wanted,
+    files_of,
+    find,
+    included,
+    is_actuator,
+    is_joint,
+    tagged,
+    with_folders,
+    with_sections,
+)
 from sysid.board import Board
 from sysid.effects import effect
+from sysid.effects._mjcf import actuators_of
 from sysid.errors import SysidError
 from sysid.files import require_writable, write_atomically
 from sysid.quantity import slide_unit
@@ -33,20 +46,14 @@ ATTRIBUTES = {
     "springyield": "springyield",
 }  # fmt: skip
 """Attributes of a joint that a fit may change: MjSpec's name and MJCF's."""
+ACTING = {name: name for name in ("gainprm", "biasprm", "forcerange", "delay", "nsample")}
+"""The same of an actuator."""
 COMPARED = (
     "jnt_stiffness", "jnt_stiffnesspoly", "dof_damping", "dof_dampingpoly", "dof_armature", "qpos_spring",
     "dof_frictionloss", "dof_solref", "dof_solimp", "tendon_stiffness", "tendon_lengthspring", "body_mass", "qpos0",
-    "jnt_range", "actuator_biasprm",
+    "jnt_range", "actuator_gainprm", "actuator_biasprm", "actuator_forcerange",
 )  # fmt: skip
 """Fields of a compiled model in which the copy must equal the spec."""
-POLYNOMIALS = ("stiffness", "damping")
-"""Attributes that hold one number or several."""
-HOLDERS = {"body", "worldbody", "frame", "replicate", "mujocoinclude", "mujoco"}
-"""Parents of a joint element; elsewhere `joint` means another thing."""
-ADDED = ("tendon", "actuator")
-"""Sections that an effect may add elements to."""
-LINKED = re.compile(r"""(<(?:include|model)\b[^>]*?\bfile\s*=\s*)(["'])(.*?)\2""")
-"""An element that reads another model file, relative to the folder of the main one."""
 PACKAGES = {"site-packages", "dist-packages"}
 """Folders of installed packages: no default output goes there."""
 
@@ -55,47 +62,60 @@ PACKAGES = {"site-packages", "dist-packages"}
 class Patch:
     """The changes to the user's files."""
 
+    before: Mapping[Path, str]
+    """Text of the model's file, which is the first, and of all files that it includes."""
     files: Mapping[Path, str]
-    """New text of each file that changes, by its old path: the joint's file, and the files that include it."""
-    diff: str
-    """The change, as `diff -u` shows it."""
+    """New text of each."""
     remarks: tuple[str, ...]
     """Parts that were not written, and the meaning of the numbers."""
     _spec: mujoco.MjSpec
-    _main: Path
+
+    @property
+    def diff(self) -> str:
+        """The change, as `diff -u` shows it."""
+        lines: list[str] = []
+        for file, text in self.files.items():
+            old, new = self.before[file].splitlines(keepends=True), text.splitlines(keepends=True)
+            lines += difflib.unified_diff(old, new, str(file), f"{file} (patched)")
+        return "".join(
+            line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines
+        )
 
     def save(self, path: Path) -> list[Path]:
         """Write the patched copies and return their paths, the model's first.
 
-        An included file is copied too, under the new model's name. In another folder than the model's, the copy names
-        meshes, textures and other files by absolute paths.
+        An included file that changes is copied too, under the new model's name. In another folder than the model's all included
+        files are copied, and meshes, textures and other files get absolute paths.
 
         Raises:
             SysidError: A file cannot be written, or the copy compiles to another model than the fitted one.
         """
-        home = self._main.parent.resolve()
-        moved = path.parent.resolve() != home
-        texts = {file.resolve(): text for file, text in self.files.items()}
-        for file in _nested(self._main, home) if moved else ():
-            texts.setdefault(file, file.read_bytes().decode())
-        main, assets = self._main.resolve(), ("meshes", "textures", "hfields", "skins")
-        has_assets = any(len(getattr(self._spec, kind)) for kind in assets)
+        main = next(iter(self.files))
+        home, folder = main.parent.resolve(), path.parent.resolve()
+        moved = folder != home
+        copied = {
+            file for file, text in self.files.items() if moved or file == main or text != self.before[file]
+        }
+        while more := {file for file in self.files if included(main, self.files[file]) & copied} - copied:
+            copied |= more
         named = {
-            old: path if old == main else (path.parent if moved else old.parent) / f"{path.stem}_{old.name}"
-            for old in texts
+            old: path if old == main else (folder if moved else old.parent) / f"{path.stem}_{old.name}"
+            for old in copied
         }
 
         def linked(match: re.Match[str]) -> str:
-            target = (home / match[3]).resolve()
+            target = main.parent / match[3]
             if target in named:
-                return f"{match[1]}{match[2]}{os.path.relpath(named[target].resolve(), path.parent.resolve())}{match[2]}"
-            return f"{match[1]}{match[2]}{target}{match[2]}" if moved else match[0]
+                return f"{match[1]}{match[2]}{os.path.relpath(named[target].resolve(), folder)}{match[2]}"
+            return f"{match[1]}{match[2]}{target.resolve()}{match[2]}" if moved else match[0]
 
+        assets = any(len(getattr(self._spec, kind)) for kind in ("meshes", "textures", "hfields", "skins"))
         try:
-            for old, text in texts.items():
-                text = LINKED.sub(linked, text)
-                text = _with_folders(text, self._spec, home) if moved and has_assets and old == main else text
-                write_atomically(named[old], text)
+            for old, new in named.items():
+                text = LINKED.sub(linked, self.files[old])
+                write_atomically(
+                    new, with_folders(text, self._spec, home) if moved and assets and old == main else text
+                )
             self._verify(path)
         except SysidError:
             for new in named.values():
@@ -146,10 +166,15 @@ def require_patchable(setup: Setup) -> None:
     Raises:
         SysidError: No file has the joint.
     """
+    texts = files_of(setup.file)
     if setup.is_urdf:
-        urdf.locate(setup.file, setup.joint)
+        urdf.locate(setup.file, setup.joint, texts[setup.file])
     else:
-        find_element(setup.file, setup.joint, is_joint(setup.joint))
+        find(texts, setup.joint, is_joint(setup.joint))
+
+
+Writer = Callable[[Any, Any], Sequence[str]]
+"""Changes a spec and one of its joints; returns remarks for the user."""
 
 
 def patch(setup: Setup, board: Board) -> Patch:
@@ -159,52 +184,73 @@ def patch(setup: Setup, board: Board) -> Patch:
         SysidError: The joint is not in the text, a number is not physical, or MuJoCo cannot hold an effect there.
     """
     plain = setup.with_(payload=())
-    spec = plain.load()
-    joint = plain.joint_of(spec)
-    before = _attributes(joint)
+
+    def write(spec: Any, joint: Any) -> list[str]:
+        return [*_write(plain, spec, joint, board), *_leaning(spec, setup.joint)]
+
+    return patched(plain, {setup.joint: write})
+
+
+def patched(setup: Setup, writers: Mapping[str, Writer]) -> Patch:
+    """Change joints of a model and their actuators, and write the changes into the text of its files.
+
+    Raises:
+        SysidError: A joint is not in the text, or an effect needs a body of its own.
+    """
+    spec = setup.load()
+    kept = setup.load() if setup.is_urdf else spec
     known = {kind: {one.name for one in getattr(spec, f"{kind}s")} for kind in ADDED}
-    bodies = len(spec.bodies)
-    remarks = [*_write(plain, spec, joint, board), *_leaning(spec, setup.joint)]
+    bodies, before = len(spec.bodies), files_of(setup.file)
+    texts = dict(before)
+    remarks: list[str] = []
+    for name, write in writers.items():
+        joint = setup.with_(joint=name).joint_of(spec)
+        elements = [(joint, ATTRIBUTES, is_joint(name))]
+        elements += [(one, ACTING, is_actuator(one.name, name)) for one in actuators_of(spec, joint)]
+        given = [_numbers(one, names) for one, names, _ in elements]
+        remarks += write(spec, joint)
+        for (one, names, wanted), old in zip(elements, given, strict=True):
+            changed = {
+                key: value
+                for key, value in _numbers(one, names).items()
+                if not np.array_equal(value, old[key])
+            }
+            if names is ATTRIBUTES and setup.is_urdf:
+                values = {ATTRIBUTES[key]: _text(value) for key, value in changed.items()}
+                held = setup.with_(joint=name).joint_of(kept)
+                texts[setup.file], lost = urdf.written(setup.file, held, values, texts[setup.file])
+                remarks += lost
+            elif changed or names is ATTRIBUTES:  # a joint from elsewhere is refused, changed or not
+                _rewrite(texts, name, wanted, changed)
+            remarks += disabled(spec, changed)
     if len(spec.bodies) > bodies:
         raise SysidError(
-            f"an effect of {board.name} needs a body of its own, and a patch changes one joint. Build the body into the model "
-            "by hand, or fit without the effect."
+            f"{setup.file}: an effect needs a body of its own, and a patch changes joints. Build the body into the model by hand, or "
+            "fit without the effect."
         )
-    changed = {
-        ATTRIBUTES[name]: attribute_text(name, value)
-        for name, value in _attributes(joint).items()
-        if not np.array_equal(before[name], value)
-    }
-    if setup.is_urdf:
-        spec = plain.load()
-        text, lost = urdf.written(setup.file, plain.joint_of(spec), changed)
-        texts, remarks = {setup.file: text}, [*remarks, *lost]
-    else:
-        chain, start, end = find_element(setup.file, setup.joint, is_joint(setup.joint))
-        texts = {file: file.read_bytes().decode() for file in chain}
-        raw = texts[chain[-1]].encode()
-        tag = tagged(raw[start:end].decode(), changed)
-        texts[chain[-1]] = (raw[:start] + tag.encode() + raw[end:]).decode()
+    if not setup.is_urdf:
         texts[setup.file] = with_sections(texts[setup.file], spec, known)
-    remarks += disabled(spec, changed)
-    return Patch(texts, difference(texts), tuple(remarks), spec, setup.file)
+    return Patch(before, texts, tuple(remarks), kept)
 
 
-def difference(texts: Mapping[Path, str]) -> str:
-    """Return how texts differ from their files, as `diff -u` shows it."""
-    lines: list[str] = []
-    for file, text in texts.items():
-        old = file.read_bytes().decode()
-        before, after = old.splitlines(keepends=True), text.splitlines(keepends=True)
-        lines += difflib.unified_diff(before, after, str(file), f"{file} (patched)")
-    return "".join(
-        line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines
-    )
+def _rewrite(texts: dict[Path, str], joint: str, wanted: Wanted, changed: Mapping[str, np.ndarray]) -> None:
+    """Set attributes of one element in the text of its file."""
+    file, start, end = find(texts, joint, wanted)
+    raw = texts[file].encode()
+    tag = raw[start:end].decode()
+    written = {{**ATTRIBUTES, **ACTING}[key]: _text(value) for key, value in changed.items()}
+    if tag.startswith("<position"):  # a servo's gains have names of their own
+        gains = {"gainprm": ("kp", 0, 1), "biasprm": ("kv", 2, -1)}
+        for key in gains.keys() & changed.keys():
+            del written[key]
+            name, at, sign = gains[key]
+            written[name] = _text(sign * changed[key][at])
+    texts[file] = (raw[:start] + tagged(tag, written).encode() + raw[end:]).decode()
 
 
-def _attributes(joint: mujoco.MjsJoint) -> dict[str, np.ndarray]:
+def _numbers(element: Any, names: Mapping[str, str]) -> dict[str, np.ndarray]:
     return {
-        name: np.array(getattr(joint, name), dtype=np.float64) for name in ATTRIBUTES if hasattr(joint, name)
+        name: np.array(getattr(element, name), dtype=np.float64) for name in names if hasattr(element, name)
     }
 
 
@@ -256,129 +302,6 @@ def _leaning(spec: mujoco.MjSpec, name: str) -> list[str]:
     ]
 
 
-def attribute_text(name: str, values: np.ndarray) -> str:
-    """Return an attribute's value; a polynomial ends at its last term that is not zero."""
-    numbers = np.atleast_1d(values)
-    if name in POLYNOMIALS:
-        numbers = numbers[: max(1, int(np.max(np.flatnonzero(numbers), initial=-1)) + 1)]
-    return " ".join(f"{value:.7g}" for value in numbers)
-
-
-def is_joint(name: str) -> Callable[[str, Mapping[str, str], Sequence[str]], bool]:
-    """Return the test for the element of a joint: of its tag, its attributes and the tags around it."""
-    return lambda tag, own, stack: (
-        tag == "joint" and own.get("name") == name and (not stack or stack[-1] in HOLDERS)
-    )
-
-
-def find_element(
-    file: Path, joint: str, wanted: Callable[[str, Mapping[str, str], Sequence[str]], bool], seen: Sequence[Path] = (),
-    folder: Path | None = None, texts: Mapping[Path, str] | None = None,
-) -> tuple[list[Path], int, int]:  # fmt: skip
-    """Return the files from the model down to an element's, and the element's start tag in that [bytes].
-
-    Args:
-        joint: Named in the error.
-        wanted: The test for the element.
-        texts: Texts of files that have changed already.
-
-    Raises:
-        SysidError: No file has the element.
-    """
-    folder = folder or file.parent
-    raw = texts[file].encode() if texts and file in texts else file.read_bytes()
-    parser = xml.parsers.expat.ParserCreate()
-    stack: list[str] = []
-    found: list[int] = []
-    includes: list[Path] = []
-
-    def start(name: str, attributes: Mapping[str, str]) -> None:
-        if wanted(name, attributes, stack):
-            found.append(parser.CurrentByteIndex)
-        if name == "include" and "file" in attributes:
-            includes.append(folder / attributes["file"])
-        stack.append(name)
-
-    parser.StartElementHandler = start
-    parser.EndElementHandler = lambda name: stack.pop()
-    try:
-        parser.Parse(raw, True)
-    except xml.parsers.expat.ExpatError as error:
-        raise SysidError(f"{file}: not XML ({error}).") from error
-    if found:
-        return [*seen, file], found[0], _end_of_tag(raw, found[0])
-    for path in includes:
-        if path.is_file():
-            try:
-                return find_element(path, joint, wanted, [*seen, file], folder, texts)
-            except LookupError:
-                continue
-    if seen:
-        raise LookupError(joint)
-    raise SysidError(
-        f'{file}: no element <joint name="{joint}"> stands in it or in its includes, so it was attached or replicated from '
-        "another file. Patch that file."
-    )
-
-
-def _end_of_tag(raw: bytes, start: int) -> int:
-    match = re.compile(rb"""<(?:[^"'>]|"[^"]*"|'[^']*')*>""").match(raw, start)
-    assert match is not None  # expat has read it
-    return match.end()
-
-
-def tagged(tag: str, values: Mapping[str, str]) -> str:
-    """Return a start tag with attributes set: in place if present, else at its end."""
-    for name, value in values.items():
-        pattern = re.compile(rf"""(\s{name}\s*=\s*)("[^"]*"|'[^']*')""")
-        if pattern.search(tag):
-            tag = pattern.sub(rf'\g<1>"{value}"', tag, count=1)
-        else:
-            close = re.search(r"\s*/?>$", tag)
-            assert close is not None
-            tag = f'{tag[: close.start()]} {name}="{value}"{tag[close.start() :]}'
-    return tag
-
-
-def with_sections(text: str, spec: mujoco.MjSpec, known: Mapping[str, set[str]]) -> str:
-    """Return the model's text with the tendons and actuators that effects added, as sections of their own at its end."""
-    new = {
-        kind: [one.name for one in getattr(spec, f"{kind}s") if one.name not in known[kind]] for kind in ADDED
-    }
-    if not any(new.values()):
-        return text
-    spec.compile()
-    written = ElementTree.fromstring(spec.to_xml())
-    lines: list[str] = []
-    for kind, names in new.items():
-        added = [one for section in written.findall(kind) for one in section if one.get("name") in names]
-        for one in added:
-            one.tail = None
-        if added:
-            inline = (re.sub(r">\s+<", "><", ElementTree.tostring(one, encoding="unicode")) for one in added)
-            parts = "".join(f"    {one}\n" for one in inline)
-            lines.append(f"  <{kind}>\n{parts}  </{kind}>\n")
-    at = text.rindex("</mujoco>")
-    return text[:at] + "".join(lines) + text[at:]
-
-
-def _nested(file: Path, home: Path) -> Iterator[Path]:
-    """Yield included files that include others: MuJoCo resolves their links from the main file's folder."""
-    for match in LINKED.finditer(file.read_bytes().decode()):
-        included = (home / match[3]).resolve()
-        if match[1].startswith("<include") and included.is_file() and LINKED.search(included.read_text()):
-            yield included
-            yield from _nested(included, home)
-
-
-def _with_folders(text: str, spec: mujoco.MjSpec, home: Path) -> str:
-    """Return the model's text with absolute folders of meshes and textures; the last compiler element of a file counts."""
-    folders = {name: str((home / getattr(spec, name)).resolve()) for name in ("meshdir", "texturedir")}
-    robot = "</robot>" in text
-    if robot and (found := re.search(r"<compiler\b[^>]*>", text)):  # a URDF may have one only
-        return text[: found.start()] + tagged(found[0], folders) + text[found.end() :]
-    element = tagged("<compiler/>", folders)
-    root = "</mujoco>" if "</mujoco>" in text else "</robot>"
-    element = f"<mujoco>{element}</mujoco>" if root == "</robot>" else element
-    at = text.rindex(root)
-    return f"{text[:at]}  {element}\n{text[at:]}"
+def _text(values: Any) -> str:
+    """Return an attribute's value; of several numbers it ends at the last that is not zero."""
+    return " ".join(f"{value:.7g}" for value in np.trim_zeros(np.atleast_1d(values), "b")) or "0"

@@ -26,30 +26,31 @@ def is_urdf(file: Path) -> bool:
     return root is not None and root[1] == "robot"
 
 
-def locate(file: Path, joint: str) -> tuple[str, re.Match[str]]:
-    """Return the text of a URDF, and the element of a joint in it.
+def locate(file: Path, joint: str, text: str) -> re.Match[str]:
+    """Return the element of a joint in the text of a URDF.
 
     Raises:
         SysidError: It is not there.
     """
-    text = file.read_bytes().decode()
     blank = re.sub(r"<!--.*?-->", lambda comment: " " * len(comment[0]), text, flags=re.DOTALL)
     # The joints of transmissions have no type.
     tag = rf"""<joint\b(?=[^>]*\btype\s*=)(?=[^>]*\bname\s*=\s*["']{re.escape(joint)}["'])[^>]*[^/]>.*?</joint>"""
     found = re.search(tag, blank, re.DOTALL)
     if found is None:
         raise SysidError(f'{file}: no element <joint name="{joint}"> with a content stands in it.')
-    return text, found
+    return found
 
 
-def written(file: Path, joint: mujoco.MjsJoint, values: Mapping[str, str]) -> tuple[str, list[str]]:
+def written(
+    file: Path, joint: mujoco.MjsJoint, values: Mapping[str, str], text: str
+) -> tuple[str, list[str]]:
     """Return the text with `<dynamics>` of a joint set, and a remark on the attributes that it cannot hold.
 
     Args:
         joint: The joint as the file states it; changed in place.
         values: MJCF's attributes and their texts.
     """
-    text, found = locate(file, joint.name)
+    found = locate(file, joint.name, text)
     held = {name: value for name, value in values.items() if name in HELD and " " not in value}
     element = text[found.start() : found.end()]
     old = re.search(r"<dynamics\b[^>]*>", element)
