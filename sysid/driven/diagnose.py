@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from sysid.driven.fit import WHITE, DrivenFit, fit, free_of, start_values, starts
+from sysid.driven.fit import MATTERS, DrivenFit, fit, free_of, start_values, starts
 from sysid.driven.joint import Simulator, Structure
 from sysid.driven.log import DrivenLog
 from sysid.driven.missing import Motion
@@ -15,8 +15,6 @@ from sysid.errors import SysidError
 
 SCORE_TOLERANCE = 12.0
 """Twice the log likelihood within which two sets tie: odds of 400 to 1, as for free decays."""
-MATTERS = 0.1
-"""Share of the residual's RMS that an effect must explain to be named: less is significant in a long log, but too small to matter."""
 MAX_EFFECTS = 3
 """Effects in a set at most."""
 FAMILIES = ("friction", "drag", "hardening", "asymmetry")
@@ -152,7 +150,7 @@ def diagnose(
     assert base is not None
     leading, best = [base], base
     for _ in range(MAX_EFFECTS):
-        if best.memory <= WHITE:  # the residual is noise
+        if best.is_noise:
             break
         grown = [one for before in leading for one in search.grown_from(before)]
         best = min(search.fits.values(), key=lambda one: one.score)
@@ -247,7 +245,7 @@ class _Search:
             chosen = replace(self.plain, effects=key)
             values = start_values(chosen, dict(before.values), self.log)
             free = free_of(chosen, key, self.fixed)
-            begins, left = starts(self.motion, chosen, values, free, {}, known=before.values)
+            begins, left = starts(self.motion, chosen, values, free, {}, before.values)
             if getattr(effect(name), "transmit", None):
                 gears.append((key, begins))
             else:
@@ -256,7 +254,7 @@ class _Search:
         for _, family, key, begins in sorted(found, key=lambda one: one[0]):
             likeliest.setdefault(family, (key, begins))
         done = [one for key, begins in likeliest.values() if (one := self.fitted(key, begins))]
-        if any(one.memory <= WHITE for one in done):
+        if any(one.is_noise for one in done):
             return done
         return done + [one for key, begins in gears if (one := self.fitted(key, begins))]
 

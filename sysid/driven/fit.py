@@ -1,7 +1,7 @@
 """The fit of a driven joint: starts from its missing torque, then output error over the whole log."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -14,18 +14,18 @@ from sysid.driven.problem import Problem, limits_of, scales_of, size_of
 from sysid.effects._base import DriveEffect
 from sysid.errors import SysidError
 from sysid.least_squares import Minimum
-from sysid.noise.autoregression import residual_noise
+from sysid.noise.autoregression import ResidualNoise, residual_noise
 from sysid.quantity import Quantity, slide_unit
 from sysid.roll import Array
 
-WINDOWS = (128, 32, 8, 1)
-"""Windows of the fits that follow each other: from the equations alone to the whole log."""
+FEWER = 4
+"""Factor between the numbers of windows of fits that follow each other, from the equations alone to the whole log."""
 FINER = 3
 """Factor of integration steps in the last fit, from which intervals come: a step's error falls by nine."""
 SHORTEST = 12
 """Shortest window, six for each of its two first states [samples]."""
-WHITE = 1.2
-"""Memory of residuals up to which they count as white [samples]."""
+MATTERS = 0.1
+"""Share of the residual's RMS that an effect must explain to be named: less is significant in a long log, but too small to matter."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,8 +44,8 @@ class DrivenFit:
     """RMS of measured less simulated [rad]."""
     noise: float
     """Noise of the log [rad]."""
-    memory: float
-    """Over how many samples residuals are correlated."""
+    colour: ResidualNoise
+    """Autoregression of the residuals."""
     score: float
     """-2 log likelihood of correlated residuals, plus ln n for each parameter."""
     residual: Array
@@ -68,6 +68,11 @@ class DrivenFit:
         return beyond / float(np.std(self.log.angle))
 
     @property
+    def is_noise(self) -> bool:
+        """Whether the residual's own past foretells too little of it for an effect to matter."""
+        return _is_noise(self.colour)
+
+    @property
     def moving(self) -> Array:
         """1 for each unknown with a finite interval, else 0 [1]; shape (p,)."""
         own = np.isfinite(np.diag(self.covariance))
@@ -86,10 +91,18 @@ class DrivenFit:
         """Return what `fit --json` writes of a driven joint."""
         return {
             "log": self.log.name, "input": self.log.kind, "effects": list(self.structure.effects), "rmse_rad": self.rmse,
-            "noise_floor_rad": self.noise, "nrmse": self.nrmse, "memory_samples": self.memory,
+            "noise_floor_rad": self.noise, "nrmse": self.nrmse, "memory_samples": self.colour.memory,
             "values": dict(self.values),
             "parameters": {name: quantity.to_json() for name, quantity in self.quantities.items()},
         }  # fmt: skip
+
+
+def _is_noise(colour: ResidualNoise) -> bool:
+    """Return whether residuals are less than `MATTERS` larger than what their own past leaves of them.
+
+    Their memory would not do: a gear that rings leaves residuals whose correlations add up to less than white noise's.
+    """
+    return colour.std <= (1 + MATTERS) * math.sqrt(colour.innovation)
 
 
 def free_of(
@@ -135,14 +148,13 @@ def start_values(structure: Structure, given: Mapping[str, float], log: DrivenLo
 
 def fit(
     log: DrivenLog, structure: Structure, given: Mapping[str, float], free: tuple[str, ...], *,
-    bounds: Mapping[str, tuple[float, float]] | None = None, warm: Mapping[str, float] | None = None,
-    begins: Sequence[Mapping[str, float]] = (), quick: bool = False, simulator: Simulator | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None, begins: Sequence[Mapping[str, float]] = (),
+    quick: bool = False, simulator: Simulator | None = None,
 ) -> DrivenFit:  # fmt: skip
     """Fit the free parameters of a structure to a log by output error.
 
     Args:
         given: Known values of parameters, in SI.
-        warm: Values to start from; the missing torque says the rest.
         begins: Starts of all parameters, where they are known; each is tried.
         quick: Skip the interval, and the search for better minima.
         simulator: Of a model that may have made the log; the likelier of it and nature is fitted.
@@ -151,11 +163,11 @@ def fit(
         SysidError: The motion runs away from everywhere that was tried.
     """
     structure, bounds = structure.checked(), dict(bounds or {})
-    values = start_values(structure, {**given, **(warm or {})}, log)
-    found = begins or starts(Motion(log), structure, values, free, bounds, known=warm or {})[0]
+    values = start_values(structure, given, log)
+    found = begins or starts(Motion(log), structure, values, free, bounds)[0]
     if structure.gear is not None and len(found) > 1:
         found = begins = _deepest(log, structure, found, free, bounds)
-    windows = WINDOWS[-1:] if warm or begins else WINDOWS
+    windows = [1] if begins else windows_of(log, structure, values)
     chains = [_chain(log, structure, one, free, bounds, windows, 12 if quick else 40) for one in found]
     chains = [chain for chain in chains if chain and chain[-1][0].windows == 1]
     if not chains:
@@ -173,6 +185,13 @@ def fit(
     return _result(best, quick=quick)
 
 
+def windows_of(log: DrivenLog, structure: Structure, values: Mapping[str, float]) -> list[int]:
+    """Return numbers of windows, from windows of about a period of the joint's fastest motion to the whole log."""
+    periods = log.duration * scales_of(log, structure, values).frequency / (2 * math.pi)
+    most = max(1.0, min(periods, len(log.time) / SHORTEST))
+    return [FEWER**power for power in range(int(math.log(most, FEWER)), -1, -1)]
+
+
 def _refined(chain: list[tuple[Problem, Minimum]]) -> list[tuple[Problem, Minimum]]:
     """Return a chain whose last fit has finer steps, as intervals may be narrower than the error of a step.
 
@@ -183,10 +202,11 @@ def _refined(chain: list[tuple[Problem, Minimum]]) -> list[tuple[Problem, Minimu
     again = fine.fitted(found.point * problem.sizes / fine.sizes, iterations=8)
     last = (fine, again) if np.isfinite(again.normal.cost) else chain[-1]
     before = chain[:-1]
-    if not before and residual_noise(last[0].residuals(last[1].point, slopes=False)[0]).memory > WHITE:
+    if not before and not _is_noise(residual_noise(last[0].residuals(last[1].point, slopes=False)[0])):
         before = _chain(
-            problem.log, problem.structure, fine.values, problem.free, problem.bounds, WINDOWS[:-1], 40
-        )
+            problem.log, problem.structure, fine.values, problem.free, problem.bounds,
+            windows_of(problem.log, problem.structure, fine.values)[:-1], 40,
+        )  # fmt: skip
     return [*before, last]
 
 
@@ -195,7 +215,8 @@ def _deepest(
     bounds: Mapping[str, tuple[float, float]],
 ) -> list[Mapping[str, float]]:  # fmt: skip
     """Return the deepest of the valleys of a gear, one of each start, over short windows."""
-    chains = [_chain(log, structure, one, free, bounds, WINDOWS[:-1], 10) for one in found]
+    windows = windows_of(log, structure, found[0])[:-1]
+    chains = [_chain(log, structure, one, free, bounds, windows, 10) for one in found]
     valleys = [chain for chain in chains if chain]
     return [_values(min(valleys, key=lambda one: one[-1][1].normal.cost)[-1])] if valleys else list(found)
 
@@ -206,7 +227,7 @@ def _chain(
 ) -> list[tuple[Problem, Minimum]]:  # fmt: skip
     """Return fits over fewer and fewer windows, each from the one before."""
     chain: list[tuple[Problem, Minimum]] = []
-    for number in sorted({min(one, max(1, len(log.time) // 40)) for one in windows}, reverse=True):
+    for number in windows:
         problem = Problem(
             log=log, structure=structure, values=begin, free=free, windows=number, bounds=bounds
         )
@@ -225,7 +246,7 @@ def _values(one: tuple[Problem, Minimum]) -> dict[str, float]:
 
 def starts(
     motion: Motion, structure: Structure, values: Mapping[str, float], free: tuple[str, ...],
-    bounds: Mapping[str, tuple[float, float]], *, known: Mapping[str, float],
+    bounds: Mapping[str, tuple[float, float]], known: Collection[str] = (),
 ) -> tuple[list[dict[str, float]], float]:  # fmt: skip
     """Return starting values, of each combination of the effects' starts those that leave the least torque missing; and that [N*m].
 
@@ -276,7 +297,7 @@ def _result(chain: Sequence[tuple[Problem, Minimum]], *, quick: bool) -> DrivenF
     covariance = np.full((len(free),) * 2, np.nan)
     if not quick:
         covariance = problem.covariance(found)
-        if noise.memory > WHITE and len(chain) > 1:
+        if len(chain) > 1 and not _is_noise(noise):
             vector, covariance, windows = _weighed(chain, covariance)
             method = f"output error over {windows} windows"
     values = dict(zip(structure.parameters, vector.tolist(), strict=True))
@@ -293,15 +314,15 @@ def _result(chain: Sequence[tuple[Problem, Minimum]], *, quick: bool) -> DrivenF
     score = n * math.log(max(noise.innovation, 1e-300)) + (len(free) + structure.states) * math.log(n)
     return DrivenFit(
         log=log, structure=structure, values=values, quantities=quantities, covariance=covariance, rmse=rmse,
-        noise=min(log.std, rmse), memory=noise.memory, score=score, residual=whole, problem=problem, point=found.point,
+        noise=min(log.std, rmse), colour=noise, score=score, residual=whole, problem=problem, point=found.point,
     )  # fmt: skip
 
 
 def _shorter(one: tuple[Problem, Minimum]) -> list[tuple[Problem, Minimum, Array]]:
     """Return fits over more and more windows, with their covariances, the one given last: until intervals stop narrowing."""
     found = [(*one, one[0].covariance(one[1]))]
-    while len(one[0].log.time) >= SHORTEST * 2 * one[0].windows:
-        problem = replace(one[0], values=_values(one), windows=2 * one[0].windows)
+    while len(one[0].log.time) >= SHORTEST * FEWER * one[0].windows:
+        problem = replace(one[0], values=_values(one), windows=FEWER * one[0].windows)
         one = problem, problem.fitted()
         if not np.isfinite(one[1].normal.cost):
             break

@@ -11,12 +11,10 @@ import numpy as np
 
 from sysid.driven.fit import DrivenFit
 from sysid.driven.log import DrivenLog, Load
-from sysid.driven.problem import RUNAWAY, Problem
+from sysid.driven.problem import Problem
 from sysid.errors import SysidError
 from sysid.roll import Array
 
-SECONDS = 10.0
-"""Length of the motion [s]."""
 SHAPES = ("chirp", "triangle", "steps")
 """Forms of the motion."""
 
@@ -92,10 +90,10 @@ def next_motion(
 
 
 def _motions(fit: DrivenFit, low: float, high: float) -> Iterator[tuple[str, DrivenLog]]:
-    """Yield chirps, triangles and steps of several amplitudes and bands: of commands about the middle of the range."""
+    """Yield chirps, triangles and steps of several amplitudes and bands, as long as the log: of commands about the middle of the range."""
     log = fit.log
-    step = log.step
-    time = np.arange(round(SECONDS / step)) * step
+    time = np.arange(len(log.time)) * log.step
+    seconds = float(time[-1])
     order = np.argsort(log.load.at)
     natural = Problem(log=log, structure=fit.structure, values=fit.values, free=()).scales.frequency / (
         2 * np.pi
@@ -107,7 +105,7 @@ def _motions(fit: DrivenFit, low: float, high: float) -> Iterator[tuple[str, Dri
         for share in (0.25, 0.5, 0.9):
             for band in (0.3 * natural, natural, 2 * natural):
                 if shape == "chirp":
-                    wave = np.sin(2 * np.pi * (0.05 * band * time + 0.95 * band * time**2 / (2 * SECONDS)))
+                    wave = np.sin(2 * np.pi * (0.05 * band * time + 0.95 * band * time**2 / (2 * seconds)))
                 else:
                     phase = (band / 3 * time) % 1.0
                     wave = 1 - 4 * np.abs(phase - 0.5) if shape == "triangle" else np.sign(0.5 - phase)
@@ -116,7 +114,7 @@ def _motions(fit: DrivenFit, low: float, high: float) -> Iterator[tuple[str, Dri
                 load = Load.of(
                     np.stack([np.interp(angle, log.load.at[order], row[order]) for row in log.load.rows])
                 )
-                text = f"{shape} of ±{share * size:.3g} {'rad' if command else log.kind} up to {band:.3g} Hz, {SECONDS:g} s"
+                text = f"{shape} of ±{share * size:.3g} {'rad' if command else log.kind} up to {band:.3g} Hz, {seconds:.3g} s"
                 yield text, replace(log, time=time, input=at, angle=angle, load=load)
 
 
@@ -129,6 +127,4 @@ def _seen(fit: DrivenFit, log: DrivenLog) -> tuple[Problem, tuple[Array, Array]]
     if fit.structure.gear is not None:
         point[len(problem.free) + 2] = point[len(problem.free)]
     (rest,), (rows,) = problem.residuals(point)
-    angle = log.angle[: len(rest)] - rest * log.std
-    runs_away = np.abs(angle).max() > RUNAWAY * np.ptp(fit.log.angle)
-    return problem, (np.full_like(angle, np.inf) if runs_away else angle, rows)
+    return problem, (log.angle[: len(rest)] - rest * log.std, rows)

@@ -27,8 +27,6 @@ LIGHT = 0.1
 """Share of torque over acceleration below which an inertia is not the joint's: most of it is then the rotor's, which is not known yet."""
 BLOCKS = 32
 """Blocks of a log whose scatter gives a covariance: fewer than 30 are too few (Cameron and Miller, J. Human Resources 50, 2015)."""
-RUNAWAY = 1e3
-"""Motion beyond so many times the measured one has run away."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -175,20 +173,19 @@ class Problem:
                 path[:, :, 1:] *= units if free else 1.0
             yield path if free else path[:, :, :1]
 
-    def normal(self, point: Array, most: float = np.inf) -> Normal:
-        """Return cost and normal equations at unknowns in units of their sizes, shape (p,)."""
+    def normal(self, point: Array) -> Normal:
+        """Return cost and normal equations at unknowns in units of their sizes, shape (p,); infinite where the motion runs away."""
         rest, rows = self.residuals(point)
         p, n, size = len(self.free), self.structure.states, len(point)
         cost, gradient, hessian = 0.0, np.zeros(size), np.zeros((size, size))
-        most = RUNAWAY * np.ptp(self.log.angle) / self.log.std
         for number, (r, j) in enumerate(zip(rest, rows, strict=True)):
-            if not (np.all(np.isfinite(r)) and np.all(np.isfinite(j)) and np.abs(r).max(initial=0.0) < most):
-                return Normal(np.inf, gradient, hessian)
             where = np.r_[np.arange(p), p + n * number + np.arange(n)]
-            cost += 0.5 * float(r @ r)
-            gradient[where] -= j.T @ r
-            hessian[np.ix_(where, where)] += j.T @ j
-        return Normal(cost, gradient, hessian)
+            with np.errstate(all="ignore"):
+                cost += 0.5 * float(r @ r)
+                gradient[where] -= j.T @ r
+                hessian[np.ix_(where, where)] += j.T @ j
+        finite = np.isfinite(cost) and np.all(np.isfinite(hessian))
+        return Normal(cost if finite else np.inf, gradient, hessian)
 
     def begin(self) -> Array:
         """Return unknowns at the given values and the measured motion, in units of their sizes, shape (p,)."""

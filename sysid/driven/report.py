@@ -65,7 +65,7 @@ def fit_text(joint: str, fits: Sequence[DrivenFit], merged: Agreement, before: M
     lines = [table(head, rows, f"{joint}: driven by a {fits[0].log.kind}")]
     for one in fits:
         lines.append(f"{Path(one.log.name).name}: {100 * one.nrmse:.2f} % of the motion beyond the noise")
-        if one.memory > 2:
+        if not one.is_noise:
             lines.append(
                 "  the error that is left is no noise: an effect is missing. The intervals are wider for it"
             )

@@ -7,12 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.driven.fit import DrivenFit
-from sysid.quantity import Quantity
+from sysid.quantity import Z95, Quantity
 
 CERTAIN = 0.01
 """Probability of chance below which logs disagree."""
-LOOSE = 0.5
-"""Relative deviation from which a log does not fix a parameter."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,7 +25,7 @@ class Agreement:
     causes: Mapping[str, str]
     """Cause of a disagreement: speed, load, direction or order."""
     loose: tuple[str, ...]
-    """Parameters that are open in every log."""
+    """Parameters whose 95 % interval holds zero in every log."""
     helps: int
     """The log with the most information, counted from 0."""
 
@@ -50,7 +48,7 @@ def agreement(fits: Sequence[DrivenFit]) -> Agreement:
         values = np.array([one.quantities[name].value for one in fits])
         stds = np.array([one.quantities[name].std for one in fits])
         sure = np.isfinite(stds) & (stds > 0)
-        if not sure.any() or stds[sure].min() > LOOSE * np.abs(values[sure]).max(initial=1e-300):
+        if not sure.any() or Z95 * stds[sure].min() > np.abs(values[sure]).max():
             loose.append(name)
         if sure.sum() < 2:
             continue
