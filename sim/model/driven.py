@@ -31,15 +31,19 @@ class Stated:
 
     structure: Structure
     values: Mapping[str, float]
-    notes: tuple[str, ...]
+    note: str
+    """Its actuator, in words."""
     simulator: Simulator
 
 
-def stated(setup: Setup, kind: InputKind, gains: Sequence[float] = ()) -> Stated:
+def stated(
+    setup: Setup, kind: InputKind, gains: Sequence[float] = (), encoder: Literal["joint", "motor"] = "joint"
+) -> Stated:
     """Return the effects and numbers of a joint and its actuator in a model.
 
     Args:
         gains: Of the controller instead of the model's: kp and kd of a command, else the torque of one unit; in SI.
+        encoder: Side of the gear that it measures.
 
     Raises:
         SysidError: The model cannot be read.
@@ -76,14 +80,15 @@ def stated(setup: Setup, kind: InputKind, gains: Sequence[float] = ()) -> Stated
             if value > 0:
                 effects.append(part.name)
                 values[f"{part.name}.{part.parameters[0].name}"] = value
-    notes = (
-        f"actuator '{acting.name}'"
-        if acting
-        else "no actuator in the model: the input acts on the joint itself",
-    )
+    note = "no actuator in the model: the input acts on the joint itself"
+    if acting is not None:
+        note = f"actuator '{acting.name}'" if acting.name else "an actuator without a name"
     followed = acting is not None and kind == "command" and not gains
     return Stated(
-        Structure(kind, tuple(sorted(effects))), values, notes, _simulator(model, dof, followed=followed)
+        Structure(kind, tuple(sorted(effects)), encoder),
+        values,
+        note,
+        _simulator(model, dof, followed=followed),
     )
 
 

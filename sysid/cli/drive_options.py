@@ -18,7 +18,9 @@ class DriveArguments:
     input_is: Literal["torque", "force", "current", "voltage", "command"] | None = None
     """Kind of the input; a command is the position for a servo or a controller."""
     input_unit: float | Literal["rad", "deg"] | None = None
-    """Unit of the input, or the size of one unit in SI; radians, N·m, A or V by default."""
+    """Unit of the input, or the size of one unit in SI; by default that of the position for a command, else N·m, A or V."""
+    zero: float = 0.0
+    """Reading of the position at the model's zero, in its column's unit, such as 2048 counts; a command has the same zero."""
     input_between: Literal["auto", "held", "smooth"] = "auto"
     """The input between samples: held by a controller, or smooth."""
     gains: Annotated[tuple[float, ...], Parameter(consume_multiple=True, show_default=False)] = ()

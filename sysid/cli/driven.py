@@ -80,7 +80,7 @@ def read_driven(paths: Sequence[Path], measurement: DriveMeasurement, printer: P
         raise UsageError("no log was given.")
     refuse_overwriting_logs(paths, arguments, printer)
     joints, others = _joints(setup, printer)
-    first, several = joints[0], len(joints) > 1
+    first = joints[0]
     setup = setup.with_(joint=first)
     logs: dict[str, list[DrivenLog]] = {joint: [] for joint in joints}
     for path in paths:
@@ -91,12 +91,22 @@ def read_driven(paths: Sequence[Path], measurement: DriveMeasurement, printer: P
         }
         say_notes(path, rolls[first], printer)
         clock = rolls[first].time
-        angles = {joint: np.interp(clock, roll.time, roll.roll) for joint, roll in rolls.items()}
+        zeros = {
+            joint: drive.zero * _size(arguments.unit, column)
+            for joint, column in (motions | measured).items()
+        }
+        angles = {
+            joint: _near(np.interp(clock, roll.time, roll.roll) - zeros[joint], slides=roll.slides)
+            for joint, roll in rolls.items()
+        }
         courses = {joint: Course.measured(clock, angle) for joint, angle in angles.items()}
         for joint in joints:
-            roll = replace(rolls[joint], time=clock, roll=angles[joint]) if several else rolls[joint]
-            load, scale = load_along(setup.with_(joint=joint), courses), _scale(inputs[joint], drive)
-            one = log_of(roll, inputs[joint], kind, scale=scale, load=load)
+            roll = replace(rolls[joint], time=clock, roll=angles[joint])
+            load = load_along(setup.with_(joint=joint), courses)
+            unit = arguments.unit if drive.input_unit is None and kind == "command" else drive.input_unit
+            one = log_of(roll, inputs[joint], kind, scale=_size(unit, inputs[joint], kind), load=load)
+            if kind == "command":
+                one = _like_position(one, zeros[joint], known=bool(unit or _unit_in(inputs[joint])))
             beside = {name: angles[name] for name in measured}
             logs[joint].append(replace(one, held=drive.input_between != "smooth", beside=beside))
             printer.note(
@@ -106,10 +116,7 @@ def read_driven(paths: Sequence[Path], measurement: DriveMeasurement, printer: P
             printer.note(f"joint '{joint}': moves as measured in {column}")
         if held := [joint for joint in others if joint not in measured]:
             printer.note(f"held in the pose of the model: {', '.join(held)}")
-    known: dict[str, Stated] = {}
-    for joint in joints:
-        one = stated(setup.with_(joint=joint), kind, drive.gains)
-        known[joint] = replace(one, structure=replace(one.structure, encoder=drive.encoder))
+    known = {joint: stated(setup.with_(joint=joint), kind, drive.gains, drive.encoder) for joint in joints}
     return Driven(setup=setup, joints=joints, logs=logs, stated=known, paths=paths, measurement=measurement)
 
 
@@ -181,14 +188,33 @@ def _roll(path: Path, column: str | None, acted: str | None, arguments: LogArgum
     return roll
 
 
-def _scale(column: str, drive: DriveArguments) -> float:
-    """Return the size of one unit of an input in SI."""
+def _size(unit: float | str | None, column: str | None, kind: str = "command") -> float:
+    """Return the size of one unit of a position or an input in SI; a column's name may state the unit."""
+    unit = _unit_in(column or "") if unit is None else unit
+    try:
+        return float(unit or 1.0)
+    except ValueError:
+        return {"deg": math.radians(1.0), "mm": 1e-3}.get(str(unit), 1.0) if kind == "command" else 1.0
+
+
+def _unit_in(column: str) -> str | None:
+    """Return the unit that a column's name states."""
     from sysid.logs.table.names import parse_column
 
-    unit = drive.input_unit if drive.input_unit is not None else parse_column(column).unit
-    if isinstance(unit, float):
-        return unit
-    return math.radians(1.0) if unit == "deg" and drive.input_is == "command" else 1.0
+    return parse_column(column).unit
+
+
+def _like_position(log: "DrivenLog", zero: float, *, known: bool) -> "DrivenLog":
+    """Return a log whose command counts like its position, from its zero [rad or m]; if `known` is not set, in degrees if that is nearer."""
+    command = log.input - zero
+    if not known and not log.slides and np.std(command) / np.std(log.angle) > math.sqrt(math.degrees(1.0)):
+        command = np.radians(command)
+    return replace(log, input=log.angle + _near(command - log.angle, slides=log.slides))
+
+
+def _near(angle: Any, *, slides: bool) -> Any:
+    """Return angles of a hinge [rad], shape (n,), less the whole turns of their middle: reader and controller count them differently."""
+    return angle if slides else angle - 2 * np.pi * np.round(np.median(angle) / (2 * np.pi))
 
 
 def run_driven(
@@ -201,7 +227,7 @@ def run_driven(
     printer = Printer(measurement.common)
     driven = read_driven(logs, measurement, printer)
     for stated in driven.stated.values():
-        printer.note("; ".join(stated.notes))
+        printer.note(stated.note)
     content = run(driven, printer)
     path = measurement.space.outputs(driven.name) / f"{name}.json"
     write_json(path, content)

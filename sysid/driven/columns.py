@@ -70,6 +70,7 @@ def columns_of_joints(
             for name in names
             if plain(name).endswith(f"_{start}")
         }
+        rest |= {key.removesuffix("_pos"): name for key, name in rest.items()}  # LeRobot's endings
         found = {joint: rest[plain(joint)] for joint in joints if plain(joint) in rest}
         if len(found) == len(joints):
             return found

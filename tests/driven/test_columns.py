@@ -21,6 +21,11 @@ JOINTS = ["hip_joint", "knee_joint"]
             "observation.state",
             {"hip_joint": "observation.state.0", "knee_joint": "observation.state.1"},
         ),
+        (
+            ["observation.state.hip.pos", "observation.state.knee.pos", "action.hip.pos"],
+            "observation.state",
+            {"hip_joint": "observation.state.hip.pos", "knee_joint": "observation.state.knee.pos"},
+        ),
         (["q_hip_rad", "q_knee_rad"], "q", {"hip_joint": "q_hip_rad", "knee_joint": "q_knee_rad"}),
         (["q_hip", "q_ankle"], "q", {}),
     ],
