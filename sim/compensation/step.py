@@ -185,6 +185,7 @@ def fit_inertia_and_damping(board: Board, start: Board, build: Build, amplitudes
     """
     from scipy.optimize import least_squares
 
+    step = build(start).model.opt.timestep
     truth = _truth(as_represented(board), amplitudes)
     turned = 2 + sum(len(effect(part.name).stepped) for part in start.effects)
 
@@ -195,7 +196,6 @@ def fit_inertia_and_damping(board: Board, start: Board, build: Build, amplitudes
             [_residual(scene, each, rate) for each, rate in zip(truth, knobs[turned:], strict=True)]
         )
 
-    step = build(start).model.opt.timestep
     rates = [release.lag(step) for release in truth]
     guess = [0.0] * turned + rates
     # Half a step against a stop may change the speed by more than the board's own.

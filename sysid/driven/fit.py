@@ -11,7 +11,7 @@ from sysid.driven.joint import BASE, Simulator, Structure
 from sysid.driven.log import DrivenLog
 from sysid.driven.missing import Motion, linear_start
 from sysid.driven.problem import Problem, limits_of, scales_of, size_of
-from sysid.effects._base import DriveEffect
+from sysid.effects._base import DriveEffect, TorqueEffect
 from sysid.errors import SysidError
 from sysid.least_squares import Minimum
 from sysid.noise.autoregression import ResidualNoise, residual_noise
@@ -181,6 +181,15 @@ def fit(
         if other and other[-1][1].normal.cost < best[-1][1].normal.cost:
             best = other
     if not quick:
+        begun = _values(best[-1])
+        again = [
+            _chain(log, structure, {**begun, **other}, free, bounds, windows_of(log, structure, begun), 12)
+            for other in _restarts(structure, begun, free)
+        ]
+        best = min(
+            (chain for chain in (best, *again) if chain and chain[-1][0].windows == 1),
+            key=lambda chain: chain[-1][1].normal.cost,
+        )
         best = _refined(best)
     return _result(best, quick=quick)
 
@@ -284,6 +293,20 @@ def starts(
     if gear is not None:  # the rotor needs an inertia of its own
         best["armature"] = max(best["armature"], 0.05 * scales.inertia)
     return [{**best, **dict(zip(geared, one, strict=True))} for one in product(*geared.values())], left
+
+
+def _restarts(
+    structure: Structure, values: Mapping[str, float], free: Collection[str]
+) -> list[dict[str, float]]:
+    """Return other starts of effects whose parameters may have lost their gradient."""
+    return [
+        {f"{part.name}.{name}": value for name, value in again.items()}
+        for part in structure.parts
+        if isinstance(part, TorqueEffect)
+        and part.restarts
+        and {f"{part.name}.{n}" for n in part.parameter_names} <= {*free}
+        for again in part.restarts(part.of(values))
+    ]
 
 
 def _result(chain: Sequence[tuple[Problem, Minimum]], *, quick: bool) -> DrivenFit:

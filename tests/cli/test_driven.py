@@ -87,3 +87,22 @@ def test_a_model_of_one_joint_and_one_that_is_missing(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["nrmse"] < 0.01
     with pytest.raises(SysidError, match="no such model"):
         called(*asked, "--model", tmp_path / "lost.xml", *end)
+
+
+def test_counts_and_degrees_of_a_servo_are_the_motion_in_radians(tmp_path, capsys):
+    """Of 4096 counts a turn the model's zero is 2048; degrees have no unit in their names, as in LeRobot's logs."""
+    table = np.loadtxt(LOG, delimiter=",", skiprows=1)[:1000]
+    found = []
+    for size, zero, names, options in (
+        (1.0, 0.0, "q_shoulder_rad,q_elbow_rad,action_shoulder_rad,action_elbow_rad", ()),
+        (4096 / (2 * np.pi), 2048.0, "q_0,q_1,action_0,action_1", ("--unit", 2 * np.pi / 4096, "--zero", 2048)),
+        (180 / np.pi, 0.0, "state.shoulder.pos,state.elbow.pos,action.shoulder.pos,action.elbow.pos", ("--column", "state")),
+    ):  # fmt: skip
+        log = np.column_stack([table[:, 0], table[:, 1:] * size + zero])
+        np.savetxt(tmp_path / "log.csv", log, delimiter=",", header=f"time_s,{names}", comments="")
+        every = ("--joint", "all", "--input", "action", "--input-is", "command", *options)
+        called(
+            "compare", tmp_path / "log.csv", "--model", MODEL, *every, "--workspace", tmp_path, "--json", "-"
+        )
+        found.append(json.loads(capsys.readouterr().out)["nrmse"])
+    assert found == pytest.approx([found[0]] * 3, rel=1e-3)
