@@ -101,11 +101,11 @@ def _courses(
 
 
 def _course(fit: DrivenFit, time: Array, *, middle: bool) -> Course:
-    """Return the simulated motion at even times, shape (n,); if its residual is more than noise, with what stands above that."""
+    """Return the simulated motion, and of the residual as much as stands above its noise, at even times, shape (n,)."""
     log, simulator = fit.log, fit.structure.simulator
     (path,) = fit.problem.paths(fit.point, slopes=False)
     angle, rate, acceleration = _at(time, fit.problem.grid, path[:, :2, 0].T, middle=middle)
-    smooth = Motion.of(log.time, np.zeros_like(log.time) if fit.is_noise else log.angle - fit.motion)
+    smooth = Motion.of(log.time, log.angle - fit.motion)
     rest = CubicSpline(smooth.time, smooth.angle)
     lag = 0.0 if middle else (time[1] - time[0]) / 2
     source = fit.structure.source
