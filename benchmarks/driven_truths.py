@@ -15,7 +15,7 @@ HIDDEN = ("", "friction", "delay", "saturation", "backlash", "compliance", "cogg
 FINE = 20_000.0
 """Steps a second."""
 TURNS = 100
-"""Turns of a joint that nobody would record."""
+"""Turns beyond which a draw is unstable."""
 
 
 @dataclass

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.cli.console import Printer
-from sysid.cli.drive_options import DriveArguments
 from sysid.cli.log_options import LogArguments, refuse_overwriting_logs, say_notes, typed
 from sysid.cli.measurement import DriveMeasurement
 from sysid.cli.parameter_options import parse_bounds, parse_fixed
