@@ -32,11 +32,11 @@ def clock_offset(one: Roll, other: Roll) -> Quantity:
     steps = [float(np.median(np.diff(record.time))) for record in (one, other)]
     if steps[1] > steps[0]:
         found = clock_offset(other, one)
-        low, high = found.ci95
-        return Quantity(-found.value, found.std, found.unit, found.method, (-high, -low))
+        turned = (-found.ci95[1], -found.ci95[0])
+        return Quantity(-found.value, found.std, found.unit, found.method, turned)
     start = _coarse(one, other, max(min(steps), 1e-3))
-    low, high = max(one.time[0], other.time[0] + start), min(one.time[-1], other.time[-1] + start)
-    time = np.arange(low, high, max(steps))[1:-1]
+    begin, end = max(one.time[0], other.time[0] + start), min(one.time[-1], other.time[-1] + start)
+    time = np.arange(begin, end, max(steps))[1:-1]
     if time.size < 10:
         raise SysidError(
             f"{one.log} and {other.log} overlap in {time.size} samples only: nothing to align by."
@@ -71,9 +71,8 @@ def clock_offset(one: Roll, other: Roll) -> Quantity:
     own = -gain * np.asarray(slope(time - offset), np.float64)
     own = own - others @ (others.T @ own)
     left, power = residuals(fit.x), float(own @ own)
-    # In motion, interpolation and sensors err more than at rest.
+    length = correlation_length([left])  # in motion, interpolation and sensors err more than at rest
     variance = max(float(left @ left) / time.size, float(own**2 @ left**2) / power)
-    length = correlation_length([left])
     half = t95(max(time.size / length - 3, 1.0)) * float(np.sqrt(variance * length / power))
     return Quantity(offset, half / Z95, "s", "least squares of both rolls", (offset - half, offset + half))
 

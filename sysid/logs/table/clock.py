@@ -122,11 +122,7 @@ def repair_clock(
     if np.mean(np.diff(stamps) < 0) > 0.5:
         clock.select(np.arange(stamps.size)[::-1])
         clock.notes.append("time: newest row first, turned round")
-    steps = np.abs(np.diff(clock.time))
-    lost = [row for row, step in ((0, steps[0]), (steps.size, steps[-1])) if 2 * step > steps.sum()]
-    if lost and stamps.size > 2:
-        clock.select(np.delete(np.arange(stamps.size), lost))
-        clock.warnings.append("the first or last row lies further off in time than the log is long: left out")
+    _cut_torn(clock)
     first = float(clock.time[0])
     begin = first * scale
     own = abs(begin) < DAY  # later times have too many digits to be typed
@@ -160,6 +156,15 @@ def _runs(same: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.intp], npt.NDArra
     """Return where each run of rows begins and how long it is; `same` [(n - 1,)] tells the rows that are like the one before."""
     starts = np.flatnonzero(np.concatenate(([True], ~same)))
     return starts, np.diff(np.append(starts, same.size + 1))
+
+
+def _cut_torn(clock: Clock) -> None:
+    """Leave out a first or last row whose stamp is further from the others than they are from each other."""
+    steps = np.abs(np.diff(clock.time))
+    lost = [row for row, step in ((0, steps[0]), (steps.size, steps[-1])) if 2 * step > steps.sum()]
+    if lost and steps.size > 1:
+        clock.select(np.delete(np.arange(clock.time.size), lost))
+        clock.warnings.append("the first or last row lies further off in time than the log is long: left out")
 
 
 def _cut_frozen(clock: Clock) -> None:
