@@ -265,10 +265,7 @@ def replay(setup: Setup, logs: Mapping[str, DrivenLog], values: Mapping[str, Sta
     step = float(model.opt.timestep)
     first = next(iter(logs.values()))
     grid = np.arange(first.time[0], first.time[-1] + step, step)
-    beside = [
-        (int(model.joint(name).qposadr[0]), int(model.joint(name).dofadr[0]), Course.measured(first.time, angle, grid))
-        for name, angle in first.beside.items()
-    ]  # fmt: skip
+    beside = _beside(model, first, grid)
     driven: list[tuple[int, int, int, Array, tuple[float, ...]]] = []
     for name, log in logs.items():
         joint, source = model.joint(name), Structure(log.kind).source
@@ -307,6 +304,14 @@ def replay(setup: Setup, logs: Mapping[str, DrivenLog], values: Mapping[str, Sta
                 f"{setup.file}: the replay runs away at {grid[i]:.4g} s. Check unit and sign of the input, and the gains."
             )
     return {name: np.interp(log.time, grid, paths[:, i]) for i, (name, log) in enumerate(logs.items())}
+
+
+def _beside(model: Any, log: DrivenLog, grid: Array) -> list[tuple[int, int, Course]]:
+    """Return address in qpos, address in qvel and course of each joint that moves as measured, at times [s], shape (n,)."""
+    return [
+        (int(model.joint(name).qposadr[0]), int(model.joint(name).dofadr[0]), Course.measured(log.time, angle, grid))
+        for name, angle in log.beside.items()
+    ]  # fmt: skip
 
 
 def patch_driven(setup: Setup, fits: Mapping[str, DrivenFit]) -> Patch:
