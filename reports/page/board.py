@@ -11,6 +11,7 @@ import numpy as np
 from reports.evidence import Evidence, LastDiagnosis
 from reports.figures import board as board_figures
 from reports.figures import story as story_figures
+from reports.figures.bode import bode_figure
 from reports.figures.svg import figure_to_svg, page_style
 from reports.log_files import LogFile
 from reports.page.answers import four_answers
@@ -88,6 +89,7 @@ def board_report(
         if evidence is not None:
             page.section("Backbone", *_backbone(evidence))
             page.section("Correlation of parameters", *_correlation(evidence))
+        page.section("Frequency response", _frequency_response(board))
         page.section("Check in the training scene", *_check(board, files, provenance.space))
         if evidence is not None:
             page.section("The logs", *_logs(evidence))
@@ -323,6 +325,17 @@ def _correlation(evidence: Evidence) -> list[str]:
     rows = [(one, other, f"{value:+.2f}") for value, one, other in pairs[:MOST_SHOWN]]
     source = "Of a fit of the board's law to these logs, for a roll inertia that is known."
     return [paragraph(said), table(("parameter", "with", "correlation"), rows), paragraph(source)]
+
+
+def _frequency_response(board: Board) -> str:
+    if not board.stiffness:
+        return paragraph("Not drawn: the record has no spring.")
+    return _figure(
+        bode_figure(board, board_figures.WIDTH),
+        "bode",
+        f"{'Position over force' if board.slides else 'Angle over torque'} with its 95 % band: spring, damper and "
+        "inertia without other effects.",
+    )
 
 
 def _check(board: Board, files: "Sequence[LogFile]", space: Workspace) -> list[str]:
