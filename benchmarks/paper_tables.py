@@ -62,7 +62,7 @@ def paper(
     folder = output or common.space.outputs("paper")
     processes = workers or len(os.sched_getaffinity(0))
     kept: Any = Memory(folder / "rides", verbose=0)
-    ride = kept.cache(_ride, ignore=["policy", "workers", "pool", "progress"])
+    ride = kept.cache(_ride, ignore=["policy", "pool", "progress"])
     with bar(printer) as progress, riders(processes) as pool:
 
         def measure(run: "Run", protocol: "Protocol") -> "Evaluation":
@@ -70,7 +70,7 @@ def paper(
             task = progress.add_task(run.name, total=episodes * seeds)
             found = ride(
                 sha256(run.policy), str(run.policy), common.space.load_board(run.board), episodes, seeds, protocol,
-                force, processes, pool, partial(progress.advance, task),
+                force, pool, partial(progress.advance, task),
             )  # fmt: skip
             progress.remove_task(task)
             return found
@@ -107,14 +107,14 @@ def paper(
 
 def _ride(
     digest: str, policy: str, board: "Board", episodes: int, seeds: int, protocol: "Protocol", force: bool,
-    workers: int, pool: "Executor | None", progress: "Callable[[int], None]",
+    pool: "Executor | None", progress: "Callable[[int], None]",
 ) -> "Evaluation":  # fmt: skip
     """Measure a policy; its file's digest stands for it where it is asked whether that has been done before."""
     from policy_runtime.evaluation.plain import evaluate_policy
 
     return evaluate_policy(
-        policy, board, episodes=episodes, seeds=tuple(range(seeds)), protocol=protocol, workers=workers,
-        pool=pool, force=force, progress=progress,
+        policy, board, episodes=episodes, seeds=tuple(range(seeds)), protocol=protocol, pool=pool,
+        force=force, progress=progress,
     )  # fmt: skip
 
 

@@ -74,18 +74,18 @@ def ride(policies: list[Path], episodes: int, workers: int, deadline: float) -> 
 
         def add(cell: Cell) -> None:
             if time.monotonic() < deadline:
-                _add(cell, episodes, workers, pool)
+                _add(cell, episodes, pool)
 
         for _ in threads.map(add, cells):
             pass
 
 
-def _add(cell: Cell, episodes: int, workers: int, pool: Executor | None) -> None:
+def _add(cell: Cell, episodes: int, pool: Executor | None) -> None:
     """Ride a cell and add its row to the file."""
     seed, name, protocol, policy = cell
     board = Workspace(Path("/nonexistent")).load_board("black" if policy.stem.startswith("black") else "pink")
     result = evaluate_policy(
-        str(policy), board, episodes=episodes, seeds=(seed,), protocol=protocol, workers=workers, pool=pool
+        str(policy), board, episodes=episodes, seeds=(seed,), protocol=protocol, pool=pool
     )
     rides = rides_of(result.success)
     row = {

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from policy_runtime.loop.commands import Command, Constant
+from policy_runtime.loop.commands import Command, constant
 from policy_runtime.loop.gravity_load import GravityLoad
 from policy_runtime.loop.policy import OnnxPolicy, action_for
 from policy_runtime.loop.policy_file import open_policy
@@ -65,7 +65,7 @@ def main(minutes: float = MINUTES) -> None:
 
     limits = joint_limits(world.robot.model, tilt=np.pi, joint_margin=1.0, torque_time=np.inf)
     runtime = Runtime(
-        robot=world.robot, policy=policy, commands=Constant(Command(0.8, 0.0)), limits=limits, on_tick=watch
+        robot=world.robot, policy=policy, commands=constant(Command(0.8, 0.0)), limits=limits, on_tick=watch
     )
     runtime.run(20.0)  # what is built on first use is built
     world.reset()

@@ -51,12 +51,12 @@ Row = dict[str, Any]
 """Rides of one policy under one condition."""
 
 
-def measure(policy: Path, condition: str, rides: int, workers: int, pool: Executor | None) -> Row:
+def measure(policy: Path, condition: str, rides: int, pool: Executor | None) -> Row:
     """Ride some episodes of a condition."""
     board = Workspace(Path("/nonexistent")).load_board("black" if policy.stem.startswith("black") else "pink")
     found = evaluate_policy(
-        str(policy), board, episodes=rides, seeds=(SEED,), protocol=CONDITIONS[condition], workers=workers,
-        pool=pool, force=True,
+        str(policy), board, episodes=rides, seeds=(SEED,), protocol=CONDITIONS[condition], pool=pool,
+        force=True,
     )  # fmt: skip
     errors = {name: [one.value, *one.ci95] for name, one in found.errors.items() if math.isfinite(one.std)}
     stops = found.errors["E_stop"].method.split()  # "mean over 16 episodes"
@@ -141,7 +141,7 @@ def main() -> None:
         for policy in options.policies:
             for condition in options.conditions:
                 if (policy.stem, condition) not in read([policy]):
-                    row = measure(policy, condition, options.rides, options.workers, pool)
+                    row = measure(policy, condition, options.rides, pool)
                     with ROWS.open("a", encoding="utf-8") as file:
                         file.write(json.dumps(row) + "\n")
     rows = read(shipped)

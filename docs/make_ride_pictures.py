@@ -8,7 +8,7 @@ if not os.environ.get("DISPLAY"):
 from pathlib import Path
 
 from policy_runtime.evaluation.recording import Recorder
-from policy_runtime.loop.commands import Command, Constant
+from policy_runtime.loop.commands import Command, constant
 from policy_runtime.loop.policy import OnnxPolicy, Policy
 from policy_runtime.loop.policy_file import open_policy
 from policy_runtime.loop.scripted import scripted_push
@@ -36,7 +36,7 @@ def draw_ride(
     Runtime(
         robot=world.robot,
         policy=policy,
-        commands=Constant(Command(0.8, 0.0)),
+        commands=constant(Command(0.8, 0.0)),
         limits=joint_limits(world.robot.model),
         on_tick=recorder.add,
         stop_time=0.0,

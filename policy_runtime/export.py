@@ -18,7 +18,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -44,7 +43,6 @@ FORMAT = 1
 class Bundle:
     """An exported folder that has been read and found whole."""
 
-    path: Path
     board: Board
     policy: Path | None
     model: mujoco.MjModel
@@ -141,13 +139,18 @@ def load_folder(folder: Path) -> Bundle:
         SysidError: It is not an exported folder, a file is missing or has changed, or this MuJoCo cannot
             read the scene.
     """
-    manifest = _manifest(folder)
-    for name, digest in manifest["sha256"].items():
-        path = folder / name
-        if not path.is_file():
-            raise SysidError(f"{path}: missing from the exported folder. Export it again.")
-        if sha256(path) != digest:
-            raise SysidError(f"{path}: has changed since it was exported. Export it again.")
+    try:
+        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        if manifest["format"] != FORMAT:
+            raise ValueError(f"format {manifest['format']}")
+        digests: dict[str, str] = manifest["sha256"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise SysidError(
+            f"{folder}: not a folder that this version exports ({MANIFEST}: {error}). Export it again."
+        ) from error
+    for name, digest in digests.items():
+        if not (folder / name).is_file() or sha256(folder / name) != digest:
+            raise SysidError(f"{folder / name}: missing, or changed since it was exported. Export it again.")
     try:
         model = mujoco.MjModel.from_xml_path(str(folder / "scene.xml"))
     except ValueError as error:
@@ -155,28 +158,10 @@ def load_folder(folder: Path) -> Bundle:
         raise SysidError(
             f"{folder / 'scene.xml'}: MuJoCo {mujoco.__version__} cannot read it ({error}); it was written by {written}."
         ) from error
-    policy = manifest["policy"]
     return Bundle(
-        path=folder,
         board=load_board(folder / f"{manifest['board']}.toml"),
-        policy=None if policy is None else folder / policy,
+        policy=None if manifest["policy"] is None else folder / manifest["policy"],
         model=model,
         start=np.array(manifest["start"]),
         direct_rake=float(manifest["rake"]) if manifest["coupling"] == "direct" else None,
     )
-
-
-def _manifest(folder: Path) -> dict[str, Any]:
-    path = folder / MANIFEST
-    try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SysidError(
-            f"{folder}: not an exported folder, it has no {MANIFEST} ({error.strerror})."
-        ) from error
-    except ValueError as error:
-        raise SysidError(f"{path}: not valid JSON ({error}).") from error
-    keys = {"format", "board", "policy", "coupling", "rake", "start", "versions", "sha256"}
-    if not isinstance(manifest, dict) or not keys <= manifest.keys() or manifest["format"] != FORMAT:
-        raise SysidError(f"{path}: not a folder of format {FORMAT} of husky-sysid. Export it again.")
-    return manifest

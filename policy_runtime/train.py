@@ -234,13 +234,12 @@ def restore(
 
     A run that goes on has the learner, the counters and the random numbers of its checkpoint, bit for bit;
     its worlds begin new episodes. A run that begins with another's checkpoint has its own seed and a new mean
-    of the weights. Without a curriculum in the checkpoint it begins at the task's own patience, in nominal
-    worlds.
+    of the weights; a checkpoint without a curriculum has the task's own patience, in nominal worlds.
 
     Raises:
         SysidError: The checkpoint is broken, of another program, or of a learner of another size.
     """
-    from policy_runtime.learning.checkpoint import Done, grow_inputs, read_checkpoint, set_random_state
+    from policy_runtime.learning.checkpoint import Done, grow_critic, read_checkpoint, set_random_state
     from policy_runtime.learning.curriculum import Level
 
     checkpoints = folder.checkpoints()
@@ -248,35 +247,33 @@ def restore(
         return Done(), None
     path = checkpoints[-1]
     kept = read_checkpoint(path, process.device)
-    say = (lambda text: print(f"{path}: {text}", file=sys.stderr)) if process.leads else (lambda _: None)  # noqa: T201
-    if not algorithm.judges_alike(kept):
-        say("its style is judged on other windows; the discriminator starts afresh")
+    begins = path == folder.started_from()
+    if not algorithm.judges_alike(
+        kept
+    ):  # its style is judged on other windows: the discriminator starts anew
         kept = {key: value for key, value in kept.items() if key not in ("discriminator", "amp_optimiser")}
-    if path == folder.started_from() and grow_inputs(
-        kept, "critic", env.get_observations()["critic"].shape[1]
-    ):
-        say("its critic knew less of the world; it grows, and the optimiser starts afresh")
+    if begins:
+        grow_critic(kept, env.get_observations()["critic"].shape[1])
     try:
         algorithm.load(kept, None, strict=True)
     except (RuntimeError, KeyError, ValueError) as error:
         reason = str(error).strip().splitlines()[-1].strip()
         raise SysidError(f"{path}: does not fit this run's learner ({reason}).") from error
     env.unwrapped.common_step_counter = kept["step_counter"]
-    iterations, a_step = kept["iteration"], config.learn.steps * config.learn.environments * process.count
-    if "samples" not in kept:
-        say(f"holds no count of samples; taken as {iterations} iterations of {a_step:,}, as they are now")
-    states = kept.get("random")
-    if path == folder.started_from():
+    states = kept["random"]
+    if begins:
         algorithm.begin_anew(config.learn.restart_std)
-    else:
-        if states is None or len(states) != process.count:
-            say("holds no random state for so many processes; random numbers start from the seed")
-        else:
-            set_random_state(states[process.rank], process.device)
-            env.reset()  # else episodes would begin as they did when the run was new
+    elif len(states) == process.count:
+        set_random_state(states[process.rank], process.device)
+        env.reset()  # else episodes would begin as they did when the run was new
+    elif process.leads:
+        print(  # noqa: T201
+            f"{path}: of {len(states)} processes, not {process.count}; random numbers start from the seed",
+            file=sys.stderr,
+        )
     led = kept.get("curriculum")
     level = Level(patience=float(config.task.stance_patience)) if led is None else Level(**led)
-    return Done(iterations, kept.get("samples", iterations * a_step)), level
+    return Done(kept["iteration"], kept["samples"]), level
 
 
 def save(
@@ -342,7 +339,6 @@ def _learn(
         obs = collect(env, algorithm, obs, learn.steps, progress)
         numbers = progress.read()  # waits for the device
         _say_broken(progress.broken(), process, done.iterations)
-        check_rewards(env.unwrapped, done.iterations)
         collected = time.monotonic()
         numbers |= algorithm.update()
         check_finite(algorithm, numbers, done.iterations)
@@ -401,35 +397,10 @@ def collect(env: Any, algorithm: "AmpPPO", obs: Any, steps: int, progress: Any) 
 def _say_broken(worlds: list[int], process: Process, iteration: int) -> None:
     """Name the worlds whose simulation has broken down; their episodes have been ended."""
     if worlds:
-        shown = ", ".join(map(str, worlds[:5])) + (" and others" if len(worlds) > 5 else "")
         print(  # noqa: T201
-            f"iteration {iteration}: position or velocity was not finite in world {shown} of process "
-            f"{process.rank}; the episode was ended there",
+            f"iteration {iteration}: position or velocity was not finite in {len(worlds)} worlds of process "
+            f"{process.rank}, the first is {worlds[0]}; their episodes were ended",
             file=sys.stderr,
-        )
-
-
-def check_rewards(env: Any, iteration: int) -> None:
-    """Stop when a reward term is not finite in the present state: mjlab would count it as zero without a word.
-
-    Looked at once an iteration. Worlds whose simulation has just broken down are left out.
-
-    Raises:
-        SysidError: With the term and the world.
-    """
-    import torch
-
-    manager = env.reward_manager
-    values = torch.stack(
-        [cfg.func(env, **cfg.params) for cfg in map(manager.get_term_cfg, manager.active_terms)]
-    )
-    fine = torch.isfinite(values) | env.termination_manager.get_term("not_finite")
-    where = torch.nonzero(~fine)
-    if len(where):
-        term, world = (int(i) for i in where[0])
-        raise SysidError(
-            f"iteration {iteration}: reward '{manager.active_terms[term]}' is not finite in world {world} although its "
-            "positions and velocities are. Look for a division by zero in its function in sim/skate/mdp/rewards/."
         )
 
 
@@ -437,21 +408,15 @@ def check_finite(algorithm: "AmpPPO", numbers: dict[str, float], iteration: int)
     """Stop when a loss is not finite, and name the first cause.
 
     Raises:
-        SysidError: With the observation group, its column and the world, or the reward, or the loss.
+        SysidError: With the observation group, its column and the world, or the loss.
     """
     import torch
 
     bad = [name for name, value in numbers.items() if not math.isfinite(value)]
     if not bad:
         return
-    groups: dict[str, Any] = {
-        **dict(algorithm.storage.observations.items()),
-        "reward": algorithm.storage.rewards,
-    }
-    for name, values in groups.items():
-        where = torch.nonzero(~torch.isfinite(values))
-        if len(where):
-            step, world, column = (int(i) for i in where[0])
+    for name, values in {**algorithm.storage.observations, "reward": algorithm.storage.rewards}.items():
+        for step, world, column in torch.nonzero(~torch.isfinite(values))[:1].tolist():
             part = f" ({part_of(column)})" if name == "actor" else ""
             raise SysidError(
                 f"iteration {iteration}: {name}, number {column}{part}, of world {world} is not finite at step {step}. "

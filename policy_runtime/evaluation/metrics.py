@@ -38,7 +38,6 @@ import numpy.typing as npt
 from policy_runtime.evaluation.strides import STRIDE_METRICS, intervals, stride_metrics
 from sim.skate.arrays import wrap_angle
 from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED
-from sysid.errors import SysidError
 from sysid.roll import Array
 
 Flags = npt.NDArray[np.bool_]
@@ -97,32 +96,15 @@ class Rides:
     succeeded: Flags
     """The episode reached its time limit, (n,)."""
 
-    def __post_init__(self) -> None:
-        """Check that the shapes agree.
-
-        Raises:
-            SysidError: They do not.
-        """
-        steps, episodes = self.alive.shape
-        tails = {"joints": (23,), "foot_on_ground": (2,), "foot_on_deck": (2,)}
-        for field in fields(self):
-            shape = np.shape(getattr(self, field.name))
-            if field.name == "succeeded":
-                wanted: tuple[int, ...] = (episodes,)
-            else:
-                wanted = (steps, episodes, *tails.get(field.name, ()))
-            if shape != wanted:
-                raise SysidError(f"rides: '{field.name}' has shape {shape}; expected {wanted}.")
-
     @classmethod
     def join(cls, rides: "list[Self]") -> Self:
         """Put rides of different lengths side by side; the shorter ones are no longer alive at the end."""
         steps = max(len(ride.alive) for ride in rides)
 
         def stack(name: str) -> Any:
-            if name == "succeeded":
-                return np.concatenate([ride.succeeded for ride in rides])
             arrays: list[Any] = [getattr(ride, name) for ride in rides]
+            if name == "succeeded":
+                return np.concatenate(arrays)
             padded = [np.pad(a, [(0, steps - len(a)), *[(0, 0)] * (a.ndim - 1)]) for a in arrays]
             return np.concatenate(padded, axis=1)
 

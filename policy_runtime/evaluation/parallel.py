@@ -144,7 +144,6 @@ def _worlds(
     options = SkateOptions.nominal(
         speed=protocol.speed,
         turn=protocol.turn,
-        pushes=protocol.pushes,
         episode=protocol.duration,
         turn_feedback=turn_feedback,
         terrain=protocol.terrain,
@@ -183,7 +182,7 @@ def _ride(
                 reading = skate_command(env).reading
                 # Place of the board before the step; after it, fallen riders are back at the start.
                 place = np.column_stack(
-                    [reading.board_position()[:, :2].cpu().numpy(), reading.board_heading().cpu()]
+                    [reading.board.position()[:, :2].cpu().numpy(), skate_command(env).headings()[0].cpu()]
                 )
                 observations, *_ = env.step(torch.as_tensor(actions, dtype=torch.float32, device=env.device))
                 state = measure(env)

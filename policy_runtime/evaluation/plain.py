@@ -53,8 +53,6 @@ class Protocol:
     """Range of the commanded speed [m/s]."""
     turn: float = math.pi / 4
     """Largest commanded turn to either side [rad]."""
-    pushes: float = 0.0
-    """Largest change of velocity by shoves, one every 5 to 10 s [m/s]."""
     stress: Stress = CALM
     """How the world differs from the nominal one (plain MuJoCo only)."""
     terrain: Terrain = "flat"
@@ -74,56 +72,48 @@ class Protocol:
     only)."""
 
 
-@dataclass
 class _Episode:
     """One episode's commands, and the judgement of when it is over: a command source for the runtime."""
 
-    world: World
-    recorder: Recorder
-    protocol: Protocol
-    rng: np.random.Generator
-    ending: str = TIME_LIMIT
-    _speed: float = field(init=False)
-    _turn: float = field(init=False)
-    _unloaded: bool = False
-    _shove: float = field(init=False)
-    _stop: float = field(init=False)
-    _jump: float = field(init=False)
+    def __init__(
+        self, world: World, recorder: Recorder, protocol: Protocol, rng: np.random.Generator
+    ) -> None:
+        self._world, self._recorder, self._protocol, self._rng = world, recorder, protocol, rng
+        self.ending = TIME_LIMIT
+        self._unloaded = False
+        self._draw()
+        self._push = float(rng.uniform(5, 10))
+        self._stop = float(rng.uniform(6, 12)) if protocol.stop else math.inf
+        self._jump = protocol.jump or math.inf
 
-    def __post_init__(self) -> None:
-        self._speed = float(self.rng.uniform(*self.protocol.speed))
-        self._turn = float(self.rng.uniform(-self.protocol.turn, self.protocol.turn))
-        self._shove = float(self.rng.uniform(5, 10))
-        self._stop = float(self.rng.uniform(6, 12)) if self.protocol.stop else math.inf
-        self._jump = self.protocol.jump or math.inf
+    def _draw(self) -> None:
+        self._speed = float(self._rng.uniform(*self._protocol.speed))
+        self._draw_turn()
+
+    def _draw_turn(self) -> None:
+        self._turn = float(self._rng.uniform(-self._protocol.turn, self._protocol.turn))
 
     def at(self, time: float) -> Command | None:
         """Return the command, or None where the episode is over."""
-        if len(self.recorder):
+        if len(self._recorder):
             ending = self._over(time)
             if ending is not None:
                 self.ending = ending
                 return None
+        step = round(time / CONTROL_PERIOD)
         # A turn counts only where it is latched, at the start of steering: drawing one a cycle suffices.
-        cycle = Clock().period * CONTROL_PERIOD
-        if time > 0 and math.isclose(
-            math.fmod(time + CONTROL_PERIOD / 2, cycle), CONTROL_PERIOD / 2, abs_tol=1e-6
-        ):
-            self._turn = float(self.rng.uniform(-self.protocol.turn, self.protocol.turn))
+        if step > 0 and step % Clock().period == 0:
+            self._draw_turn()
         if time >= self._jump - CONTROL_PERIOD / 2:
-            self._speed = float(self.rng.uniform(*self.protocol.speed))
-            self._turn = float(self.rng.uniform(-self.protocol.turn, self.protocol.turn))
-            self._jump += self.protocol.jump
-        if self.protocol.pushes > 0 and time >= self._shove:
-            self.world.robot.push(self.rng.uniform(-self.protocol.pushes, self.protocol.pushes, 2))
-            self._shove = time + float(self.rng.uniform(5, 10))
-        if self.protocol.stress.push > 0 and time >= self._shove:
-            assert isinstance(self.world.robot, StressedRobot)  # as `stressed_world` builds it
-            angle = self.rng.uniform(-math.pi, math.pi)
-            self.world.robot.push_with(
-                self.protocol.stress.push * np.array([math.cos(angle), math.sin(angle)])
+            self._draw()
+            self._jump += self._protocol.jump
+        if self._protocol.stress.push > 0 and time >= self._push:
+            assert isinstance(self._world.robot, StressedRobot)  # as `protocol_world` builds it
+            angle = self._rng.uniform(-math.pi, math.pi)
+            self._world.robot.push_with(
+                self._protocol.stress.push * np.array([math.cos(angle), math.sin(angle)])
             )
-            self._shove = time + float(self.rng.uniform(5, 10))
+            self._push = time + float(self._rng.uniform(5, 10))
         stands = self._stop <= time < self._stop + STOP_TIME
         return Command(0.0 if stands else self._speed, self._turn)
 
@@ -131,7 +121,7 @@ class _Episode:
         """Do nothing."""
 
     def _over(self, time: float) -> str | None:
-        truth = self.world.robot.truth()
+        truth = self._world.robot.truth()
         if truth.upright < math.cos(FALLEN_INCLINATION):
             return "fallen"
         if truth.other_contacts:
@@ -221,7 +211,6 @@ def evaluate_policy(
     episodes: int,
     seeds: tuple[int, ...],
     protocol: Protocol | None = None,
-    workers: int = 1,
     pool: Executor | None = None,
     force: bool = False,
     progress: Callable[[int], None] | None = None,
@@ -230,8 +219,8 @@ def evaluate_policy(
 
     Args:
         policy: Name of a scripted policy or path of an ONNX file.
-        seeds: Seeds; an episode is drawn from its seed and its number, whatever the workers.
-        pool: Processes to ride in, of `riders(workers)`, for a caller who measures more than once.
+        seeds: Seeds; an episode is drawn from its seed and its number, whatever the processes.
+        pool: Processes to ride in, of `riders`; this one alone if None.
         force: See `policy_file.open_policy`.
 
     Raises:
@@ -242,16 +231,15 @@ def evaluate_policy(
     if protocol.randomised:
         raise SysidError("worlds drawn as in training are mjlab's. Add --simulator mjlab.")
     name = policy_named(policy, board, force=force).name
-    size = max(1, min(10, math.ceil(episodes * len(seeds) / (4 * workers))))
+    size = math.isqrt(episodes)  # as many jobs a seed as rides a job
     spans = [range(first, min(first + size, episodes)) for first in range(0, episodes, size)]
     jobs = [(seed, span) for seed in seeds for span in spans]
+    work = partial(_work, policy, board, protocol, force)
     parts: list[Part] = []
-    with nullcontext(pool) if pool is not None else riders(workers) as there:
-        work = partial(_work, policy, board, protocol, force)
-        for part in (map if there is None else there.map)(work, *zip(*jobs, strict=True)):
-            parts.append(part)
-            if progress is not None:
-                progress(len(part.endings))
+    for part in (map if pool is None else pool.map)(work, *zip(*jobs, strict=True)):
+        parts.append(part)
+        if progress is not None:
+            progress(len(part.endings))
     return summarise(parts, name, board.name)
 
 

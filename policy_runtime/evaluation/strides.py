@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from policy_runtime.motion.motions import WINDOW, Motion, load_motions, windows
+from policy_runtime.motion.motions import load_motions, windows
 from sim.skate.cycle.clock import CONTROL_PERIOD
 from sysid.roll import Array
 
@@ -81,17 +81,10 @@ def _median(values: list[float]) -> float:
 
 def _style_distance(joints: Array, phases: list[tuple[int, int]]) -> float:
     """Return the mean distance of windows of joint angles, (t, 23), in some phases [rad]."""
-    seen = np.concatenate(
-        [
-            np.lib.stride_tricks.sliding_window_view(joints[a:b], WINDOW, axis=0)
-            for a, b in phases
-            if b - a >= WINDOW
-        ]
-        or [np.zeros((0, joints.shape[1], WINDOW))]
-    )
-    if not len(seen):
+    seen = [windows(joints[a:b]) for a, b in phases]
+    if not sum(map(len, seen)):
         return np.nan
-    return float(nearest(seen.transpose(0, 2, 1).reshape(len(seen), -1), _reference()).mean())
+    return float(nearest(np.concatenate(seen), _reference()).mean())
 
 
 def nearest(windows: Array, reference: Array) -> Array:
@@ -102,12 +95,7 @@ def nearest(windows: Array, reference: Array) -> Array:
 
 @lru_cache(maxsize=1)
 def _reference() -> Array:
-    return np.concatenate([_flat(motion) for motion in load_motions()])
-
-
-def _flat(motion: Motion) -> Array:
-    found = windows(motion)
-    return found.reshape(len(found), -1)
+    return np.concatenate([windows(motion.joints) for motion in load_motions()])
 
 
 @lru_cache(maxsize=1)
@@ -136,5 +124,5 @@ def clip_distances() -> Iterator[tuple[str, float]]:
     """Yield each reference clip's name and its distance to the others [rad]: how far apart good strides are."""
     clips = load_motions()
     for clip in clips:
-        others = np.concatenate([_flat(other) for other in clips if other is not clip])
-        yield clip.name, float(nearest(_flat(clip), others).mean())
+        others = np.concatenate([windows(other.joints) for other in clips if other is not clip])
+        yield clip.name, float(nearest(windows(clip.joints), others).mean())

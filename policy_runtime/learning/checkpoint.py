@@ -24,7 +24,10 @@ import torch.distributed
 
 from sysid.errors import SysidError
 
-NEEDED = ("actor_state_dict", "critic_state_dict", "discriminator", "iteration", "step_counter")
+NEEDED = (
+    *("actor_state_dict", "critic_state_dict", "discriminator"),
+    *("iteration", "samples", "step_counter", "random"),
+)
 """Keys that every checkpoint holds."""
 
 
@@ -60,47 +63,47 @@ def read_checkpoint(path: Path, device: str = "cpu") -> dict[str, Any]:
     return content
 
 
-def grow_inputs(kept: dict[str, Any], model: str, size: int) -> bool:
-    """Append inputs to a network without changing its answers.
+def grow_critic(kept: dict[str, Any], size: int) -> None:
+    """Append inputs to the critic of a checkpoint's content, in place, without changing its answers.
 
-    Args:
-        kept: A checkpoint's content; changed in place.
-        model: 'actor' or 'critic'.
-        size: How many inputs it shall take.
-
-    Returns:
-        Whether it had fewer. Then the optimiser, whose state is of the old size, is no longer in the content.
+    Its optimiser, whose state is of the old size, is then no longer in the content.
     """
-    state: dict[str, torch.Tensor] = kept[f"{model}_state_dict"]
-    weight = state["mlp.0.weight"]
-    more = size - weight.shape[1]
+    state: dict[str, torch.Tensor] = kept["critic_state_dict"]
+    more = size - state["mlp.0.weight"].shape[1]
     if more <= 0:
-        return False
-    wider: dict[str, torch.Tensor] = {
-        "mlp.0.weight": torch.cat((weight, weight.new_zeros(len(weight), more)), 1)
-    }
-    for name, fill in (("_mean", 0.0), ("_var", 1.0), ("_std", 1.0)):
-        old = state[f"obs_normalizer.{name}"]
-        wider[f"obs_normalizer.{name}"] = torch.cat((old, old.new_full((1, more), fill)), 1)
-    kept[f"{model}_state_dict"] = {**state, **wider}
+        return
+    for name, fill in (
+        ("mlp.0.weight", 0.0),
+        ("obs_normalizer._mean", 0.0),
+        ("obs_normalizer._var", 1.0),
+        ("obs_normalizer._std", 1.0),
+    ):
+        state[name] = torch.cat((state[name], state[name].new_full((len(state[name]), more), fill)), 1)
     kept.pop("optimizer_state_dict", None)
-    return True
 
 
-def random_state(device: str) -> dict[str, Any]:
-    """Return the state of everything random in this process, in types that are safe to load."""
+def random_states(device: str) -> list[dict[str, Any]]:
+    """Return the state of everything random in all processes, in order, in types that are safe to load.
+
+    Every process has to call it.
+    """
     numbers: Any = np.random.get_state(legacy=True)  # noqa: NPY002 (mjlab seeds it)
     kind, keys, position, has_gauss, gauss = numbers
-    return {
+    here = {
         "torch": torch.get_rng_state(),
         "cuda": torch.cuda.get_rng_state(device) if device != "cpu" else None,
         "numpy": [kind, torch.tensor(keys.astype(np.int64)), position, has_gauss, gauss],
         "python": list(random.getstate()),
     }
+    if not torch.distributed.is_initialized():
+        return [here]
+    states: list[Any] = [None] * torch.distributed.get_world_size()
+    torch.distributed.all_gather_object(states, here)
+    return states
 
 
 def set_random_state(state: dict[str, Any], device: str) -> None:
-    """Go on with the random numbers where `random_state` was taken."""
+    """Go on with the random numbers of one of `random_states`."""
     torch.set_rng_state(state["torch"].cpu())
     if device != "cpu" and state["cuda"] is not None:
         torch.cuda.set_rng_state(state["cuda"].cpu(), device)
@@ -108,13 +111,3 @@ def set_random_state(state: dict[str, Any], device: str) -> None:
     np.random.set_state((kind, keys.cpu().numpy().astype(np.uint32), position, has_gauss, gauss))  # noqa: NPY002
     version, inner, gauss_next = state["python"]
     random.setstate((version, tuple(inner), gauss_next))
-
-
-def random_states(device: str) -> list[dict[str, Any]]:
-    """Return `random_state` of all processes, in order; every process has to call it."""
-    here = random_state(device)
-    if not torch.distributed.is_initialized():
-        return [here]
-    states: list[Any] = [None] * torch.distributed.get_world_size()
-    torch.distributed.all_gather_object(states, here)
-    return states

@@ -232,7 +232,7 @@ class SkateEnv(ManagerBasedRlEnv):
         self.reset_terminated = self.termination_manager.terminated
         self.reset_time_outs = self.termination_manager.time_outs
         self.reward_buf = self.reward_manager.compute(dt=self.step_dt)
-        return measuring.kept(self)
+        return measuring.measured(self)
 
     def _see_state(self) -> Any:
         felt = torch.where(self.reset_buf[:, None], 0.0, self._felt)

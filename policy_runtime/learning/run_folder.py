@@ -19,7 +19,6 @@ import json
 import os
 import platform
 import tomllib
-import types
 import typing
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -164,11 +163,7 @@ class RunFolder:
         return max((_iteration(path) for path in self.checkpoints()), default=0)
 
     def write_config(self, config: RunConfig) -> None:
-        """Write the options.
-
-        Raises:
-            SysidError: The folder cannot be written to.
-        """
+        """Write the options."""
         write_atomically(self.config, tomlkit.dumps(_plain(dataclasses.asdict(config))))
 
     def begin(
@@ -291,23 +286,19 @@ def next_run(outputs: Path) -> Path:
     return outputs / f"train-{max(numbers, default=0) + 1}"
 
 
+PACKAGES = (
+    *("husky-sysid", "mjlab", "mujoco", "mujoco-warp", "warp-lang"),
+    *("rsl-rl-lib", "torch", "numpy"),
+)
+"""Their versions decide a run's outcome."""
+
+
 def _versions() -> dict[str, str]:
-    """Return the versions of the packages that decide a run's outcome; absent ones are left out."""
+    """Return the versions of `PACKAGES`; absent ones are left out."""
     found: dict[str, str] = {}
-    for name in (
-        "husky-sysid",
-        "mjlab",
-        "mujoco",
-        "mujoco-warp",
-        "warp-lang",
-        "rsl-rl-lib",
-        "torch",
-        "numpy",
-    ):
-        try:
+    for name in PACKAGES:
+        with contextlib.suppress(PackageNotFoundError):
             found[name] = version(name)
-        except PackageNotFoundError:
-            continue
     return found
 
 
@@ -327,34 +318,24 @@ def _build(kind: type[T], raw: Any, where: str) -> T:
     if not isinstance(raw, Mapping):
         raise SysidError(f"{where}: is {raw!r}; expected a table.")
     hints = typing.get_type_hints(kind)
-    values: dict[str, Any] = {}
-    for name, value in raw.items():
+    for name in raw:
         if name not in hints:
             raise SysidError(f"{where}: unknown option '{name}'.{did_you_mean(name, hints)}")
-        values[name] = _value(hints[name], value, f"{where}: {name}")
-    try:
-        return kind(**values)
-    except ValueError as error:
-        raise SysidError(f"{where}: {error}.") from error
+    return kind(**{name: _value(hints[name], value, f"{where}: {name}") for name, value in raw.items()})
 
 
 def _value(hint: Any, value: Any, where: str) -> Any:
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
         return _build(hint, value, where)
-    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
-    if origin is tuple:
-        if not isinstance(value, list):
-            raise SysidError(f"{where} is {value!r}; expected a list.")
-        return tuple(_value(arguments[0], item, where) for item in value)
-    if origin is typing.Literal:
+    arguments: Any = typing.get_args(hint)
+    if typing.get_origin(hint) is typing.Literal:
         if value not in arguments:
             raise SysidError(f"{where} is {value!r}; expected one of {', '.join(map(str, arguments))}.")
         return value
-    if origin in (types.UnionType, typing.Union):
-        return value
-    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+    if arguments and isinstance(value, list):
+        return tuple(_value(arguments[0], item, where) for item in value)
+    if hint is float and type(value) is int:
         return float(value)
-    kind: Any = hint
-    if not isinstance(value, kind):
-        raise SysidError(f"{where} is {value!r}; expected {kind.__name__}.")
+    if arguments or not isinstance(value, hint):
+        raise SysidError(f"{where} is {value!r}; expected {getattr(hint, '__name__', hint)}.")
     return value

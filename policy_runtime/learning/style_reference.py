@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from policy_runtime.motion.motions import WINDOW, Motion, load_motions, windows
+from policy_runtime.motion.motions import Motion, load_motions, windows
 from sim.skate.options import SkateOptions
-from sim.skate.robot.g1 import JOINTS
 from sysid.files import shipped_data
 from sysid.roll import Array
 
@@ -40,7 +39,7 @@ def style_reference(options: SkateOptions, pushing: Sequence[Motion] = ()) -> Ar
     """
     pushing = pushing or load_motions()
     if options.transition != "style":
-        return np.concatenate([_flat(motion) for motion in pushing])
+        return np.concatenate([windows(motion.joints) for motion in pushing])
     clips = load_motions([transition_folder()])
     groups = {
         "push": pushing if options.pushing == "amp" else [],
@@ -48,12 +47,8 @@ def style_reference(options: SkateOptions, pushing: Sequence[Motion] = ()) -> Ar
         "dismount": [clip for clip in clips if clip.name.startswith("dismount")],
     }
     rows = [
-        np.hstack([_flat(motion), np.tile(np.eye(len(PHASES))[i], (len(_flat(motion)), 1))])
+        np.hstack([found, np.tile(np.eye(len(PHASES))[i], (len(found), 1))])
         for i, name in enumerate(PHASES)
-        for motion in groups[name]
+        for found in (windows(motion.joints) for motion in groups[name])
     ]
     return np.concatenate(rows)
-
-
-def _flat(motion: Motion) -> Array:
-    return windows(motion).reshape(-1, WINDOW * len(JOINTS))

@@ -3,20 +3,23 @@
 import csv
 import itertools
 import os
+import re
 import select
 import sys
 import termios
 import tty
+from bisect import bisect_right
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
+from sim.skate.options import SkateOptions
 from sysid.errors import SysidError
 from sysid.files import regular
 
-SPEED_RANGE = (0.0, 1.5)
+SPEED_RANGE = SkateOptions().speed
 """Speeds that policies are trained for [m/s]."""
-TURN_RANGE = (-0.7853981633974483, 0.7853981633974483)
+TURN_RANGE = (-SkateOptions().turn, SkateOptions().turn)
 """Changes of heading that policies are trained for [rad]."""
 
 
@@ -42,33 +45,24 @@ class CommandSource(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Constant:
-    """The same command for ever."""
-
-    command: Command
-
-    def at(self, time: float) -> Command:
-        """Return the command."""
-        return self.command
-
-    def close(self) -> None:
-        """Do nothing."""
-
-
-@dataclass(frozen=True, slots=True)
 class Script:
     """Commands that change at given times; each holds until the next."""
 
     times: tuple[float, ...]
+    """[s], the first is 0."""
     commands: tuple[Command, ...]
 
     def at(self, time: float) -> Command:
         """Return the last command whose time has come."""
-        passed = sum(start <= time + 1e-9 for start in self.times)
-        return self.commands[max(passed - 1, 0)]
+        return self.commands[bisect_right(self.times, time + 1e-9) - 1]
 
     def close(self) -> None:
         """Do nothing."""
+
+
+def constant(command: Command) -> Script:
+    """Return the source of the same command for ever."""
+    return Script((0.0,), (command,))
 
 
 COLUMNS = ("time_s", "speed_m_s", "turn_rad")
@@ -87,17 +81,10 @@ def load_script(path: Path) -> Script:
             rows = list(csv.DictReader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise SysidError(f"{path}: cannot be read ({error}). Expected a CSV file of commands.") from error
-    if not rows:
-        raise SysidError(
-            f"{path}: no commands. Expected columns time_s,speed_m_s,turn_rad and at least one row."
-        )
-    missing = [column for column in COLUMNS if column not in rows[0]]
-    if missing:
-        found = ", ".join(name for name in rows[0] if name)
-        raise SysidError(
-            f"{path}: column '{missing[0]}' is missing. Expected {','.join(COLUMNS)}; found {found}."
-        )
-    values = [_row(path, number, row) for number, row in enumerate(rows, start=2)]
+    if not rows or not rows[0].keys() >= set(COLUMNS):
+        found = ", ".join(filter(None, rows[0])) if rows else "none"
+        raise SysidError(f"{path}: expected columns {','.join(COLUMNS)} and at least one row; found {found}.")
+    values = [_row(path, line, row) for line, row in enumerate(rows, start=2)]
     times = tuple(time for time, _ in values)
     if times[0] != 0 or any(later <= earlier for earlier, later in itertools.pairwise(times)):
         raise SysidError(
@@ -107,21 +94,16 @@ def load_script(path: Path) -> Script:
 
 
 def _row(path: Path, line: int, row: dict[str, str]) -> tuple[float, Command]:
-    numbers: list[float] = []
-    for column in COLUMNS:
-        text = row.get(column)
-        try:
-            numbers.append(float(text if text is not None else ""))
-        except ValueError:
-            raise SysidError(
-                f"{path}: line {line}, column '{column}' is {text!r}; expected a number."
-            ) from None
-    for name, value, (low, high) in (("speed", numbers[1], SPEED_RANGE), ("turn", numbers[2], TURN_RANGE)):
+    try:
+        time, speed, turn = (float(row[column] or "") for column in COLUMNS)
+    except ValueError as error:
+        raise SysidError(f"{path}: line {line}: {error}; expected three numbers.") from None
+    for name, value, (low, high) in (("speed", speed, SPEED_RANGE), ("turn", turn, TURN_RANGE)):
         if not low <= value <= high:
             raise SysidError(
                 f"{path}: line {line}: {name} {value:g} is outside the trained range, {low:g} to {high:.3g}."
             )
-    return numbers[0], Command(numbers[1], numbers[2])
+    return time, Command(speed, turn)
 
 
 class Keyboard:
@@ -153,7 +135,7 @@ class Keyboard:
             keys = os.read(self._fd, 64)
             if not keys:
                 self._command = None
-            for key in _split(keys):
+            for key in re.findall(rb"\x1b\[.|.", keys):
                 if self._command is not None:
                     self._command = pressed(self._command, key)
         return self._command
@@ -163,38 +145,17 @@ class Keyboard:
         termios.tcsetattr(self._fd, termios.TCSADRAIN, self._saved)
 
 
+UP, DOWN, RIGHT, LEFT = (b"\x1b[A", b"\x1b[B", b"\x1b[C", b"\x1b[D")
+"""Arrow keys, as a terminal sends them."""
+
+
 def pressed(command: Command, key: bytes) -> Command | None:
     """Return the command after one key; None after 'q'."""
-    speed, turn = command
-    match key:
-        case b"\x1b[A":
-            speed += 0.1
-        case b"\x1b[B":
-            speed -= 0.1
-        case b"\x1b[C":
-            turn -= 0.1
-        case b"\x1b[D":
-            turn += 0.1
-        case b"0":
-            turn = 0.0
-        case b" ":
-            speed = 0.0
-        case b"q" | b"Q":
-            return None
-        case _:
-            pass
+    if key in (b"q", b"Q"):
+        return None
+    speed = 0.0 if key == b" " else command.speed + 0.1 * ((key == UP) - (key == DOWN))
+    turn = 0.0 if key == b"0" else command.turn + 0.1 * ((key == LEFT) - (key == RIGHT))
     return Command(
         round(min(max(speed, SPEED_RANGE[0]), SPEED_RANGE[1]), 6),
         round(min(max(turn, TURN_RANGE[0]), TURN_RANGE[1]), 6),
     )
-
-
-def _split(keys: bytes) -> list[bytes]:
-    """Split bytes into keys; an arrow is three bytes."""
-    found: list[bytes] = []
-    i = 0
-    while i < len(keys):
-        size = 3 if keys[i : i + 2] == b"\x1b[" else 1
-        found.append(keys[i : i + size])
-        i += size
-    return found

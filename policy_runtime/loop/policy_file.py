@@ -1,5 +1,6 @@
 """ONNX files of policies: opened, and checked against the robot and the board that they were made for."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -7,12 +8,11 @@ from typing import Any
 import numpy as np
 
 from policy_runtime.loop.observing import RELEASE_SIZE
-from policy_runtime.loop.policy_trial import open_session, require_answer, session_options
 from sim.skate.mdp.actor_observation import OBSERVATION_SIZE
 from sim.skate.robot.g1 import JOINTS, default_pose, servos
 from sim.skate.world.posterior import Spread
 from sysid.board import Board
-from sysid.errors import QualityGateError, SysidError
+from sysid.errors import QualityGateError, SysidError, needs_extra
 from sysid.files import shipped_data
 from sysid.roll import Array
 
@@ -76,11 +76,22 @@ def find_policy(name: str) -> Path | None:
 
 
 def _session(path: Path) -> Any:
-    options = session_options()
+    """Return onnxruntime's session of a file, on one thread: waking others takes longer than such a network."""
     if not path.is_file():
         raise SysidError(f"{path}: no such policy. Expected an ONNX file, as `husky-sysid train` writes it.")
-    require_answer(path)
-    return open_session(path, options)
+    # Else importing it writes into the home folder and sends data.
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+    with needs_extra("run", "running a policy"):
+        import onnxruntime
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 4
+    try:
+        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime raises its own kinds, one a status
+        raise SysidError(
+            f"{path}: not an ONNX model that can be run ({str(error).splitlines()[0]})."
+        ) from error
 
 
 def _last_dimension(shape: list[Any]) -> int | None:
@@ -93,54 +104,43 @@ def check_robot(path: Path, metadata: dict[str, str]) -> tuple[str, ...]:
     Raises:
         SysidError: One of them differs.
     """
-    names = metadata.get("joint_names")
-    if names is None:
-        raise SysidError(f"{path}: carries no 'joint_names', so nothing says what its 23 answers move.")
-    if tuple(names.split(",")) != JOINTS:
-        other = next(
-            (
-                f"{i}: '{a}' instead of '{b}'"
-                for i, (a, b) in enumerate(zip(names.split(","), JOINTS, strict=False))
-                if a != b
-            ),
-            f"{len(names.split(','))} joints instead of {len(JOINTS)}",
+    names = tuple(metadata.get("joint_names", "").split(","))
+    if names != JOINTS:
+        raise SysidError(
+            f"{path}: made for another robot, or for joints in another order: {', '.join(names)}."
         )
-        raise SysidError(f"{path}: made for another robot; joint {other}.")
     robot = servos()
     expected = {
-        ("joint_stiffness", "stiffness"): robot.stiffness,
-        ("joint_damping", "damping"): robot.damping,
-        ("default_joint_pos",): default_pose(),
-        ("action_scale",): robot.action_scale,
+        "joint_stiffness": robot.stiffness,
+        "joint_damping": robot.damping,
+        "default_joint_pos": default_pose(),
+        "action_scale": robot.action_scale,
     }
     notes: list[str] = []
-    for keys, values in expected.items():
-        text = next((metadata[key] for key in keys if key in metadata), None)
-        if text is None:
-            notes.append(f"the policy does not say its {keys[0].replace('_', ' ')}; the robot's is used")
+    for key, values in expected.items():
+        said = key.replace("_", " ")
+        if key not in metadata:
+            notes.append(f"the policy does not say its {said}; the robot's is used")
             continue
-        stated = _numbers(path, keys[0], text)
+        stated = _numbers(path, key, metadata[key])
         # Metadata are printed to three decimals.
         bad = np.flatnonzero(np.abs(stated - values) > 1e-3 + 2e-3 * np.abs(values))
         if len(bad):
             i = int(bad[0])
             raise SysidError(
-                f"{path}: its {keys[0].replace('_', ' ')} of {JOINTS[i]} is {stated[i]:g}, the robot's is "
-                f"{values[i]:.4g}. It was trained for other servos."
+                f"{path}: its {said} of {JOINTS[i]} is {stated[i]:g}, the robot's is {values[i]:.4g}. It was trained for "
+                "other servos."
             )
     return tuple(notes)
 
 
 def _numbers(path: Path, key: str, text: str) -> Array:
     try:
-        numbers = np.array([float(part) for part in text.split(",")])
+        return np.broadcast_to(np.array([float(part) for part in text.split(",")]), len(JOINTS))
     except ValueError:
-        numbers = np.empty(0)
-    if numbers.shape == (1,):
-        numbers = np.full(len(JOINTS), numbers[0])
-    if numbers.shape != (len(JOINTS),):
-        raise SysidError(f"{path}: metadata '{key}' is {text[:60]!r}; expected {len(JOINTS)} numbers.")
-    return numbers
+        raise SysidError(
+            f"{path}: metadata '{key}' is {text[:60]!r}; expected {len(JOINTS)} numbers."
+        ) from None
 
 
 def check_board(
@@ -155,54 +155,49 @@ def check_board(
     name = metadata.get("board")
     if name is None:
         return ("the policy does not say which board it was trained on; the board is not checked",)
-    notes: tuple[str, ...] = ()
-    problem: SysidError | None = None
-    if name != board.name:
-        problem = SysidError(
-            f"{path}: trained on board '{name}', not on '{board.name}'. Choose --board {name}."
-        )
-    else:
-        for key, (value, spread) in _board_numbers(board).items():
-            stated = _stated(path, metadata, key, value)
-            change = f"trained with {key.replace('_', ' ')} {stated:.4g}, the record of '{name}' now says {value:.4g}"
-            if abs(stated - value) > spread * abs(value):
-                problem = SysidError(
-                    f"{path}: {change}. Train again, or use the record exported with the policy."
-                )
-                break
-            if abs(stated - value) > 0.01 * abs(value):
-                notes += (f"{change}: within what training spreads its boards over",)
-    if problem is None and metadata.get("board_passed") == "true" and not board.passed:
-        problem = QualityGateError(
-            f"board '{name}' had passed `check` when {path.name} was trained, and has not as it is recorded now. "
-            f"Run `husky-sysid check` on it."
-        )
-    if problem is not None:
-        if not force:
-            raise type(problem)(f"{problem} --force runs it all the same.")
-        notes += (f"forced: {problem}",)
-    if metadata.get("board_passed") != "true":
-        since = "; it has now" if board.passed else ""
-        notes += (f"board '{name}' had not passed `check` when this policy was trained{since}",)
-    return notes
-
-
-def _stated(path: Path, metadata: dict[str, str], key: str, default: float) -> float:
+    notes: list[str] = []
+    passed = metadata.get("board_passed") == "true"
     try:
-        return float(metadata.get(key, default))
-    except ValueError:
-        raise SysidError(f"{path}: metadata '{key}' is {metadata[key][:60]!r}; expected a number.") from None
+        _require_board(path, metadata, board, notes)
+        if passed and not board.passed:
+            raise QualityGateError(
+                f"board '{name}' had passed `check` when {path.name} was trained, and has not as it is recorded now. "
+                f"Run `husky-sysid check` on it."
+            )
+    except SysidError as problem:
+        if not force:
+            raise type(problem)(f"{problem} --force runs it all the same.") from None
+        notes.append(f"forced: {problem}")
+    if not passed:
+        since = "; it has now" if board.passed else ""
+        notes.append(f"board '{name}' had not passed `check` when this policy was trained{since}")
+    return tuple(notes)
 
 
-def _board_numbers(board: Board) -> dict[str, tuple[float, float]]:
-    """Return a policy's numbers of its board, and by how much a record may have changed since, relative.
+def _require_board(path: Path, metadata: dict[str, str], board: Board, notes: list[str]) -> None:
+    """Refuse another board than the policy's; note a refit within the spread of training.
 
     Training draws its boards at least that far apart (`sim.skate.world.posterior.Spread`), so a refit by less is
     a board that the policy has ridden.
     """
-    spread = Spread()
-    return {
-        "board_stiffness": (board.stiffness, spread.relative),
-        "board_damping": (board.damping, spread.relative),
-        "board_inertia": (board.inertia.value, spread.inertia),
-    }
+    name, spread = metadata["board"], Spread()
+    if name != board.name:
+        raise SysidError(f"{path}: trained on board '{name}', not on '{board.name}'. Choose --board {name}.")
+    for key, value, most in (
+        ("board_stiffness", board.stiffness, spread.relative),
+        ("board_damping", board.damping, spread.relative),
+        ("board_inertia", board.inertia.value, spread.inertia),
+    ):
+        try:
+            stated = float(metadata.get(key, value))
+        except ValueError:
+            raise SysidError(
+                f"{path}: metadata '{key}' is {metadata[key][:60]!r}; expected a number."
+            ) from None
+        change = (
+            f"trained with {key.replace('_', ' ')} {stated:.4g}, the record of '{name}' now says {value:.4g}"
+        )
+        if abs(stated - value) > most * abs(value):
+            raise SysidError(f"{path}: {change}. Train again, or use the record exported with the policy.")
+        if abs(stated - value) > 0.01 * abs(value):
+            notes.append(f"{change}: within the spread of the boards in training")

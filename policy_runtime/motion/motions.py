@@ -18,16 +18,18 @@ from pathlib import Path
 
 import numpy as np
 
+from sim.skate.cycle.clock import CONTROL_PERIOD
+from sim.skate.options import STYLE_FRAMES
+from sim.skate.robot.g1 import MOTORS
 from sim.skate.robot.poses import CLIP_JOINTS
 from sysid.errors import SysidError, did_you_mean
 from sysid.files import atomic_path, regular, shipped_data
 from sysid.roll import Array
 
-FRAME_RATE = 50.0
+FRAME_RATE = 1 / CONTROL_PERIOD
 """Frames a second [Hz]: one a policy step."""
-COLUMNS = 36
-WINDOW = 5
-"""Frames in one sample of the discriminator."""
+COLUMNS = 7 + len(MOTORS)
+"""Of a stored motion: pose of the pelvis, and joints."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +74,7 @@ def load_motion(path: Path) -> Motion:
 
     Raises:
         SysidError: The file is missing, no NumPy array, of another shape, too short, not finite, or holds
-        quaternions that are not of unit length.
+            quaternions that are not of unit length.
     """
     try:
         table = np.load(regular(path), allow_pickle=False)
@@ -82,38 +84,27 @@ def load_motion(path: Path) -> Motion:
         ) from error
     except Exception as error:  # whatever a damaged header makes NumPy raise
         raise SysidError(f"{path}: not a NumPy array file (.npy) of numbers.") from error
-    if not isinstance(table, np.ndarray) or table.dtype.kind != "f" or table.ndim != 2:
-        kind = f"{table.dtype} of shape {table.shape}" if isinstance(table, np.ndarray) else "an archive"
-        raise SysidError(f"{path}: holds {kind}; expected floats of shape (frames, {COLUMNS}).")
-    return motion_from_table(np.asarray(table, dtype=np.float64), str(path), path.stem)
-
-
-def motion_from_table(table: Array, where: str, name: str) -> Motion:
-    """Return a clip from numbers in the stored layout, shape (frames, 36).
-
-    Raises:
-        SysidError: The numbers are not a motion; see `load_motion`.
-    """
-    if table.shape[1:] != (COLUMNS,):
+    shape = getattr(table, "shape", "of an archive")
+    if len(shape) != 2 or shape[1] != COLUMNS or table.dtype.kind != "f":
         raise SysidError(
-            f"{where}: has shape {table.shape}; expected (frames, {COLUMNS}): pelvis position 3, quaternion "
+            f"{path}: has shape {shape}; expected floats of shape (frames, {COLUMNS}): pelvis position 3, quaternion "
             "wxyz 4, and the 29 joints of the full G1."
         )
-    if len(table) < WINDOW:
-        raise SysidError(f"{where}: has {len(table)} frames; one sample of the style reward takes {WINDOW}.")
-    bad = np.argwhere(~np.isfinite(table))
-    if len(bad):
-        row, column = bad[0]
-        raise SysidError(f"{where}: frame {row}, column {column} is {table[row, column]}; expected a number.")
-    length = np.linalg.norm(table[:, 3:7], axis=1)
-    if np.any(np.abs(length - 1) > 1e-2):
-        row = int(np.argmax(np.abs(length - 1)))
+    if len(table) < STYLE_FRAMES:
         raise SysidError(
-            f"{where}: the quaternion of frame {row} (columns 3 to 6) has length {length[row]:.3g}; expected 1. "
+            f"{path}: has {len(table)} frames; one sample of the style reward takes {STYLE_FRAMES}."
+        )
+    length = np.linalg.norm(table[:, 3:7], axis=1)
+    for row, column in np.argwhere(~np.isfinite(table))[:1]:
+        raise SysidError(f"{path}: frame {row}, column {column} is {table[row, column]}; expected a number.")
+    for row in np.flatnonzero(np.abs(length - 1) > 1e-2)[:1]:
+        raise SysidError(
+            f"{path}: the quaternion of frame {row} (columns 3 to 6) has length {length[row]:.3g}; expected 1. "
             "The columns may be in another order."
         )
+    table = np.asarray(table, dtype=np.float64)
     return Motion(
-        name=name,
+        name=path.stem,
         position=table[:, :3],
         quaternion=table[:, 3:7] / length[:, None],
         joints=table[:, CLIP_JOINTS],
@@ -127,32 +118,24 @@ def save_motion(motion: Motion, path: Path) -> None:
 
 
 def motion_paths(where: Sequence[Path] = ()) -> list[Path]:
-    """Return motion files: those named, those in folders named, or the shipped clips.
+    """Return motion files: those named, those in folders named, shipped ones by their name, or all shipped clips.
 
     Raises:
         SysidError: A path does not exist, or there is no motion in a folder.
     """
-    if not where:
-        return sorted((shipped_data() / "motions").glob("*.npy"))
+    shipped = sorted((shipped_data() / "motions").glob("*.npy"))
+    by_name = {path.stem: path for path in shipped}
     paths: list[Path] = []
     for path in where:
-        shipped = shipped_data() / "motions" / f"{path}.npy"
-        if path.is_dir():
-            found = sorted(path.glob("*.npy"))
-            if not found:
-                raise SysidError(f"{path}: no motion (.npy) in this folder.")
-            paths += found
-        elif path.exists() or not shipped.is_file():
-            if not path.exists():
-                names = [clip.stem for clip in motion_paths()]
-                raise SysidError(
-                    f"{path}: no such motion, nor a folder of them.{did_you_mean(str(path), names)} "
-                    f"Shipped clips: {', '.join(names)}."
-                )
-            paths.append(path)
-        else:
-            paths.append(shipped)
-    return paths
+        found = sorted(path.glob("*.npy")) if path.is_dir() else [path] if path.exists() else []
+        if not found and str(path) in by_name:
+            found = [by_name[str(path)]]
+        if not found:
+            raise SysidError(
+                f"{path}: no motion (.npy) there.{did_you_mean(str(path), by_name)} Shipped clips: {', '.join(by_name)}."
+            )
+        paths += found
+    return paths if where else shipped
 
 
 def load_motions(where: Sequence[Path] = ()) -> list[Motion]:
@@ -164,7 +147,9 @@ def load_motions(where: Sequence[Path] = ()) -> list[Motion]:
     return [load_motion(path) for path in motion_paths(where)]
 
 
-def windows(motion: Motion) -> Array:
-    """Return every run of `WINDOW` successive frames, shape (frames - WINDOW + 1, WINDOW, 23)."""
-    view = np.lib.stride_tricks.sliding_window_view(motion.joints, WINDOW, axis=0)
-    return np.moveaxis(view, -1, 1)
+def windows(joints: Array) -> Array:
+    """Return every run of `STYLE_FRAMES` successive frames of joint angles, (frames, 23), flat, oldest first [rad], (m, 5 · 23)."""
+    if len(joints) < STYLE_FRAMES:
+        return np.zeros((0, STYLE_FRAMES * joints.shape[1]))
+    view = np.lib.stride_tricks.sliding_window_view(joints, STYLE_FRAMES, axis=0)
+    return np.moveaxis(view, -1, 1).reshape(len(view), -1)

@@ -16,12 +16,13 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from policy_runtime.robots import PD_PERIOD, JointCommand, RobotState
+from sim.skate.robot.g1 import JOINTS, MOTORS
 from sysid.errors import SysidError, needs_extra
 from sysid.roll import Array
 
-POLICY_MOTORS = (*range(19), *range(22, 26))
-"""Motor slots of the 23 joints in policy order: legs, waist, left arm, right arm without wrists."""
-WRIST_MOTORS = (19, 20, 21, 26, 27, 28)
+POLICY_MOTORS = tuple(MOTORS.index(joint) for joint in JOINTS)
+"""Motor slots of the 23 joints in policy order."""
+WRIST_MOTORS = tuple(i for i in range(len(MOTORS)) if i not in POLICY_MOTORS)
 WRIST_STIFFNESS, WRIST_DAMPING = 20.0, 1.0
 """Gains that hold the wrists [N*m/rad], [N*m*s/rad]."""
 WRIST_ANGLE, WRIST_SPEED = 0.0, 0.5

@@ -1,7 +1,7 @@
 """Options of the task."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, Self
 
 from sim.board.scene import Coupling
@@ -14,6 +14,8 @@ from sim.skate.world.terrain import Terrain
 Pushing = Literal["amp", "tracking", "gait", "none"]
 """Teacher of pushing: the style of reference motions, joint angles of the clip nearest in speed, a clock of
 foot contacts, or nothing."""
+STYLE_FRAMES = 5
+"""Joint frames that the style discriminator judges together."""
 Guidance = Literal["path", "translation", "style", "none"]
 """Guidance of mounting and dismounting: positions and orientations of the key bodies, positions only, the style
 of reference motions, or nothing."""
@@ -54,17 +56,7 @@ class Variation:
 
 
 NOMINAL = Variation(
-    action_delay=0.0,
-    sensor_delay=0.0,
-    gains=0.0,
-    masses=0.0,
-    rolling_friction=(1.0, 1.0),
-    slope=0.0,
-    descent=0.0,
-    ledge=0.0,
-    gyro_bias=0.0,
-    gravity_bias=0.0,
-    encoder_bias=0.0,
+    **(dict.fromkeys((field.name for field in fields(Variation)), 0.0) | {"rolling_friction": (1.0, 1.0)})
 )
 """Worlds that do not differ."""
 

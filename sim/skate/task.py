@@ -10,10 +10,9 @@ from sim.skate.cycle.push_clips import PushClip
 from sim.skate.cycle.tilt_guidance import TiltGuidance
 from sim.skate.mdp.actor_observation import FRAMES, NOISE, SCALE
 from sim.skate.mdp.rewards import Task, rewards
-from sim.skate.options import NOMINAL, SkateOptions
-from sim.skate.robot.g1 import JOINTS, default_pose, motor_of
+from sim.skate.options import NOMINAL, STYLE_FRAMES, SkateOptions
+from sim.skate.robot.g1 import JOINTS, motor_of
 from sim.skate.robot.poses import load_poses
-from sim.skate.world.cycle import load_cycle
 from sim.skate.world.posterior import BoardDraws, board_draws, draw_boards
 from sim.skate.world.scene import (
     DECIMATION,
@@ -21,7 +20,6 @@ from sim.skate.world.scene import (
     as_written,
     mjlab_scene,
     mjlab_simulation,
-    standing_height,
 )
 from sysid.board import Board
 
@@ -34,8 +32,6 @@ if TYPE_CHECKING:
 
     from sim.skate.mdp.commands import SkateCommandCfg
 
-STYLE_FRAMES = 5
-"""Joint frames that the style discriminator judges together."""
 RUNAWAY_SPEED = 4.0
 """Speed at which a ride down a slope ends as if by time [m/s]: real slopes end."""
 SOLE_FRICTION_RANGE = (0.35, 1.6)
@@ -68,8 +64,12 @@ def skate_env_cfg(
         terrain=options.terrain,
         ledge=options.terrain == "flat" and options.variation.ledge > 0,
     )
-    command = skate_command_cfg(board, options)
-    draws = _draws(board, options, scene, seed)
+    draws = None  # all worlds have the record's board
+    if options.boards > 0:
+        boards = draw_boards(
+            as_written(board, scene), options.boards, options.spread, np.random.default_rng(seed)
+        )
+        draws = board_draws(boards, scene.timestep)
     delayed = options.variation != NOMINAL
     actions: dict[str, Any] = {
         "joint_pos": (DelayedJointPositionCfg if delayed else JointPositionActionCfg)(
@@ -93,8 +93,8 @@ def skate_env_cfg(
         seed=seed,
         observations=_observations(options),
         actions=actions,
-        commands={"skate": command},
-        rewards=reward_terms(options, command, clips),
+        commands={"skate": skate_command_cfg(board, options)},
+        rewards=reward_terms(options, clips),
         terminations=_terminations(options),
         events=_events(options, draws),
     )
@@ -102,13 +102,10 @@ def skate_env_cfg(
 
 def skate_command_cfg(board: Board, options: SkateOptions) -> "SkateCommandCfg":
     """Return the command term's configuration: ranges, cycle, guidance, canonical poses."""
-    from sim.skate.mdp.commands import SkateCommandCfg, canonical_pose
+    from sim.skate.mdp.commands import SkateCommandCfg, key_bodies_at
 
     poses = load_poses()
-    push, steer = (
-        canonical_pose(pose.joints + options.pose_offset, pose.position, pose.quaternion)
-        for pose in (poses["push"], poses["steer"])
-    )
+    offset = np.r_[np.zeros(7), np.full(len(JOINTS), options.pose_offset)]
     return SkateCommandCfg(
         options=options,
         guidance=TiltGuidance(
@@ -118,28 +115,19 @@ def skate_command_cfg(board: Board, options: SkateOptions) -> "SkateCommandCfg":
             kinematics=options.kinematics,
             longest_time=options.turn_time,
         ),
-        push_pose=push,
-        steer_pose=steer,
+        ends=key_bodies_at([poses[name].qpos() + offset for name in ("push", "steer")]),
     )
 
 
-def reward_terms(
-    options: SkateOptions, command: "SkateCommandCfg", clips: Sequence[PushClip] = ()
-) -> "dict[str, RewardTermCfg]":
+def reward_terms(options: SkateOptions, clips: Sequence[PushClip] = ()) -> "dict[str, RewardTermCfg]":
     """Return the reward terms of `sim/skate/mdp/rewards/`, with their weights and the phases in which they count."""
     from mjlab.managers.reward_manager import RewardTermCfg
 
     from sim.skate.mdp.measuring import pay
 
-    task = Task(
-        options=options,
-        steer_pose=command.steer_pose.joints,
-        stand_pose=tuple(default_pose().tolist()),
-        clips=tuple(clips),
-    )
     return {
         term.name: RewardTermCfg(func=pay, weight=term.weight, params={"reward": term})
-        for term in rewards(task)
+        for term in rewards(Task(options=options, clips=clips))
     }
 
 
@@ -177,38 +165,28 @@ def _terminations(options: SkateOptions) -> "dict[str, TerminationTermCfg]":
     from mjlab.envs import mdp
     from mjlab.managers.termination_manager import TerminationTermCfg
 
-    from sim.skate.mdp import measuring
+    from sim.skate.mdp import terminations
+    from sim.skate.mdp.measuring import EndsAfter, ends, not_finite
 
-    ends = {
+    def end(rule: Any, *, func: Any = ends, time_out: bool = False, **arguments: Any) -> TerminationTermCfg:
+        return TerminationTermCfg(func=func, time_out=time_out, params={"rule": rule, **arguments})
+
+    terms = {
         "time_out": TerminationTermCfg(func=mdp.time_out, time_out=True),
-        "fallen": TerminationTermCfg(func=measuring.fallen),
-        "off_board": TerminationTermCfg(func=measuring.OffBoard),
-        "body_contact": TerminationTermCfg(func=measuring.body_contact),
-        "not_finite": TerminationTermCfg(func=measuring.not_finite),
+        "fallen": end(terminations.fallen),
+        "off_board": end(terminations.off_board, func=EndsAfter, patience=1),
+        "body_contact": end(terminations.body_contact),
+        "not_finite": TerminationTermCfg(func=not_finite),
     }
     if options.variation.slope > 0:
-        ends["runaway"] = TerminationTermCfg(
-            func=measuring.runaway, params={"speed": RUNAWAY_SPEED}, time_out=True
-        )
+        terms["runaway"] = end(terminations.runaway, time_out=True, speed=RUNAWAY_SPEED)
     if options.stance_patience > 0:
-        ends["wrong_stance"] = TerminationTermCfg(
-            func=measuring.WrongStance, params={"patience": options.stance_patience}
+        terms["wrong_stance"] = end(
+            terminations.wrong_stance, func=EndsAfter, patience=options.stance_patience
         )
     if options.idle_patience > 0:
-        ends["idle_foot"] = TerminationTermCfg(
-            func=measuring.idle_foot, params={"patience": options.idle_patience}
-        )
-    return ends
-
-
-def _draws(board: Board, options: SkateOptions, scene: SceneOptions, seed: int) -> BoardDraws | None:
-    """Return the boards that worlds have in turn; None where all have the record's."""
-    if options.boards == 0:
-        return None
-    boards = draw_boards(
-        as_written(board, scene), options.boards, options.spread, np.random.default_rng(seed)
-    )
-    return board_draws(boards, scene.timestep)
+        terms["idle_foot"] = end(terminations.idle_foot, patience=options.idle_patience)
+    return terms
 
 
 def _events(options: SkateOptions, draws: BoardDraws | None) -> "dict[str, EventTermCfg]":
@@ -222,32 +200,18 @@ def _events(options: SkateOptions, draws: BoardDraws | None) -> "dict[str, Event
     def startup(function: Any, **params: Any) -> EventTermCfg:
         return EventTermCfg(func=function, mode="startup", params=params)
 
-    offset = {axis: (-0.025, 0.025) for axis in range(3)}
+    def shifted(entity: str, body: str) -> EventTermCfg:
+        return startup(
+            dr.body_com_offset,
+            asset_cfg=SceneEntityCfg(entity, body_names=(body,)),
+            operation="add",
+            ranges={axis: (-0.025, 0.025) for axis in range(3)},
+        )
+
     events = {
-        "begin": EventTermCfg(
-            func=randomisation.Begin,
-            mode="reset",
-            params={
-                "start": options.start,
-                "chances": options.start.chances(options.clock),
-                "foot_place": options.foot_place,
-                "standing_height": standing_height(),
-                "cycle": load_cycle(options.clock)
-                + np.r_[np.zeros(7), np.full(len(JOINTS), options.pose_offset)],
-            },
-        ),
-        "torso_com": startup(
-            dr.body_com_offset,
-            asset_cfg=SceneEntityCfg("robot", body_names=("torso_link",)),
-            operation="add",
-            ranges=offset,
-        ),
-        "board_com": startup(
-            dr.body_com_offset,
-            asset_cfg=SceneEntityCfg("board", body_names=("deck",)),
-            operation="add",
-            ranges=offset,
-        ),
+        "begin": EventTermCfg(func=randomisation.Begin, mode="reset", params={"options": options}),
+        "torso_com": shifted("robot", "torso_link"),
+        "board_com": shifted("board", "deck"),
         "sole_friction": startup(
             dr.geom_friction,
             asset_cfg=SceneEntityCfg("robot", geom_names=(".*_foot.*_collision",)),

@@ -28,8 +28,6 @@ class Condition:
 
     duration: Annotated[float, Parameter(validator=Number(gt=0))] = 20.0
     """Length of an episode [s]."""
-    pushes: Annotated[float, Parameter(validator=Number(gte=0))] = 0.0
-    """Largest change of velocity by shoves, one every 5 to 10 s [m/s]."""
     delay: float = 0.0
     """Delay from the policy's answer to the servos [s]."""
     noise: float = 0.0
@@ -145,7 +143,7 @@ def evaluate(
     processes = effort.workers or len(os.sched_getaffinity(0))
     rides: list[tuple[str, Evaluation]] = []
     with bar(printer) as progress, riders(processes) as pool:
-        plain = partial(evaluate_policy, workers=processes, pool=pool)
+        plain = partial(evaluate_policy, pool=pool)
         measure = evaluate_in_parallel if effort.simulator == "mjlab" else plain
         for name, protocol in SUITE if suite else (("as asked for", given),):
             for one in policies:

@@ -154,7 +154,7 @@ def command_source(options: RideOptions) -> "CommandSource":
     Raises:
         SysidError: The file of commands is not valid, or a number is out of the trained range.
     """
-    from policy_runtime.loop.commands import SPEED_RANGE, TURN_RANGE, Command, Constant, load_script
+    from policy_runtime.loop.commands import SPEED_RANGE, TURN_RANGE, Command, constant, load_script
 
     if options.commands is not None:
         return load_script(options.commands)
@@ -165,7 +165,7 @@ def command_source(options: RideOptions) -> "CommandSource":
         )
     if not abs(options.turn_deg) <= limit:
         raise SysidError(f"--turn-deg {options.turn_deg:g}: policies are trained for ±{limit:g}°.")
-    return Constant(Command(options.speed, math.radians(options.turn_deg)))
+    return constant(Command(options.speed, math.radians(options.turn_deg)))
 
 
 def write_ride(ride: Ride, recording: "Recording", folder: Path, printer: Printer) -> dict[str, str]:

@@ -9,7 +9,7 @@ import pytest
 from command_line import called
 from riding import HoldStill, make_onnx, our_metadata, pink, published_metadata, world_or_skip
 
-from policy_runtime.evaluation.plain import Protocol, evaluate_policy, run_episode
+from policy_runtime.evaluation.plain import Protocol, evaluate_policy, riders, run_episode
 from policy_runtime.evaluation.recording import Recorder
 from policy_runtime.export import export_folder, load_folder
 from policy_runtime.loop.commands import Command, Constant
@@ -157,8 +157,9 @@ def test_turns_are_drawn_anew_in_every_cycle():
 @pytest.mark.slow
 def test_evaluation_is_the_same_whatever_the_workers():
     world_or_skip()
-    one = evaluate_policy("zero", pink(), episodes=3, seeds=(0, 1), workers=1)
-    two = evaluate_policy("zero", pink(), episodes=3, seeds=(0, 1), workers=2)
+    one = evaluate_policy("zero", pink(), episodes=3, seeds=(0, 1))
+    with riders(2) as pool:
+        two = evaluate_policy("zero", pink(), episodes=3, seeds=(0, 1), pool=pool)
     assert one.endings == two.endings
     assert one.duration.value == pytest.approx(two.duration.value)
     for name, quantity in one.errors.items():

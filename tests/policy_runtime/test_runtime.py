@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from riding import HoldStill, Puppet, world_or_skip
 
-from policy_runtime.loop.commands import Command, Constant, Script
+from policy_runtime.loop.commands import Command, constant, Script
 from policy_runtime.loop.safety import Guard, Limits
 from policy_runtime.loop.world import joint_limits
 from policy_runtime.runtime import SERVO_STEPS, Runtime
@@ -18,7 +18,7 @@ def run(robot=None, policy=None, commands=None, duration=1.0, **options):
     runtime = Runtime(
         robot=robot,
         policy=policy or HoldStill(),
-        commands=commands or Constant(Command(1.0, 0.0)),
+        commands=commands or constant(Command(1.0, 0.0)),
         limits=LIMITS,
         **options,
     )
@@ -180,7 +180,7 @@ def test_simulated_robot_holds_a_pose_as_its_servos_say():
     result = Runtime(
         robot=robot,
         policy=HoldStill(),
-        commands=Constant(Command(0.0, 0.0)),
+        commands=constant(Command(0.0, 0.0)),
         limits=limits,
         stop_time=0.0,
     ).run(0.2)
@@ -203,7 +203,7 @@ def test_damped_stop_lets_a_standing_robot_sink_slowly():
     height = robot.truth().pelvis_position[2]
     limits = joint_limits(robot.model, tilt=0.0)  # stops at once
     result = Runtime(
-        robot=robot, policy=HoldStill(), commands=Constant(Command(0, 0)), limits=limits, stop_time=0.3
+        robot=robot, policy=HoldStill(), commands=constant(Command(0, 0)), limits=limits, stop_time=0.3
     ).run(1.0)
     assert result.stopped.startswith("tilt")
     sunk = height - robot.truth().pelvis_position[2]

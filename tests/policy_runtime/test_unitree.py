@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from riding import HoldStill, world_or_skip
 
-from policy_runtime.loop.commands import Command, Constant
+from policy_runtime.loop.commands import Command, constant
 from policy_runtime.loop.world import joint_limits
 from policy_runtime.robots import JointCommand
 from policy_runtime.runtime import Runtime
@@ -127,7 +127,7 @@ def drive(simulated, robot, world, fault, duration=30.0):
     return Runtime(
         robot=robot,
         policy=HoldStill(),
-        commands=Constant(Command(0.0, 0.0)),
+        commands=constant(Command(0.0, 0.0)),
         limits=limits,
         on_tick=on_tick,
         stop_time=0.1,

@@ -30,16 +30,6 @@ class Start:
     joint_noise: float = 0.01
     """[rad]."""
 
-    def __post_init__(self) -> None:
-        """Check the shares."""
-        shares = self._shares
-        if min(shares) < 0 or sum(shares) > 1 + 1e-6:
-            raise ValueError(f"the shares of starts are {shares}; expected none below 0, 1 or less in all")
-
-    @property
-    def _shares(self) -> tuple[float, ...]:
-        return self.pushing, self.mounting, self.steering, self.dismounting
-
     def chances(self, clock: Clock) -> Array:
         """Return the chance of each step of the cycle to be an episode's first, shape (period,); at step 0 it rests.
 
@@ -53,9 +43,10 @@ class Start:
             clock.dismounting(step),
         )
         chances = np.zeros(clock.period)
-        for share, inside in zip(self._shares, phases, strict=True):
+        shares = self.pushing, self.mounting, self.steering, self.dismounting
+        for share, inside in zip(shares, phases, strict=True):
             chances += share * inside / inside.sum()
-        chances[0] = 1 - sum(self._shares)
+        chances[0] = 1 - sum(shares)
         return chances
 
 

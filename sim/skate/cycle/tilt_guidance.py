@@ -35,12 +35,6 @@ class TiltGuidance:
     """Ceiling of the time left [s]; inf spreads the turn over the whole phase, as in the paper. An early turn
     leaves time to correct it."""
 
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        for name in ("wheelbase", "rake", "limit", "damping_speed", "least_time", "longest_time"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} is {getattr(self, name)}; expected a positive number")
-
     @property
     def _trucks(self) -> int:
         return 2 if self.kinematics == "two-truck" else 1

@@ -47,11 +47,6 @@ class TransitionPath:
     lift: float = 0.2
     """Height of the inner control points above the straight line [m]; a quadratic peaks at half of it."""
 
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        if self.order < 1:
-            raise ValueError(f"order is {self.order}; expected 1 or more")
-
     def positions(self, start: Any, end: Any, fraction: Any, lifted: Any) -> Any:
         """Return target positions.
 

@@ -27,10 +27,6 @@ from sim.skate.arrays import constant, namespace, wrap_angle
 
 FRAMES = 5
 """Frames that the policy sees: this one and the four before."""
-FRAME_SIZE = 78
-"""Numbers a frame."""
-OBSERVATION_SIZE = FRAMES * FRAME_SIZE
-
 PARTS = (
     ("command", 2, (2.0, 1.0), 0.0),
     ("angular_velocity", 3, (0.25,) * 3, 0.2),
@@ -42,6 +38,9 @@ PARTS = (
 )
 """Name, size, scale and half-width of the noise of each part of a frame, in order."""
 
+FRAME_SIZE = sum(size for _, size, _, _ in PARTS)
+"""Numbers a frame."""
+OBSERVATION_SIZE = FRAMES * FRAME_SIZE
 SCALE = tuple(scale for _, _, scales, _ in PARTS for scale in scales)
 NOISE = tuple(noise for _, size, _, noise in PARTS for _ in range(size))
 

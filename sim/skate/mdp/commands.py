@@ -1,10 +1,11 @@
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
 """mjlab's command term of the task: speed and turn, and the position in the cycle."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
+import mujoco
 import numpy as np
 import torch
 from mjlab.managers.command_manager import CommandTerm, CommandTermCfg
@@ -18,29 +19,16 @@ from sim.skate.mdp.actor_observation import still_to_turn
 from sim.skate.mdp.reading import Reading
 from sim.skate.mdp.worlds import worlds
 from sim.skate.options import SkateOptions
+from sim.skate.robot.g1 import g1_spec
+from sysid.roll import Array
 
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
 
-T = TypeVar("T")
 SLOW_SPEED = 0.4
 """Largest command of a slow ride [m/s]."""
 STRIDE = 0.9
 """Time over which the speed of pushing is averaged [s]: a stride of the reference clips (0.82 to 0.96 s)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CanonicalPose:
-    """A pose of the robot on the board, as the environment needs it; plain tuples, so that it can be logged."""
-
-    joints: tuple[float, ...]
-    """[rad], 23."""
-    pelvis: tuple[float, ...]
-    """Position [m] and quaternion of the pelvis in the board frame, 7."""
-    key_positions: tuple[tuple[float, ...], ...]
-    """Key bodies in the board frame [m], 14 × 3."""
-    key_quaternions: tuple[tuple[float, ...], ...]
-    """14 × 4."""
 
 
 @dataclass(kw_only=True)
@@ -50,10 +38,8 @@ class SkateCommandCfg(CommandTermCfg):
     options: SkateOptions
     """The variant of the task: ranges of speed and turn, shares told to stand or to go slowly, the path of transitions."""
     guidance: TiltGuidance
-    push_pose: CanonicalPose
-    """Where dismounting ends."""
-    steer_pose: CanonicalPose
-    """Where mounting ends."""
+    ends: tuple[Array, Array]
+    """Key bodies in the board frame where dismounting and where mounting ends: positions [m] (2, 14, 3), quaternions (2, 14, 4)."""
     resampling_time_range: tuple[float, float] = (1e9, 1e9)
     """mjlab draws once an episode. This term changes the speed at random times, and the turn where steering begins."""
 
@@ -85,9 +71,9 @@ class SkateCommand(CommandTerm):
         """Step at which the turn was told, (n,)."""
         self.foot_place = torch.zeros(n, device=device)
         """Wanted place of the right foot along the deck, from the front marker [m]: set by the reset, (n,)."""
-        ends = (cfg.push_pose, cfg.steer_pose)
-        self._end_positions = torch.tensor([pose.key_positions for pose in ends], device=device)
-        self._end_quaternions = torch.tensor([pose.key_quaternions for pose in ends], device=device)
+        self._end_positions, self._end_quaternions = (
+            torch.tensor(values, dtype=torch.float, device=device) for values in cfg.ends
+        )
         # The right foot is not lifted: it carries the robot through both transitions.
         self._lifted = torch.ones(self._end_positions.shape[1], device=device)
         self._lifted[KEY_BODIES.index("right_ankle_roll_link")] = 0.0
@@ -112,18 +98,6 @@ class SkateCommand(CommandTerm):
         """Least and greatest place of the left sole along the board since it last came down [m]."""
         self.first_action = torch.zeros(n, 23, device=device)
         """The action before an episode's first: set by the reset, (n, 23)."""
-        self._now: dict[str, Any] = {}
-        """Values computed at this instant."""
-
-    def refresh(self) -> None:
-        """Forget computed values: the simulation, the cycle or the command has moved on."""
-        self._now = {}
-
-    def _once(self, name: str, compute: Callable[[], T]) -> T:
-        """Return what `compute` gives, called at most once an instant."""
-        if name not in self._now:
-            self._now[name] = compute()
-        return self._now[name]
 
     @property
     def command(self) -> torch.Tensor:
@@ -140,7 +114,7 @@ class SkateCommand(CommandTerm):
     @property
     def still(self) -> torch.Tensor:
         """Whether the cycle waits because the robot is told to stand, bool (n,)."""
-        return self._once("still", lambda: self.clock.waiting(self.step, self._stands()))
+        return self.clock.waiting(self.step, self._stands())
 
     def _stands(self) -> torch.Tensor:
         return self._command[:, 0] < STILL_SPEED
@@ -149,50 +123,25 @@ class SkateCommand(CommandTerm):
     def phases(self) -> tuple[torch.Tensor, ...]:
         """Whether the cycle is in pushing, mounting, steering, dismounting, waiting or not, bool (n,) each."""
         clock, step = self.clock, self.step
-        return self._once(
-            "phases",
-            lambda: (
-                clock.pushing(step),
-                clock.mounting(step),
-                clock.steering(step),
-                clock.dismounting(step),
-            ),
-        )
+        return clock.pushing(step), clock.mounting(step), clock.steering(step), clock.dismounting(step)
 
     @property
     def pushing(self) -> torch.Tensor:
         """Whether the robot shall push, bool (n,)."""
-        return self._once("pushing", lambda: self.phases[0] & ~self.still)
-
-    @property
-    def steering(self) -> torch.Tensor:
-        """Whether the robot shall steer, bool (n,)."""
-        return self.phases[2]
+        return self.clock.pushing(self.step) & ~self.still
 
     @property
     def transition(self) -> torch.Tensor:
         """Whether the robot mounts or dismounts, bool (n,)."""
-        return self._once("transition", lambda: self.phases[1] | self.phases[3])
-
-    @property
-    def cycle_phase(self) -> torch.Tensor:
-        """Φ in [0, 1), (n,)."""
-        return self.clock.cycle_phase(self.step)
+        return self.clock.mounting(self.step) | self.clock.dismounting(self.step)
 
     def headings(self) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the headings of board and robot [rad], (n,) each."""
-        reading = self.reading
-        return self._once(
-            "headings", lambda: (reading.board_heading(), rotation.yaw(reading.robot_quaternion()))
-        )
+        return rotation.yaw(self.reading.board.quaternion()), rotation.yaw(self.reading.robot.quaternion())
 
     def board_velocity(self) -> torch.Tensor:
         """Return the velocity of the board in its own frame [m/s], (n, 3)."""
-        reading = self.reading
-        return self._once(
-            "board_velocity",
-            lambda: rotation.rotate_back(reading.board_quaternion(), reading.board_velocity()),
-        )
+        return rotation.rotate_back(self.reading.board.quaternion(), self.reading.board.velocity())
 
     def heading_reference(self, ahead: "torch.Tensor | float" = 0.0) -> torch.Tensor:
         """Return the heading on the way to the target, `ahead` [s] of this moment [rad], (n,)."""
@@ -203,23 +152,11 @@ class SkateCommand(CommandTerm):
         return wrap_angle(self.target_heading - still * self._command[:, 1])
 
     def tilt_reference(self) -> torch.Tensor:
-        """Tilt γ_ref that the guidance asks for [rad], (n,)."""
-        return self._once("tilt_reference", self._tilt_reference)
-
-    def _tilt_reference(self) -> torch.Tensor:
+        """Return the tilt γ_ref that the guidance asks for [rad], (n,)."""
         guidance = self.cfg.guidance
         time = guidance.time(self.clock.steering_time_left(self.step))
         forward = self.board_velocity()[:, 0]
         return guidance.reference(self.headings()[0], self.heading_reference(time), forward, time)
-
-    def marker_offset(self) -> torch.Tensor:
-        """From where left and right sole shall stand while steering to where they are, board frame [m], (n, 2, 3)."""
-        offset = self.reading.marker_offset()
-        return torch.cat((offset[..., :1] - self.foot_place[:, None, None], offset[..., 1:]), dim=-1)
-
-    def frame(self, compute: Callable[[], torch.Tensor]) -> torch.Tensor:
-        """Return the actor's raw frame, (n, 78): actor and critic see the same one."""
-        return self._once("frame", compute)
 
     def reset(self, env_ids: torch.Tensor | slice | None) -> dict[str, float]:
         """Draw new commands, and make the first action continue the pose that the reset chose."""
@@ -227,7 +164,7 @@ class SkateCommand(CommandTerm):
         self.air_time[env_ids] = 0.0
         self.ground_time[env_ids] = 0.0
         self._sole_speed[env_ids] = 0.0
-        self.mean_speed[env_ids] = self.reading.board_velocity()[env_ids, 0]  # all begin along x
+        self.mean_speed[env_ids] = self.reading.board.velocity()[env_ids, 0]  # all begin along x
         # Who begins within a transition comes from the pose before it.
         pose = self.clock.dismounting(self.step).long()[env_ids]
         self._start_positions[env_ids] = self._end_positions[pose]
@@ -252,8 +189,8 @@ class SkateCommand(CommandTerm):
         speed, turn = self._speeds(), self._turns(torch.empty(self.num_envs, device=self.device))
         # A turn is told where steering begins; until then the course is straight on, and nothing is left of the turn before.
         turn = torch.where(self.clock.steering(self.step), turn, 0.0)
-        target = wrap_angle(self.reading.board_heading() + turn)
-        return torch.stack((speed, turn), dim=-1), target, rotation.yaw(self.reading.robot_quaternion())
+        board, robot = self.headings()
+        return torch.stack((speed, turn), dim=-1), wrap_angle(board + turn), robot
 
     def _speeds(self) -> torch.Tensor:
         """Draw a commanded speed for every world [m/s], (n,): any, slow, or standing still."""
@@ -283,10 +220,7 @@ class SkateCommand(CommandTerm):
             _put(self.step, begun, self.clock.after(self.step, self._stands()))
             changes = torch.rand(self.num_envs, device=self.device) < CONTROL_PERIOD / self._options.change
             _put(self._command[:, 0], changes & begun, self._speeds())
-            self.refresh()
             self._enter_phases(advances)
-        else:
-            self.refresh()
         self._update_path()
 
     def count_strides(
@@ -365,25 +299,15 @@ def _put(kept: torch.Tensor, where: torch.Tensor, new: torch.Tensor) -> None:
     kept.copy_(torch.where(where, new, kept))
 
 
-def canonical_pose(joints: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> CanonicalPose:
-    """Return a pose with its key bodies, by forward kinematics of the model.
-
-    Args:
-        joints: [rad], shape (23,).
-        position: Of the pelvis in the board frame [m], shape (3,).
-        quaternion: Of the pelvis in the board frame, shape (4,).
-    """
-    import mujoco
-
-    from sim.skate.robot.g1 import g1_spec
-
+def key_bodies_at(configurations: Sequence[Array]) -> tuple[Array, Array]:
+    """Return the key bodies, positions [m] (n, 14, 3) and quaternions (n, 14, 4), of robot configurations, (30,) each."""
     model = g1_spec(visuals=False).compile()
     data = mujoco.MjData(model)
-    data.qpos[:] = np.concatenate((position, quaternion, joints))
-    mujoco.mj_kinematics(model, data)
-    return CanonicalPose(
-        joints=tuple(map(float, joints)),
-        pelvis=tuple(map(float, np.concatenate((position, quaternion)))),
-        key_positions=tuple(tuple(map(float, data.body(name).xpos)) for name in KEY_BODIES),
-        key_quaternions=tuple(tuple(map(float, data.body(name).xquat)) for name in KEY_BODIES),
-    )
+    bodies = [model.body(name).id for name in KEY_BODIES]
+    positions, quaternions = [], []
+    for qpos in configurations:
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        positions.append(data.xpos[bodies].copy())
+        quaternions.append(data.xquat[bodies].copy())
+    return np.array(positions), np.array(quaternions)

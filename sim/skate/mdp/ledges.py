@@ -44,9 +44,9 @@ class Ledges:
         """The way down, a unit vector in the plane, (n, 2)."""
         self.edge = torch.zeros(n, device=device)
         """Place of the edge along it [m], (n,)."""
-        self.clear(torch.arange(n, device=device))
+        self.clear(slice(None))
 
-    def clear(self, ids: torch.Tensor) -> None:
+    def clear(self, ids: torch.Tensor | slice) -> None:
         """Put some worlds on level ground at a height of 0."""
         self.height[ids] = 0.0
         self.slab[ids, 2] = PARKED_HEIGHT

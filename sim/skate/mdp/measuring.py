@@ -1,13 +1,13 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false, reportAttributeAccessIssue=false
 """Brings reward and termination functions into mjlab: the state is read once a step, for all of them."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import torch
 
 from sim.skate import rotation
 from sim.skate.cycle.clock import CONTROL_PERIOD
-from sim.skate.mdp import terminations
 from sim.skate.mdp.observations import skate_command
 from sim.skate.mdp.reading import ZONE
 from sim.skate.mdp.rewards._base import Phase, Reward
@@ -17,36 +17,32 @@ from sim.skate.world import contacts
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
 
-_SETTLING_STEPS = 5
+SETTLING_STEPS = 5
 """Steps after a reset in which unloaded feet are no failure: the robot has only just been set down."""
-
-
-def measure(env: "ManagerBasedRlEnv") -> SkateState:
-    """Return the state of this control step; computed at the first call of the step and kept for the others."""
-    return _measured(env)[0]
 
 
 Measured = tuple[SkateState, "dict[Phase, torch.Tensor]"]
 """The state and the phases that it lies in."""
 
 
-def _measured(env: "ManagerBasedRlEnv") -> Measured:
-    step, measured = getattr(env, "_skate_state", (None, None))
-    if measured is None or step != env.common_step_counter:
+def measured(env: "ManagerBasedRlEnv") -> Measured:
+    """Return state and phases of this control step; computed at the first call of the step and kept for the others."""
+    step, found = getattr(env, "_skate_state", (None, None))
+    if found is None or step != env.common_step_counter:
         state = _read(env)
-        measured = state, _phases(state)
-        keep(env, measured)
-    return measured
+        found = state, _phases(state)
+        keep(env, found)
+    return found
 
 
-def keep(env: "ManagerBasedRlEnv", measured: Measured | None) -> None:
-    """Take this as the state of this control step; None measures anew when it is next asked for."""
-    env._skate_state = (env.common_step_counter, measured)
+def keep(env: "ManagerBasedRlEnv", found: Measured | None) -> None:
+    """Take this as `measured`; None measures anew when it is next asked for."""
+    env._skate_state = (env.common_step_counter, found)
 
 
-def kept(env: "ManagerBasedRlEnv") -> Measured:
-    """Return what `keep` takes: the state of this control step."""
-    return _measured(env)
+def measure(env: "ManagerBasedRlEnv") -> SkateState:
+    """Return the state of this control step."""
+    return measured(env)[0]
 
 
 def _phases(state: SkateState) -> dict[Phase, torch.Tensor]:
@@ -63,19 +59,9 @@ def _phases(state: SkateState) -> dict[Phase, torch.Tensor]:
 
 def pay(env: "ManagerBasedRlEnv", reward: Reward) -> torch.Tensor:
     """Return a reward's values in the phase in which it counts, zero elsewhere, (n,)."""
-    state, active = _measured(env)
+    state, active = measured(env)
     value = reward.value(state, **reward.arguments)
     return value if reward.when == "always" else value * active[reward.when]
-
-
-def fallen(env: "ManagerBasedRlEnv", **arguments: float) -> torch.Tensor:
-    """Return `terminations.fallen`, (n,)."""
-    return terminations.fallen(measure(env), **arguments)
-
-
-def body_contact(env: "ManagerBasedRlEnv") -> torch.Tensor:
-    """Return `terminations.body_contact`, (n,)."""
-    return terminations.body_contact(measure(env))
 
 
 def not_finite(env: "ManagerBasedRlEnv") -> torch.Tensor:
@@ -84,45 +70,24 @@ def not_finite(env: "ManagerBasedRlEnv") -> torch.Tensor:
     return ~(torch.isfinite(data.qpos).all(dim=-1) & torch.isfinite(data.qvel).all(dim=-1))
 
 
-def idle_foot(env: "ManagerBasedRlEnv", patience: "float | torch.Tensor") -> torch.Tensor:
-    """Return `terminations.idle_foot`, (n,)."""
-    return terminations.idle_foot(measure(env), patience)
+def ends(env: "ManagerBasedRlEnv", rule: Callable[..., torch.Tensor], **arguments: Any) -> torch.Tensor:
+    """Return where a rule of `terminations` ends the episode, (n,)."""
+    return rule(measure(env), **arguments)
 
 
-def runaway(env: "ManagerBasedRlEnv", speed: float) -> torch.Tensor:
-    """Return where the board rolls faster than `speed` [m/s], as down a long slope, (n,)."""
-    return measure(env).board_velocity[:, 0].abs() > speed
-
-
-class OffBoard:
-    """`terminations.off_board` with its memory of one step."""
-
-    def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
-        """Start with loaded feet."""
-        self._unloaded = torch.zeros(env.num_envs, dtype=torch.bool, device=env.device)
-
-    def __call__(self, env: "ManagerBasedRlEnv") -> torch.Tensor:
-        """Return who has left the board, (n,)."""
-        state = measure(env)
-        off = terminations.off_board(state, self._unloaded)
-        self._unloaded.copy_(~state.foot_on_deck.any(dim=-1))
-        return off & (env.episode_length_buf > _SETTLING_STEPS)
-
-    def reset(self, env_ids: Any = None) -> None:
-        """Forget the step before."""
-        self._unloaded[slice(None) if env_ids is None else env_ids] = False
-
-
-class WrongStance:
-    """Ends episodes whose left foot has been in the wrong place for too long; see `terminations`."""
+class EndsAfter:
+    """Ends episodes for which the count of a rule of `terminations` exceeds a patience."""
 
     def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
         """Start counting at nothing."""
         self._steps = torch.zeros(env.num_envs, dtype=torch.long, device=env.device)
 
-    def __call__(self, env: "ManagerBasedRlEnv", patience: "float | torch.Tensor") -> torch.Tensor:
-        """Return where it has been more than `patience` steps, (n,)."""
-        return self._steps.copy_(terminations.wrong_stance(measure(env), self._steps)) > patience
+    def __call__(
+        self, env: "ManagerBasedRlEnv", rule: Callable[..., torch.Tensor], patience: "float | torch.Tensor"
+    ) -> torch.Tensor:
+        """Return where it has counted more than `patience` steps, (n,)."""
+        counted = self._steps.copy_(rule(measure(env), self._steps))
+        return (counted > patience) & (env.episode_length_buf > SETTLING_STEPS)
 
     def reset(self, env_ids: Any = None) -> None:
         """Forget the steps before."""
@@ -130,18 +95,15 @@ class WrongStance:
 
 
 def _read(env: "ManagerBasedRlEnv") -> SkateState:
-    command = skate_command(env)
-    command.refresh()
+    command, data, actions = skate_command(env), env.sim.data, env.action_manager
     reading = command.reading
-    pelvis = reading.robot_quaternion()
+    pelvis, joints = reading.robot.quaternion(), reading.joint_position()
     board_heading, robot_heading = command.headings()
-    joints = reading.joint_position()
     limits = env.scene["robot"].data.soft_joint_pos_limits
-    offset = command.marker_offset()
     positions, quaternions = reading.key_bodies_on_board()
-    on_deck = reading.marker_offset()
-    on_ground = reading.loaded(contacts.FEET_GROUND)
-    actions = env.action_manager
+    on_deck, on_ground = reading.marker_offset(), reading.loaded(contacts.FEET_GROUND)
+    offset = on_deck.clone()
+    offset[..., 0] -= command.foot_place[:, None]
     sole_velocity = reading.left_sole_velocity()
     touchdown, travel, landing_speed = command.count_strides(
         on_ground[:, 0], on_deck[:, 0, 0], sole_velocity.norm(dim=-1)
@@ -149,7 +111,7 @@ def _read(env: "ManagerBasedRlEnv") -> SkateState:
     return SkateState(
         pushing=command.pushing,
         transition=command.transition,
-        steering=command.steering,
+        steering=command.phases[2],
         still=command.still,
         time_in_push=(command.step % command.clock.period) * CONTROL_PERIOD,
         commanded_speed=command.command[:, 0],
@@ -180,11 +142,11 @@ def _read(env: "ManagerBasedRlEnv") -> SkateState:
         left_sole_heights=reading.left_sole_heights(),
         wheel_on_ground=reading.wheels_loaded(),
         other_contacts=reading.other_contacts(),
-        self_contacts=reading.self_contacts(),
+        self_contacts=reading.count(contacts.SELF),
         joint_position=joints,
         joint_velocity=reading.joint_velocity(),
-        joint_acceleration=reading.joint_acceleration(),
-        joint_torque=reading.joint_torque(),
+        joint_acceleration=data.qacc[:, reading.joint_v],
+        joint_torque=data.qfrc_actuator[:, reading.joint_v],
         joint_excess=(joints - limits[..., 1]).clamp(min=0) + (limits[..., 0] - joints).clamp(min=0),
         action=actions.action,
         action_1=actions.prev_action,

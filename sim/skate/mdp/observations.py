@@ -62,24 +62,18 @@ class ActorFrame:
     def __call__(self, env: "ManagerBasedRlEnv") -> torch.Tensor:
         """Return the frame."""
         command = skate_command(env)
-        return command.frame(lambda: self._frame(env, command))
-
-    def _frame(self, env: "ManagerBasedRlEnv", command: SkateCommand) -> torch.Tensor:
-        reading = command.reading
+        reading, there = command.reading, self._worlds
+        pelvis = reading.robot.quaternion()
+        down = projected_gravity(pelvis) if there is None else -rotation.rotate_back(pelvis, there.up())
         return raw_frame(
             command.seen(),
-            reading.gyro(),
-            self._gravity(reading.robot_quaternion()),
+            reading.imu("ang_vel"),
+            down,
             reading.joint_position() - self._default,
             reading.joint_velocity(),
             env.action_manager.action,
-            command.cycle_phase[:, None],
+            command.clock.cycle_phase(command.step)[:, None],
         )
-
-    def _gravity(self, pelvis: torch.Tensor) -> torch.Tensor:
-        if self._worlds is None:
-            return projected_gravity(pelvis)
-        return -rotation.rotate_back(pelvis, self._worlds.up())
 
     def reset(self, env_ids: Any = None) -> None:
         """Do nothing: there is no memory here."""
@@ -168,7 +162,7 @@ def _guidance(command: SkateCommand) -> tuple[torch.Tensor, ...]:
     reading = command.reading
     turn = command.target_heading - command.headings()[0]
     return (
-        reading.velocimeter(),
+        reading.imu("lin_vel"),
         torch.stack((torch.sin(turn), torch.cos(turn)), dim=-1),
         10 * command.tilt_reference()[:, None],
         torch.stack((10 * reading.tilt(), reading.tilt_rate()), dim=-1),
@@ -178,15 +172,15 @@ def _guidance(command: SkateCommand) -> tuple[torch.Tensor, ...]:
 
 def _board(command: SkateCommand) -> tuple[torch.Tensor, ...]:
     reading = command.reading
-    pelvis, board = reading.robot_quaternion(), reading.board_quaternion()
+    pelvis, board = reading.robot.quaternion(), reading.board.quaternion()
     relative = rotation.multiply(rotation.conjugate(pelvis), board)
     axes = torch.eye(3, device=board.device)
     return (
-        rotation.rotate_back(pelvis, reading.board_position() - reading.robot_position()),
+        rotation.rotate_back(pelvis, reading.board.position() - reading.robot.position()),
         rotation.rotate(relative, axes[0]),
         rotation.rotate(relative, axes[2]),
         command.board_velocity(),
-        reading.board_angular_velocity(),
+        reading.board.angular_velocity(),
         5 * reading.marker_offset().flatten(1),
     )
 
@@ -201,7 +195,7 @@ def _path(command: SkateCommand) -> tuple[torch.Tensor, ...]:
 def _contacts(command: SkateCommand) -> tuple[torch.Tensor, ...]:
     reading = command.reading
     forces = torch.cat(
-        [reading.foot_forces(name).flatten(1) for name in (contacts.FEET_GROUND, contacts.FEET_DECK)], dim=-1
+        [reading.forces(name).flatten(1) for name in (contacts.FEET_GROUND, contacts.FEET_DECK)], dim=-1
     )
     return (
         torch.sign(forces) * torch.log1p(forces.abs()),

@@ -14,8 +14,7 @@
 | velocity of the pelvis | ±0.5 m/s, every 5 to 10 s | pushes |
 """
 
-from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -23,84 +22,64 @@ from mjlab.managers.event_manager import RecomputeLevel, requires_model_fields
 
 from sim.board.scene import WHEELS
 from sim.skate.arrays import constant
-from sim.skate.cycle.start import STANDING_PLACE, Start
+from sim.skate.cycle.start import STANDING_PLACE
 from sim.skate.mdp.observations import skate_command
+from sim.skate.options import SkateOptions
 from sim.skate.robot import g1
+from sim.skate.world.cycle import load_cycle
 from sim.skate.world.posterior import FIELDS, BoardDraws, index_of
+from sim.skate.world.scene import STANDING_PELVIS, standing_height
 
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
-
-
-@dataclass(frozen=True, slots=True)
-class FirstState:
-    """Initial states of an episode."""
-
-    qpos: torch.Tensor
-    """(n, nq)."""
-    qvel: torch.Tensor
-    """(n, nv)."""
-    step: torch.Tensor
-    """Steps since the cycle began, (n,)."""
-    foot_place: torch.Tensor
-    """Place of the right foot along the deck [m], (n,)."""
-    action: torch.Tensor
-    """The action that asks for the pose, (n, 23)."""
 
 
 class Begin:
     """Puts robot and board into the first state of an episode and sets the cycle accordingly."""
 
     def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
-        """Take `start` (Start) and its `chances`, `foot_place` (from, to) [m], `standing_height` [m] and `load_cycle`'s `cycle`."""
+        """Put the cycle of `options` (`SkateOptions`) on the device."""
         self._env = env
-        self._start: Start = cfg.params["start"]
+        self._options: SkateOptions = cfg.params["options"]
         place = partial(torch.tensor, dtype=torch.float, device=env.device)
-        self._below, self._cycle = place(cfg.params["chances"].cumsum()), place(cfg.params["cycle"])
-        self._foot_place: tuple[float, float] = cfg.params["foot_place"]
-        self._standing_height: float = cfg.params["standing_height"]
+        clock, pose = self._options.clock, g1.default_pose()
+        self._below = place(self._options.start.chances(clock).cumsum())
+        self._cycle = place(load_cycle(clock))
+        self._cycle[:, 7:] += self._options.pose_offset
+        self._standing = place([*STANDING_PELVIS, standing_height(), 1.0, 0.0, 0.0, 0.0, *pose])
+        self._default, self._scale = place(pose), place(g1.servos().action_scale)
 
     def __call__(self, env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, **params: Any) -> None:
         """Let the episodes of some worlds begin, of all if None."""
         ids = slice(None) if env_ids is None else env_ids
-        drawn, command, data = self.draw(), skate_command(env), env.sim.data
-        for kept, new in (
-            (data.qpos, drawn.qpos),
-            (data.qvel, drawn.qvel),
-            (command.step, drawn.step),
-            (command.foot_place, drawn.foot_place),
-            (command.first_action, drawn.action),
-        ):
-            kept[ids] = new[ids]
+        command, data = skate_command(env), env.sim.data
+        kept = data.qpos, data.qvel, command.step, command.foot_place, command.first_action
+        for values, drawn in zip(kept, self.draw(), strict=True):
+            values[ids] = drawn[ids]
 
-    def draw(self) -> FirstState:
-        """Draw a first state for every world; all of them, so that it is one CUDA graph whoever needs it."""
-        env, start = self._env, self._start
+    def draw(self) -> tuple[torch.Tensor, ...]:
+        """Draw a first state for every world; all of them, so that it is one CUDA graph whoever needs it.
+
+        Returns:
+            Positions (n, nq) and velocities (n, nv), steps since the cycle began (n,), place of the right foot along the
+            deck [m] (n,), and the action that asks for the pose (n, 23).
+        """
+        env, start = self._env, self._options.start
         command, n = skate_command(env), env.num_envs
         random = partial(torch.rand, device=env.device)
         step = torch.searchsorted(self._below, random(n), right=True).clamp(max=len(self._below) - 1)
         rolls = step > 0
         speed = torch.empty(n, device=env.device).uniform_(*start.speed) * rolls
-        standing = constant(
-            (-0.03, 0.10, self._standing_height, 1, 0, 0, 0, *_servo_numbers()[0]), self._cycle
-        )
-        robot = torch.where(rolls[:, None], self._cycle[step], standing)
+        robot = torch.where(rolls[:, None], self._cycle[step], self._standing)
         robot[:, 2] += command.reading.axis_height * rolls
         robot[:, 1] += start.position_noise * (2 * random(n) - 1) * torch.where(rolls, 0.5, 1.0)
-        place = torch.empty(n, device=env.device).uniform_(*self._foot_place)
+        place = torch.empty(n, device=env.device).uniform_(*self._options.foot_place)
         robot[:, 0] += place - torch.where(rolls, 0.0, STANDING_PLACE)
         limits = env.scene["robot"].data.joint_pos_limits
         joints = robot[:, 7:] + start.joint_noise * (2 * random(n, 23) - 1)
         robot[:, 7:] = joints.clamp(limits[..., 0], limits[..., 1])
-        default, scale = _servo_numbers()
-        action = (robot[:, 7:] - constant(default, robot)) / constant(scale, robot)
-        return FirstState(*_whole(env, robot, speed), step, place, action)
-
-
-@lru_cache
-def _servo_numbers() -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the default pose [rad] and the scale of the actions [rad], 23 each."""
-    return tuple(g1.default_pose().tolist()), tuple(g1.servos().action_scale.tolist())
+        action = (robot[:, 7:] - self._default) / self._scale
+        return *_whole(env, robot, speed), step, place, action
 
 
 def _whole(
@@ -110,10 +89,10 @@ def _whole(
     model, reading = env.sim.mj_model, skate_command(env).reading
     qpos = constant(tuple(model.qpos0.tolist()), robot).repeat(len(robot), 1)
     qvel = torch.zeros(len(robot), model.nv, device=env.device)
-    qpos[:, reading.robot_q : reading.robot_q + 7] = robot[:, :7]
+    qpos[:, reading.robot.q : reading.robot.q + 7] = robot[:, :7]
     qpos[:, reading.joint_q] = robot[:, 7:]
-    qvel[:, reading.robot_v] = speed
-    qvel[:, reading.board_v] = speed
+    qvel[:, reading.robot.v] = speed
+    qvel[:, reading.board.v] = speed
     for wheel in WHEELS:
         qvel[:, model.joint(f"board/{wheel}_wheel_joint").dofadr[0]] = speed / reading.wheel_radius
     return qpos, qvel
@@ -144,6 +123,6 @@ def draw_board(
 def push(env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, speed: float) -> None:
     """Change the pelvis' horizontal velocity by up to ±`speed` [m/s] in each direction."""
     ids = torch.arange(env.num_envs, device=env.device) if env_ids is None else env_ids
-    column = skate_command(env).reading.robot_v
+    column = skate_command(env).reading.robot.v
     kick = speed * (2 * torch.rand(len(ids), 2, device=env.device) - 1)
     env.sim.data.qvel[ids, column : column + 2] += kick

@@ -5,7 +5,7 @@ Positions and velocities of the two free bodies are of this instant. Poses of li
 kinematics, one simulation step late when rewards are computed.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -19,12 +19,42 @@ from sim.skate.world import contacts
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
 
-SOLE_POINTS = ((0.15, 0.0, 0.0), (-0.15, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, -0.1, 0.0))
-"""Four points in the plane of the sole about its middle [m], by which it is judged flat."""
 BALL = (0.075, 0.0, 0.0)
 """Ball of the foot in the ankle roll frame [m]: what stays in place when the foot turns between the poses."""
 ZONE = (0.15, 0.10)
 """Half length and half width of the zone about a marker in which a foot counts as placed [m]."""
+SOLE_POINTS = tuple(
+    tuple(sign * half * (axis == other) for other in range(3))
+    for axis, half in enumerate(ZONE)
+    for sign in (1, -1)
+)
+"""Four points in the plane of the sole, as far from its middle [m], by which it is judged flat."""
+
+
+class FreeBody:
+    """A body that moves freely: its pose and velocities."""
+
+    def __init__(self, env: "ManagerBasedRlEnv", joint: str) -> None:
+        """Find its free joint."""
+        self._sim, found = env.sim, env.sim.mj_model.joint(joint)
+        self.q, self.v = int(found.qposadr[0]), int(found.dofadr[0])
+        """First column in qpos and in qvel."""
+
+    def position(self) -> torch.Tensor:
+        """Origin in the world [m], (n, 3)."""
+        return self._sim.data.qpos[:, self.q : self.q + 3]
+
+    def quaternion(self) -> torch.Tensor:
+        """Orientation, (n, 4)."""
+        return self._sim.data.qpos[:, self.q + 3 : self.q + 7]
+
+    def velocity(self) -> torch.Tensor:
+        """Velocity of the origin in the world [m/s], (n, 3)."""
+        return self._sim.data.qvel[:, self.v : self.v + 3]
+
+    def angular_velocity(self) -> torch.Tensor:
+        """Angular velocity in its own frame [rad/s], (n, 3)."""
+        return self._sim.data.qvel[:, self.v + 3 : self.v + 6]
 
 
 class Reading:
@@ -32,81 +62,41 @@ class Reading:
 
     def __init__(self, env: "ManagerBasedRlEnv") -> None:
         """Find the indices."""
-        self._env = env
-        self._sim = env.sim
-        model = env.sim.mj_model
-        tensor = lambda values: torch.tensor(values, device=env.device, dtype=torch.long)  # noqa: E731
-        joint = model.joint
-        self.robot_q = joint("robot/floating_base_joint").qposadr[0]
-        self.robot_v = joint("robot/floating_base_joint").dofadr[0]
-        self.board_q = joint("board/board_free_joint").qposadr[0]
-        self.board_v = joint("board/board_free_joint").dofadr[0]
-        self.joint_q = tensor([joint(f"robot/{name}").qposadr[0] for name in JOINTS])
-        self.joint_v = tensor([joint(f"robot/{name}").dofadr[0] for name in JOINTS])
+        self._env, self._sim = env, env.sim
+        model, joint = env.sim.mj_model, env.sim.mj_model.joint
+
+        def indices(values: list[Any]) -> torch.Tensor:
+            return torch.tensor(values, device=env.device, dtype=torch.long)
+
+        def place(values: Any) -> torch.Tensor:
+            return torch.tensor(values, device=env.device, dtype=torch.float)
+
+        self.robot, self.board = (
+            FreeBody(env, name) for name in ("robot/floating_base_joint", "board/board_free_joint")
+        )
+        self.joint_q = indices([joint(f"robot/{name}").qposadr[0] for name in JOINTS])
+        self.joint_v = indices([joint(f"robot/{name}").dofadr[0] for name in JOINTS])
         self._tilt_q = joint(f"board/{TILT_JOINT}").qposadr[0]
         self._tilt_v = joint(f"board/{TILT_JOINT}").dofadr[0]
-        self._truck_q = tensor([joint(f"board/{name}").qposadr[0] for name in TRUCK_JOINTS])
-        self._key_bodies = tensor([model.body(f"robot/{name}").id for name in KEY_BODIES])
-        self._feet = tensor([model.body(f"robot/{name}").id for name in FOOT_BODIES])
-        wheelbase = model.site("board/front_marker").pos[0] - model.site("board/rear_marker").pos[0]
-        top = model.site("board/front_marker").pos[2]
-        self._markers = torch.tensor(
-            [[-wheelbase / 2, 0.0, top], [wheelbase / 2, 0.0, top]], device=env.device, dtype=torch.float
-        )
-        self.weight = float(model.body("robot/pelvis").subtreemass[0]) * float(
-            np.linalg.norm(model.opt.gravity)
-        )
+        self._truck_q = indices([joint(f"board/{name}").qposadr[0] for name in TRUCK_JOINTS])
+        self._key_bodies = indices([model.body(f"robot/{name}").id for name in KEY_BODIES])
+        self._feet = indices([model.body(f"robot/{name}").id for name in FOOT_BODIES])
+        front, rear = (model.site(f"board/{end}_marker").pos for end in ("front", "rear"))
+        half = (front[0] - rear[0]) / 2
+        self._markers = place([[-half, 0.0, front[2]], [half, 0.0, front[2]]])
+        pelvis = model.body("robot/pelvis")
+        self._root = int(pelvis.id)
+        self.weight = float(pelvis.subtreemass[0]) * float(np.linalg.norm(model.opt.gravity))
         """Of the robot [N]."""
-        self._root = int(model.body("robot/pelvis").id)
         self.axis_height = float(model.body("board/board").pos[2])
         """Height of the tilt axis over level ground [m]."""
         self.wheel_radius = float(model.geom("board/front_left_wheel_collision").size[0])
         """[m]."""
-        self._sole_centre = torch.tensor(SOLE_CENTRE, device=env.device)
-        self._sole_points = torch.tensor(SOLE_POINTS, device=env.device)
-        self._ball = torch.tensor(BALL, device=env.device)
-        self._gyro = env.scene["robot/imu_ang_vel"]
-        self._velocimeter = env.scene["robot/imu_lin_vel"]
+        self._sole_centre, self._sole_points, self._ball = map(place, (SOLE_CENTRE, SOLE_POINTS, BALL))
 
-    # The two free bodies
-
-    def board_position(self) -> torch.Tensor:
-        """Origin of the board [m], (n, 3)."""
-        return self._sim.data.qpos[:, self.board_q : self.board_q + 3]
-
-    def board_quaternion(self) -> torch.Tensor:
-        """Orientation of the board, (n, 4)."""
-        return self._sim.data.qpos[:, self.board_q + 3 : self.board_q + 7]
-
-    def board_heading(self) -> torch.Tensor:
-        """Heading of the board [rad], (n,)."""
-        return rotation.yaw(self.board_quaternion())
-
-    def board_velocity(self) -> torch.Tensor:
-        """Velocity of the board's origin in the world [m/s], (n, 3)."""
-        return self._sim.data.qvel[:, self.board_v : self.board_v + 3]
-
-    def board_angular_velocity(self) -> torch.Tensor:
-        """Angular velocity of the board in its own frame [rad/s], (n, 3)."""
-        return self._sim.data.qvel[:, self.board_v + 3 : self.board_v + 6]
-
-    def robot_position(self) -> torch.Tensor:
-        """Origin of the pelvis [m], (n, 3)."""
-        return self._sim.data.qpos[:, self.robot_q : self.robot_q + 3]
-
-    def robot_quaternion(self) -> torch.Tensor:
-        """Orientation of the pelvis, (n, 4)."""
-        return self._sim.data.qpos[:, self.robot_q + 3 : self.robot_q + 7]
-
-    def gyro(self) -> torch.Tensor:
-        """Angular velocity at the pelvis' IMU [rad/s], (n, 3)."""
-        return self._gyro.data
-
-    def velocimeter(self) -> torch.Tensor:
-        """Velocity at the pelvis' IMU in its frame [m/s], (n, 3)."""
-        return self._velocimeter.data
-
-    # Joints
+    def imu(self, name: str) -> torch.Tensor:
+        """Angular velocity [rad/s] or velocity [m/s] at the pelvis' IMU in its frame, 'ang_vel' or 'lin_vel', (n, 3)."""
+        return self._env.scene[f"robot/imu_{name}"].data
 
     def joint_position(self) -> torch.Tensor:
         """[rad], (n, 23)."""
@@ -115,14 +105,6 @@ class Reading:
     def joint_velocity(self) -> torch.Tensor:
         """[rad/s], (n, 23)."""
         return self._sim.data.qvel[:, self.joint_v]
-
-    def joint_acceleration(self) -> torch.Tensor:
-        """[rad/s^2], (n, 23)."""
-        return self._sim.data.qacc[:, self.joint_v]
-
-    def joint_torque(self) -> torch.Tensor:
-        """[N*m], (n, 23)."""
-        return self._sim.data.qfrc_actuator[:, self.joint_v]
 
     def tilt(self) -> torch.Tensor:
         """Tilt γ of the deck [rad]: left edge down positive, so minus the roll joint, (n,)."""
@@ -136,77 +118,64 @@ class Reading:
         """Steering angles of front and rear truck [rad], left turn positive, (n, 2)."""
         return -self._sim.data.qpos[:, self._truck_q]
 
-    # Links
-
     def key_bodies_on_board(self) -> tuple[torch.Tensor, torch.Tensor]:
         """Positions (n, 14, 3) [m] and orientations (n, 14, 4) of the key bodies in the board frame."""
-        board = self.board_quaternion()[:, None]
-        positions = self._sim.data.xpos[:, self._key_bodies] - self.board_position()[:, None]
+        board = self.board.quaternion()[:, None]
+        positions = self._sim.data.xpos[:, self._key_bodies] - self.board.position()[:, None]
         return (
             rotation.rotate_back(board, positions),
             rotation.multiply(rotation.conjugate(board), self._sim.data.xquat[:, self._key_bodies]),
         )
 
-    def soles_on_board(self) -> torch.Tensor:
-        """Middle of left and right sole in the board frame [m], (n, 2, 3)."""
-        soles = self._sim.data.xpos[:, self._feet] + rotation.rotate(
-            self._sim.data.xquat[:, self._feet], self._sole_centre
-        )
-        board = self.board_quaternion()[:, None]
-        return rotation.rotate_back(board, soles - self.board_position()[:, None])
+    def _points(self, feet: torch.Tensor, point: torch.Tensor) -> torch.Tensor:
+        """Return a point of some feet in the world [m], (n, feet, 3)."""
+        return self._sim.data.xpos[:, feet] + rotation.rotate(self._sim.data.xquat[:, feet], point)
+
+    def _on_board(self, points: torch.Tensor) -> torch.Tensor:
+        """Return points of the world, (n, k, 3), in the board frame [m]."""
+        return rotation.rotate_back(self.board.quaternion()[:, None], points - self.board.position()[:, None])
 
     def marker_offset(self) -> torch.Tensor:
-        """From the rear and front marker to the left and right sole, board frame [m], (n, 2, 3)."""
-        return self.soles_on_board() - self._markers
+        """From the rear and front marker to the middle of the left and right sole, board frame [m], (n, 2, 3)."""
+        return self._on_board(self._points(self._feet, self._sole_centre)) - self._markers
 
     def foot_place(self) -> torch.Tensor:
         """Ball of the right foot along the deck, from the front marker [m], (n,)."""
-        right = self._feet[1:]
-        ball = self._sim.data.xpos[:, right] + rotation.rotate(self._sim.data.xquat[:, right], self._ball)
-        board = self.board_quaternion()[:, None]
-        place = rotation.rotate_back(board, ball - self.board_position()[:, None])
-        return place[:, 0, 0] - self._markers[1, 0]
+        return self._on_board(self._points(self._feet[1:], self._ball))[:, 0, 0] - self._markers[1, 0]
 
     def left_sole_velocity(self) -> torch.Tensor:
         """Velocity of the middle of the left sole in the world [m/s], (n, 3)."""
         data, foot = self._sim.data, self._feet[:1]
-        sole = data.xpos[:, foot] + rotation.rotate(data.xquat[:, foot], self._sole_centre)
         # MuJoCo's cvel is angular, then linear, at the centre of mass of the whole tree.
         turning, moving = data.cvel[:, foot].split(3, dim=-1)
-        arm = sole - data.subtree_com[:, self._root, None]
+        arm = self._points(foot, self._sole_centre) - data.subtree_com[:, self._root, None]
         return (moving + torch.cross(turning, arm, dim=-1))[:, 0]
 
     def left_sole_heights(self) -> torch.Tensor:
         """Heights of `SOLE_POINTS` of the left foot about its middle [m], (n, 4)."""
-        foot = self._sim.data.xquat[:, self._feet[:1]]
-        return rotation.rotate(foot, self._sole_points)[..., 2]
+        return rotation.rotate(self._sim.data.xquat[:, self._feet[:1]], self._sole_points)[..., 2]
 
-    # Contacts
-
-    def foot_forces(self, sensor: str) -> torch.Tensor:
-        """Net force on left and right foot [N], world frame, (n, 2, 3)."""
+    def forces(self, sensor: str) -> torch.Tensor:
+        """Net force on left and right foot, or on the four wheels [N], world frame, (n, 2 or 4, 3)."""
         return self._env.scene[sensor].data.force
 
     def load(self, sensor: str) -> torch.Tensor:
         """Vertical force on left and right foot over the robot's nominal weight [1], (n, 2)."""
-        return self.foot_forces(sensor)[..., 2].abs() / self.weight
+        return self.forces(sensor)[..., 2].abs() / self.weight
 
-    def loaded(self, sensor: str) -> torch.Tensor:
-        """Whether left and right foot are loaded, bool (n, 2)."""
-        return self.foot_forces(sensor).norm(dim=-1) > contacts.FORCE_THRESHOLD
+    def loaded(self, sensor: str, threshold: float = contacts.FORCE_THRESHOLD) -> torch.Tensor:
+        """Whether feet or wheels press on what the sensor is about with more than `threshold` [N], bool (n, 2 or 4)."""
+        return self.forces(sensor).norm(dim=-1) > threshold
 
     def wheels_loaded(self) -> torch.Tensor:
         """Whether each wheel presses on the ground, bool (n, 4)."""
-        return (
-            self._env.scene[contacts.WHEELS_GROUND].data.force.norm(dim=-1) > contacts.WHEEL_FORCE_THRESHOLD
-        )
+        return self.loaded(contacts.WHEELS_GROUND, contacts.WHEEL_FORCE_THRESHOLD)
+
+    def count(self, sensor: str) -> torch.Tensor:
+        """Number of contacts, (n,)."""
+        return self._env.scene[sensor].data.found.sum(dim=-1)
 
     def other_contacts(self) -> torch.Tensor:
         """Contacts of ground or board with anything of the robot but its feet, (n,)."""
-        found = lambda sensor: self._env.scene[sensor].data.found.sum(dim=-1)  # noqa: E731
-        everything = found(contacts.ROBOT_GROUND) + found(contacts.ROBOT_BOARD)
-        return everything - found(contacts.FEET_GROUND) - found(contacts.FEET_DECK)
-
-    def self_contacts(self) -> torch.Tensor:
-        """Contacts of the robot with itself, (n,)."""
-        return self._env.scene[contacts.SELF].data.found.sum(dim=-1)
+        everything = self.count(contacts.ROBOT_GROUND) + self.count(contacts.ROBOT_BOARD)
+        return everything - self.count(contacts.FEET_GROUND) - self.count(contacts.FEET_DECK)

@@ -12,13 +12,14 @@ def fallen(state: SkateState, inclination: float = math.radians(70)) -> Any:
     return state.upright < math.cos(inclination)
 
 
-def off_board(state: SkateState, unloaded_before: Any) -> Any:
-    """Both feet are off the deck, now and in the step before, bool (n,).
+def off_board(state: SkateState, steps_before: Any) -> Any:
+    """Return for how many steps both feet have been off the deck, integers (n,); `steps_before` is the count before this one."""
+    return (steps_before + 1) * ~state.foot_on_deck.any(axis=-1)
 
-    Args:
-        unloaded_before: Whether neither foot loaded the deck one step earlier, bool (n,).
-    """
-    return unloaded_before & ~state.foot_on_deck.any(axis=-1)
+
+def runaway(state: SkateState, speed: float) -> Any:
+    """The board rolls faster than `speed` [m/s], as down a long slope, bool (n,)."""
+    return abs(state.board_velocity[..., 0]) > speed
 
 
 def body_contact(state: SkateState) -> Any:

@@ -66,10 +66,6 @@ class Worlds:
     def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
         """Draw every world's place."""
         variation: Variation = cfg.params["variation"]
-        if variation.sensor_delay > (MEMORY - 1) * CONTROL_PERIOD + 1e-9:
-            raise ValueError(
-                f"delays of the sensors reach over at most {MEMORY - 1} policy steps of {CONTROL_PERIOD} s"
-            )
         self.variation = variation
         self.strength = torch.ones((), device=env.device)
         """Share of the variation by which worlds differ, in one place in memory, ()."""
@@ -142,7 +138,7 @@ class Worlds:
         self.bias.copy_(strength * self._bias)
         sim.recompute_constants(RecomputeLevel.set_const)
 
-    def draw_slope(self, ids: torch.Tensor) -> None:
+    def draw_slope(self, ids: torch.Tensor | slice) -> None:
         """Put some worlds at the beginning of a new segment of ground."""
         gradient, length = self._segment()
         for kept, new in ((self.slope, gradient), (self._coming, gradient), (self._remaining, length)):
@@ -239,19 +235,17 @@ def worlds(env: "ManagerBasedRlEnv") -> Worlds | None:
 
 
 def draw_slope(env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None) -> None:
-    """Begin on a new segment of ground."""
-    _there(env).draw_slope(torch.arange(env.num_envs, device=env.device) if env_ids is None else env_ids)
+    """Begin on a new segment of ground: mjlab's event of a reset."""
+    there = worlds(env)
+    assert there is not None  # the task adds this event beside the worlds
+    there.draw_slope(slice(None) if env_ids is None else env_ids)
 
 
 def roll_on(env: "ManagerBasedRlEnv", env_ids: None) -> None:
-    """Go on over the ground, in every step."""
-    _there(env).roll_on()
-
-
-def _there(env: "ManagerBasedRlEnv") -> Worlds:
+    """Go on over the ground: mjlab's event of every step."""
     there = worlds(env)
-    assert there is not None  # the task adds these events beside the worlds
-    return there
+    assert there is not None  # as above
+    there.roll_on()
 
 
 def _bias_widths(variation: Variation) -> list[float]:

@@ -20,11 +20,14 @@ from sysid.roll import Array
 
 LEG_JOINTS = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
 ARM_JOINTS = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")
-JOINTS: tuple[str, ...] = (
+WRIST_JOINTS = ("wrist_roll", "wrist_pitch", "wrist_yaw")
+MOTORS: tuple[str, ...] = (
     *(f"{side}_{joint}_joint" for side in ("left", "right") for joint in LEG_JOINTS),
     *(f"waist_{axis}_joint" for axis in ("yaw", "roll", "pitch")),
-    *(f"{side}_{joint}_joint" for side in ("left", "right") for joint in ARM_JOINTS),
+    *(f"{side}_{joint}_joint" for side in ("left", "right") for joint in (*ARM_JOINTS, *WRIST_JOINTS)),
 )
+"""All 29 joints in the order of the robot's messages and of stored motions."""
+JOINTS = tuple(joint for joint in MOTORS if "wrist" not in joint)
 """The 23 joints in the order of policies, observations and the model's qpos."""
 
 FOOT_BODIES = ("left_ankle_roll_link", "right_ankle_roll_link")

@@ -15,6 +15,7 @@ import numpy as np
 
 from sim.board.scene import Coupling, board_spec, integrator_value
 from sim.compensation.scene import compensate
+from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.robot import g1
 from sim.skate.world.terrain import Terrain, add_ledge, add_terrain
 from sysid.board import Board
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
     from mjlab.sim import SimulationCfg
 
 TIMESTEP = 0.005
-"""Step of the simulation [s]; four make a policy step."""
-DECIMATION = 4
+"""Step of the simulation [s]."""
+DECIMATION = round(CONTROL_PERIOD / TIMESTEP)
 ITERATIONS = 10
 LINE_SEARCH_ITERATIONS = 20
 """Steps of the simulation in one of the policy (50 Hz); iterations of MuJoCo Warp's solver and of its line search: as in mjlab's tasks.

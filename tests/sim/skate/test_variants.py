@@ -70,10 +70,9 @@ def write_yaw(env, world, yaw):
 
     from sim.skate.mdp.observations import skate_command
 
-    column = skate_command(env).reading.robot_q + 3
+    column = skate_command(env).reading.robot.q + 3
     quaternion = torch.tensor([math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)])
     env.sim.data.qpos[world, column : column + 4] = quaternion
-    skate_command(env).refresh()
 
 
 def test_the_default_variant():
@@ -124,13 +123,13 @@ def test_the_default_variant():
         assert frame[2, 1].item() == pytest.approx(command.command[2, 1].item(), abs=1e-5)
 
         # Noise within its bounds, which no two worlds share.
-        clean = reading.gyro() * 0.25
+        clean = reading.imu("ang_vel") * 0.25
         off = (frame[:, 2:5] - clean).abs()
         assert 0 < off.max() <= 0.2 * 0.25 + 1e-6
 
         # Pushes of the pelvis, to both sides and no more than told.
         assert "push" in env.event_manager.active_terms["interval"]
-        columns = slice(reading.robot_v, reading.robot_v + 2)
+        columns = slice(reading.robot.v, reading.robot.v + 2)
         before = env.sim.data.qvel[:, columns].clone()
         randomisation.push(env, None, options.pushes)
         kick = (env.sim.data.qvel[:, columns] - before).numpy()
@@ -186,11 +185,11 @@ def test_who_begins_in_a_transition_is_where_the_clip_is(phase, before):
         command, reading = skate_command(env), skate_command(env).reading
         index = ("pushing", "mounting", "steering", "dismounting").index(phase)
         assert command.phases[index].all()
-        robot = env.sim.data.qpos[:, reading.robot_q : reading.robot_q + 30].clone()
+        robot = env.sim.data.qpos[:, reading.robot.q : reading.robot.q + 30].clone()
         robot[:, 2] -= reading.axis_height
         clip = torch.tensor(load_cycle(command.clock), dtype=torch.float)[command.step]
         torch.testing.assert_close(robot, clip, atol=1e-4, rtol=0)
-        assert (reading.board_velocity()[:, 0] == 1.0).all()
+        assert (reading.board.velocity()[:, 0] == 1.0).all()
         assert not reading.tilt().any()
         # Nothing is left of the last turn, and the task's path, which lifts them more, begins in the pose before.
         assert not command.seen()[:, 1].any()
@@ -214,7 +213,7 @@ def test_a_world_that_breaks_down_is_ended_and_not_counted_and_its_reward_is_nam
 
     with worlds(start=PUSHING, speed=(0.5, 1.5)) as env:
         progress = Progress(env)
-        env.sim.data.qvel[3, skate_command(env).reading.board_v] = math.nan
+        env.sim.data.qvel[3, skate_command(env).reading.board.v] = math.nan
         observations = step(env)[0]
         progress.add(torch.zeros(()))
         assert env.termination_manager.get_term("not_finite").tolist() == [world == 3 for world in range(8)]

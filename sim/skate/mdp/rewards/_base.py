@@ -18,10 +18,6 @@ class Task:
 
     options: SkateOptions
     """The variant of the task."""
-    steer_pose: tuple[float, ...]
-    """Joints in the steering pose [rad], 23."""
-    stand_pose: tuple[float, ...]
-    """Joints of the robot that stands [rad], 23."""
     clips: Sequence[PushClip] = ()
     """Clips that pushing by tracking follows."""
 

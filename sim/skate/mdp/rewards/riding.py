@@ -7,6 +7,7 @@ from sim.skate.arrays import constant, namespace
 from sim.skate.mdp.rewards._base import Reward, Rewards, Task, kernel, number
 from sim.skate.mdp.rewards.pushing import board_velocity, speed_error
 from sim.skate.mdp.state import SkateState
+from sim.skate.robot.g1 import default_pose
 
 
 def wheels_on_ground(state: SkateState) -> Any:
@@ -80,7 +81,7 @@ def _terms(task: Task) -> Iterator[Reward]:
     yield Reward("always/wheels", wheels_on_ground, "always", 0.5)
     yield Reward("always/foot_place", foot_place, "always", 12.0)
     yield Reward("always/level_deck", level_deck, "not-steer", 3.0)
-    yield Reward("always/stand", standing_still, "still", 1.0, {"pose": task.stand_pose})
+    yield Reward("always/stand", standing_still, "still", 1.0, {"pose": tuple(default_pose().tolist())})
     yield Reward("always/alive", alive, "always", 1.0)
     yield Reward("always/joint_limits", joint_limits, "always", -30.0, beginner=-5.0)
     yield Reward("always/action_rate", action_rate, "always", -smoothness)

@@ -6,6 +6,7 @@ from typing import Any
 from sim.skate.arrays import constant, namespace, wrap_angle
 from sim.skate.mdp.rewards._base import Reward, Rewards, Task, kernel, number
 from sim.skate.mdp.state import SkateState
+from sim.skate.robot.poses import load_poses
 
 
 def feet_on_board(state: SkateState) -> Any:
@@ -44,8 +45,9 @@ def tilt_rate(state: SkateState) -> Any:
 
 
 def _terms(task: Task) -> Iterator[Reward]:
+    pose = tuple((load_poses()["steer"].joints + task.options.pose_offset).tolist())
     yield Reward("steer/feet_on_board", feet_on_board, "steer", 3.0)
-    yield Reward("steer/pose", steering_pose, "steer", 1.5, {"pose": task.steer_pose})
+    yield Reward("steer/pose", steering_pose, "steer", 1.5, {"pose": pose})
     yield Reward("steer/left_foot", left_foot_loaded, "steer", 8.0)
     yield Reward("steer/feet_on_markers", feet_on_markers, "steer", 2.0)
     yield Reward("steer/heading", board_heading, "steer", 5.0)
