@@ -187,7 +187,6 @@ def build_learner(env: Any, config: RunConfig, process: Process, pushing: Sequen
         "algorithm": {
             "class_name": AmpPPO,
             "amp": amp,
-            "graphs": learn.graphs and process.device != "cpu" and process.count == 1,
             "reference": torch.tensor(style_reference(task, pushing), dtype=torch.float),
             "num_learning_epochs": learn.epochs,
             "num_mini_batches": learn.mini_batches,

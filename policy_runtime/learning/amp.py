@@ -20,9 +20,11 @@ from rsl_rl.algorithms import PPO
 from rsl_rl.modules.distribution import GaussianDistribution
 from torch import nn
 
-from policy_runtime.learning.fused_update import LEAST_RATE, FusedUpdate, plain_state, use_rate
-from policy_runtime.learning.graphs import Graphed
 from policy_runtime.learning.mean_actor import mean_actor
+from sim.skate.cycle.clock import CONTROL_PERIOD
+
+LEAST_RATE = 1e-5
+"""Least learning rate of rsl_rl's adaptive schedule [1]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,8 +47,6 @@ class AmpOptions:
     weight_decay: float = 1e-3
     phases: int = 0
     """Last numbers of a window that say one-hot which phase it is of; 0 where all are of one."""
-    step_time: float = 0.02
-    """Time of a policy step [s]."""
 
 
 class RunningNormaliser(nn.Module):
@@ -114,16 +114,12 @@ def style_value(score: torch.Tensor) -> torch.Tensor:
 class AmpPPO(PPO):
     """PPO with a style reward; observations carry the groups `style` (windows) and `style_mask`."""
 
-    def __init__(
-        self, *args: Any, reference: torch.Tensor, amp: AmpOptions, graphs: bool = False, **kwargs: Any
-    ) -> None:
+    def __init__(self, *args: Any, reference: torch.Tensor, amp: AmpOptions, **kwargs: Any) -> None:
         """Build PPO and the discriminator.
 
         Args:
             reference: Windows of the reference motions, (m, 5 · 23 + phases) [rad], oldest frame first,
                 grouped by phase.
-            amp: Numbers of the style reward.
-            graphs: Whether to learn by CUDA graphs; in one process on a GPU only.
         """
         super().__init__(*args, **kwargs)
         self.amp = amp
@@ -134,10 +130,6 @@ class AmpPPO(PPO):
         )
         self.style_reward = torch.zeros((), device=self.device)
         """Mean style reward of the last step, of those that pushed, for logs."""
-        self._chosen = torch.zeros(amp.batch, dtype=torch.long, device=self.device)
-        self._scores = torch.zeros(3, device=self.device)
-        self._teach = Graphed(self._teach_discriminator, self.device, enabled=graphs, side_stream=True)
-        self._fused = FusedUpdate(self) if graphs else None
         self.mean_actor = mean_actor(self._raw_actor)
 
     def process_env_step(self, obs: Any, rewards: torch.Tensor, dones: torch.Tensor, extras: Any) -> None:
@@ -147,13 +139,13 @@ class AmpPPO(PPO):
             with torch.no_grad():
                 style = style_value(self.discriminator(obs["style"])) * mask
             self.style_reward = style.sum() / mask.sum().clamp(min=1)
-            rewards = rewards + self.amp.weight * self.amp.step_time * style
+            rewards = rewards + self.amp.weight * CONTROL_PERIOD * style
         super().process_env_step(obs, rewards, dones, extras)
 
     def update(self) -> dict[str, float]:
         """Update the discriminator from the rollout, then PPO."""
         losses = self._update_discriminator() if self.amp.weight > 0 else {}
-        losses |= super().update() if self._fused is None else self._fused()
+        losses |= super().update()
         if self.is_multi_gpu:
             for model in (self._raw_actor, self._raw_critic):
                 average_normaliser(model.obs_normalizer)
@@ -163,21 +155,19 @@ class AmpPPO(PPO):
 
     def _update_discriminator(self) -> dict[str, float]:
         pushing = self.storage.observations["style_mask"].flatten().nonzero().squeeze(-1)
-        # Every process must take part in every averaging, so an empty one learns from nothing at all.
+        # Every process must take part in every averaging, so an empty one learns from any window.
         if len(pushing) == 0:
-            pushing = self._chosen[:1].zero_()
-        if self._fused is not None:
-            use_rate(self.amp_optimiser, None)
-        self._scores.zero_()
+            pushing = torch.zeros(1, dtype=torch.long, device=self.device)
+        windows = self.storage.observations["style"].flatten(0, 1)
+        scores = torch.zeros(3, device=self.device)
         for _ in range(self.amp.updates):
-            self._chosen.copy_(pushing[torch.randint(len(pushing), (self.amp.batch,), device=self.device)])
-            self._teach()
+            chosen = pushing[torch.randint(len(pushing), (self.amp.batch,), device=self.device)]
+            scores += self._teach(windows[chosen])
         names = ("discriminator", "policy_score", "reference_score")
-        return dict(zip(names, (self._scores / self.amp.updates).tolist(), strict=True))
+        return dict(zip(names, (scores / self.amp.updates).tolist(), strict=True))
 
-    def _teach_discriminator(self) -> None:
-        """Take one step from the chosen windows."""
-        policy = self.storage.observations["style"].flatten(0, 1)[self._chosen]
+    def _teach(self, policy: torch.Tensor) -> torch.Tensor:
+        """Take one step from windows of the policy; return the loss and the mean scores of policy and reference, (3,)."""
         real = self._like(policy)
         policy, real = self._shaken(policy), self._shaken(real)
         self.discriminator.normaliser.update(torch.cat((policy, real)))
@@ -187,8 +177,7 @@ class AmpPPO(PPO):
         average_gradients(self.discriminator)
         self.amp_optimiser.step()
         with torch.no_grad():
-            scores = self.discriminator(policy).mean(), self.discriminator(real).mean()
-        self._scores += torch.stack((loss.detach(), *scores))
+            return torch.stack((loss, self.discriminator(policy).mean(), self.discriminator(real).mean()))
 
     def _shaken(self, windows: torch.Tensor) -> torch.Tensor:
         """Return windows with noise on their joint angles; the phase's numbers stay."""
@@ -211,9 +200,8 @@ class AmpPPO(PPO):
     def save(self) -> dict[str, Any]:
         """Return everything that a resumed run needs."""
         return super().save() | {
-            "optimizer_state_dict": plain_state(self.optimizer),
             "discriminator": self.discriminator.state_dict(),
-            "amp_optimiser": plain_state(self.amp_optimiser),
+            "amp_optimiser": self.amp_optimiser.state_dict(),
             "mean_actor": self.mean_actor.state_dict(),
         }
 
@@ -240,9 +228,6 @@ class AmpPPO(PPO):
         loaded = super().load(loaded_dict, load_cfg, strict)
         if "mean_actor" in loaded_dict:
             self.mean_actor.load_state_dict(loaded_dict["mean_actor"], strict=strict)
-        else:
-            self.mean_actor.module.load_state_dict(self._raw_actor.state_dict())
-            self.mean_actor.n_averaged.fill_(loaded_dict["iteration"])
         return loaded
 
     def begin_anew(self, std: float) -> None:

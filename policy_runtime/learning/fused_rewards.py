@@ -178,13 +178,14 @@ class SkateEnv(ManagerBasedRlEnv):
         # mjlab's own array writes on Warp's stream, outside the graphs of PyTorch.
         self._sensordata = self.sim.data.sensordata[:]
         self._felt = self._sensordata[:, self._felt_columns]
+        graphs = graphs and device != "cpu"
         begin: Any = self.event_manager.get_term_cfg("begin").func
         for term in (begin, skate_command(self)):
-            term.draw = Graphed(term.draw, device, enabled=graphs)
+            term.draw = Graphed(term.draw, enabled=graphs)
         self._first_half = HalfStep(self.sim, mujoco_warp.step1)
         self._second_half = HalfStep(self.sim, mujoco_warp.step2)
-        self._judge = Graphed(self._judge_state, device, enabled=graphs)
-        self._see = Graphed(self._see_state, device, enabled=graphs)
+        self._judge = Graphed(self._judge_state, enabled=graphs)
+        self._see = Graphed(self._see_state, enabled=graphs)
 
     def load_managers(self) -> None:
         """Load all managers, exchange two and the history of observations."""

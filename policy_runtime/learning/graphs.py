@@ -22,43 +22,20 @@ class Graphed:
     fails, it warns once and goes on without a graph.
     """
 
-    def __init__(
-        self, function: Callable[[], Any], device: str, *, enabled: bool = True, side_stream: bool = False
-    ) -> None:
-        """Keep the function.
-
-        Args:
-            device: Device; a function on 'cpu' is never recorded.
-            enabled: Whether to record at all.
-            side_stream: Whether the calls before are made beside the main stream, as automatic differentiation
-                wants it before it is recorded.
-        """
-        self._function, self._enabled = function, enabled and device != "cpu"
-        self._beside = torch.cuda.Stream(device) if self._enabled and side_stream else None
+    def __init__(self, function: Callable[[], Any], *, enabled: bool = True) -> None:
+        """Keep the function; it is never recorded unless enabled."""
+        self._function, self._enabled = function, enabled
         self._calls, self._graph, self._result = 0, None, None
-
-    @property
-    def recorded(self) -> bool:
-        """Whether calls are replays."""
-        return self._graph is not None
 
     def __call__(self) -> Any:
         """Do it, and return the result."""
-        if self._graph is None and self._enabled and self._calls >= EAGER_CALLS:
+        self._calls += 1
+        if self._graph is None and self._enabled and self._calls > EAGER_CALLS:
             self._record()
         if self._graph is None:
-            self._calls += 1
-            return self._function() if self._beside is None else self._call_beside(self._beside)
+            return self._function()
         self._graph.replay()
         return self._result
-
-    def _call_beside(self, stream: torch.cuda.Stream) -> Any:
-        main = torch.cuda.current_stream(stream.device)
-        stream.wait_stream(main)
-        with torch.cuda.stream(stream):
-            result = self._function()
-        main.wait_stream(stream)
-        return result
 
     def _record(self) -> None:
         graph = torch.cuda.CUDAGraph()

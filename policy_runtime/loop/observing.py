@@ -21,7 +21,7 @@ from sim.skate.mdp.actor_observation import (
 from sim.skate.robot.g1 import JOINTS, default_pose
 from sysid.roll import Array
 
-RELEASE_SIZE = 395
+RELEASE_SIZE = FRAMES * (FRAME_SIZE + 1)
 """Numbers that a policy of the HUSKY release takes: 79 a frame, grouped by term."""
 _EACH = {
     "command": ("speed", "turn"),
@@ -97,26 +97,20 @@ class ReleaseObservation(PaperObservation):
     size = RELEASE_SIZE
     names = (*FRAME_NAMES[:2], "heading", *FRAME_NAMES[2:])
     _sizes = (PARTS[0][1], 1, *(size for _, size, _, _ in PARTS[1:]))
-    _edges = np.cumsum([0, *_sizes])
-    newest = np.concatenate(
-        [FRAMES * end - size + np.arange(size) for end, size in zip(_edges[1:], _sizes, strict=True)]
+    _order = np.concatenate(
+        [
+            ((FRAME_SIZE + 1) * np.arange(FRAMES)[:, None] + np.arange(end - size, end)).ravel()
+            for end, size in zip(np.cumsum(_sizes), _sizes, strict=True)
+        ]
     )
-
-    def __init__(self) -> None:
-        """Start without a history."""
-        super().__init__()
-        self._frames: Array | None = None
-
-    def reset(self) -> None:
-        """Forget the frames seen."""
-        self._frames = None
+    """Places of its numbers in the frames one after the other."""
+    newest = np.argsort(_order)[-len(names) :]
 
     def build(self, state: RobotState, command: Command, last_action: Array, step: int) -> Array:
         """Return the observation of this step, shape (395,)."""
-        frame = self.frame(state, command, last_action, step)
-        heading = rotation.yaw(state.quaternion) / np.pi
-        frame = np.concatenate([frame[:2], [heading], frame[2:]])
-        old = self._frames
-        self._frames = np.tile(frame, (FRAMES, 1)) if old is None else np.vstack([old[1:], frame])
-        parts = zip(self._edges[:-1], self._edges[1:], strict=True)
-        return np.concatenate([self._frames[:, start:end].ravel() for start, end in parts])
+        return super().build(state, command, last_action, step)[self._order]
+
+    def frame(self, state: RobotState, command: Command, last_action: Array, step: int) -> Array:
+        """Return the newest frame, scaled, shape (79,)."""
+        frame = super().frame(state, command, last_action, step)
+        return np.insert(frame, PARTS[0][1], rotation.yaw(state.quaternion) / np.pi)

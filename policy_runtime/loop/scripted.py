@@ -67,7 +67,7 @@ def scripted_push() -> Scripted:
     without feedback it would only fall.
     """
     clock, load, clips = Clock(), GravityLoad(), load_motions()
-    speeds = np.array([_speed(motion) for motion in clips])
+    speeds = np.array([motion.speed for motion in clips])
     replays = [_replay(motion, load) for motion in clips]
     pose = load_poses()["push"]
     glide = load.asked(pose.joints, pose.quaternion, (False, True))
@@ -101,10 +101,6 @@ def _replay(motion: Motion, load: GravityLoad) -> Array:
 
 def _blend(start: Array, end: Array, share: float) -> Array:
     return start + (end - start) * (share * share * (3 - 2 * share))
-
-
-def _speed(motion: Motion) -> float:
-    return float(np.linalg.norm(motion.position[-1, :2] - motion.position[0, :2]) / motion.duration)
 
 
 SCRIPTS: dict[str, Callable[[], Policy]] = {"zero": zero_action, "stand": standing, "push": scripted_push}

@@ -8,12 +8,13 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Any
 
-from policy_runtime.robots import JointCommand, Robot, RobotState
+from policy_runtime.robots import PD_PERIOD, JointCommand, Robot, RobotState
 from policy_runtime.robots.simulated import SimulatedRobot
+from sim.skate.cycle.clock import CONTROL_PERIOD
 from sysid.errors import SysidError
 
-FRAME_STEPS = 10
-"""Servo steps between two pictures: 50 a second."""
+FRAME_STEPS = round(CONTROL_PERIOD / PD_PERIOD)
+"""Servo steps between two pictures: one a policy step."""
 
 
 class _Viewed:

@@ -14,14 +14,12 @@ from sim.board.learned import apply, left_out
 from sim.board.scene import TILT_JOINT, TRUCK_JOINTS, WHEELS, set_trucks
 from sim.skate.arrays import wrap_angle
 from sim.skate.robot.g1 import FOOT_BODIES, JOINTS, SOLE_CENTRE
+from sim.skate.world.contacts import FORCE_THRESHOLD, WHEEL_FORCE_THRESHOLD
 from sim.skate.world.scene import BOARD, ROBOT
 from sysid.errors import SysidError
 from sysid.roll import Array
 
 Flags = npt.NDArray[np.bool_]
-
-LOADED = 5.0
-"""Force above which a foot or a wheel counts as loaded [N]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,8 +48,6 @@ class Truth:
     """Left, right, bool (2,)."""
     ground_load: Array
     """Force of the ground on left and right foot over the robot's weight [1], shape (2,)."""
-    deck_load: Array
-    """Force of the deck on left and right foot over the robot's weight [1], shape (2,)."""
     left_slip: float
     """Speed of the middle of the left sole over the ground [m/s]."""
     left_place: float
@@ -60,8 +56,6 @@ class Truth:
     """Front left, front right, rear left, rear right, bool (4,)."""
     other_contacts: int
     """Contacts of ground or board with anything of the robot but its feet."""
-    energy: float
-    """Kinetic and potential energy of everything [J]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,11 +203,6 @@ class SimulatedRobot:
     def close(self) -> None:
         """Do nothing: a simulation has no connection."""
 
-    def push(self, velocity: Array) -> None:
-        """Change the robot's velocity at once, as a shove would [m/s], shape (2,)."""
-        self._truth = None
-        self.data.qvel[self.base_v : self.base_v + 2] += velocity
-
     def truth(self) -> Truth:
         """Return the ground truth of the present moment."""
         if self._truth is None:
@@ -226,7 +215,6 @@ class SimulatedRobot:
         q, v = self.board_q, self.board_v
         board = data.body(ids.board)
         forward = board.xmat.reshape(3, 3)[:, 0]
-        energy = _energy(model, data)
         sole, slip = ids.left_sole(model, data)
         w, x, y, z = data.qpos[q + 3 : q + 7]
         return Truth(
@@ -238,15 +226,13 @@ class SimulatedRobot:
             trucks=data.qpos[ids.trucks],
             pelvis_position=data.qpos[self.base_q : self.base_q + 3].copy(),
             upright=float(data.xmat[ids.pelvis, 8]),
-            foot_on_ground=feet_ground > LOADED,
-            foot_on_deck=feet_deck > LOADED,
+            foot_on_ground=feet_ground > FORCE_THRESHOLD,
+            foot_on_deck=feet_deck > FORCE_THRESHOLD,
             ground_load=feet_ground / ids.weight,
-            deck_load=feet_deck / ids.weight,
             left_slip=slip,
             left_place=float((sole - board.xpos) @ forward),
-            wheel_on_ground=wheels > LOADED / 5,
+            wheel_on_ground=wheels > WHEEL_FORCE_THRESHOLD,
             other_contacts=other,
-            energy=energy,
         )
 
 
@@ -264,24 +250,17 @@ class _Ids:
         self.weight = float(model.body_subtreemass[self.pelvis] * np.linalg.norm(model.opt.gravity))
         # Kinds of geoms: 0, 1 feet; 2 deck; 3 to 6 wheels; 7 other parts of the board; 8 ground;
         # 9 other parts of the robot.
-        self.kind = np.full(model.ngeom, 9)
         feet = [model.body(ROBOT + name).id for name in FOOT_BODIES]
         self.left_foot = feet[0]
-        deck = model.body(f"{BOARD}deck").id
-        wheel_bodies = [model.body(f"{BOARD}{wheel}_wheel").id for wheel in WHEELS]
-        for geom in range(model.ngeom):
-            body = int(model.geom_bodyid[geom])
-            root = int(model.body_rootid[body])
-            if body in feet:
-                self.kind[geom] = feet.index(body)
-            elif body == deck:
-                self.kind[geom] = 2
-            elif body in wheel_bodies:
-                self.kind[geom] = 3 + wheel_bodies.index(body)
-            elif root == self.board:
-                self.kind[geom] = 7
-            elif model.body_weldid[body] == 0:
-                self.kind[geom] = 8
+        parts = [*feet, model.body(f"{BOARD}deck").id]
+        parts += [model.body(f"{BOARD}{wheel}_wheel").id for wheel in WHEELS]
+
+        def kind(body: int) -> int:
+            if body in parts:
+                return parts.index(body)
+            return 7 if model.body_rootid[body] == self.board else 8 if model.body_weldid[body] == 0 else 9
+
+        self.kind = np.array([kind(int(body)) for body in model.geom_bodyid])
 
     def left_sole(self, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, float]:
         """Return the middle of the left sole in the world [m], shape (3,), and its speed over the ground [m/s]."""
@@ -309,10 +288,3 @@ class _Ids:
             elif 3 <= first <= 6 and second == 8:
                 wheels[first - 3] += force[0]
         return ground, deck, wheels, other
-
-
-def _energy(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """Return kinetic plus potential energy [J], whatever the model's flags."""
-    mujoco.mj_energyPos(model, data)
-    mujoco.mj_energyVel(model, data)
-    return float(data.energy.sum())

@@ -159,41 +159,29 @@ def open_topics(
     Raises:
         SysidError: CycloneDDS cannot use the interface.
     """
-    participant = join_domain(interface, domain)
+    from cyclonedds.core import DDSException
+    from cyclonedds.domain import Domain, DomainParticipant
     from cyclonedds.pub import DataWriter
     from cyclonedds.sub import DataReader
     from cyclonedds.topic import Topic
 
+    known = sorted(name for _, name in socket.if_nameindex())
+    if interface not in (None, *known):
+        raise SysidError(f"no network interface '{interface}'. This computer has: {', '.join(known)}.")
+    try:
+        if interface is not None and (domain, interface) not in _DOMAINS:
+            network = f'<NetworkInterface name="{escape(interface)}" priority="default" multicast="default"/>'
+            _DOMAINS[domain, interface] = Domain(
+                domain,
+                f"<CycloneDDS><Domain><General><Interfaces>{network}</Interfaces></General></Domain></CycloneDDS>",
+            )
+        participant = DomainParticipant(domain)
+    except DDSException as error:
+        raise SysidError(
+            f"CycloneDDS cannot use {interface or 'any interface'}, domain {domain} ({error})."
+        ) from error
     writer = DataWriter(participant, Topic(participant, *written))
     return participant, writer, DataReader(participant, Topic(participant, *read))
-
-
-def join_domain(interface: str | None, domain: int) -> Any:
-    """Return a DDS participant on one network interface.
-
-    Raises:
-        SysidError: CycloneDDS cannot use the interface.
-    """
-    from cyclonedds.core import DDSException
-    from cyclonedds.domain import Domain, DomainParticipant
-
-    if interface is not None:
-        known = sorted(name for _, name in socket.if_nameindex())
-        if interface not in known:
-            raise SysidError(f"no network interface '{interface}'. This computer has: {', '.join(known)}.")
-        network = f'<NetworkInterface name="{escape(interface)}" priority="default" multicast="default"/>'
-        configuration = (
-            f"<CycloneDDS><Domain><General><Interfaces>{network}</Interfaces></General></Domain></CycloneDDS>"
-        )
-        try:
-            if (domain, interface) not in _DOMAINS:
-                _DOMAINS[domain, interface] = Domain(domain, configuration)
-        except DDSException as error:
-            raise SysidError(f"CycloneDDS cannot use interface '{interface}' ({error}).") from error
-    try:
-        return DomainParticipant(domain)
-    except DDSException as error:
-        raise SysidError(f"CycloneDDS cannot join domain {domain} ({error}).") from error
 
 
 _DOMAINS: dict[tuple[int, str], Any] = {}

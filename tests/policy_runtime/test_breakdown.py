@@ -28,21 +28,15 @@ def table(tables, start):
 
 def test_an_error_of_speed_shows_in_its_phase_its_command_and_its_time():
     speed = rides().speed.copy()
-    later = slice(CLOCK.period, CLOCK.period + 10)  # first eighth of the second pushing phase
-    speed[later, 1] -= 0.4
-    tables = break_down(rides(speed=speed), CLOCK)
-    by_phase = table(tables, "speed by pushing phase")
-    assert by_phase.mean("phase 1", "|v-v_cmd|") == 0
-    assert by_phase.mean("phase 2", "v-v_cmd") == pytest.approx(-0.4 * 10 / 160)
-    by_command = table(tables, "speed by command")
-    assert by_command.mean("0.4-0.8 m/s, later", "|v-v_cmd|") == 0
-    assert by_command.mean("0.8-1.2 m/s, later", "|v-v_cmd|") == pytest.approx(0.4 * 10 / 80)
-    assert by_command.mean("0.8-1.2 m/s, first", "|v-v_cmd|") == 0
-    by_time = table(tables, "v-v_cmd by time in the later")
-    labels = list(by_time.rows)
-    assert by_time.mean(labels[0], "v_cmd 0.8-1.2 m/s") == pytest.approx(-0.4)
-    assert by_time.mean(labels[1], "all") == 0
-    assert math.isnan(by_time.mean(labels[0], "v_cmd 1.2-1.5 m/s"))
+    speed[CLOCK.period : CLOCK.period + 16, 1] -= 0.4  # first fifth of the second pushing phase
+    found = table(break_down(rides(speed=speed), CLOCK), "speed while pushing")
+    assert found.mean("phase 1", "|v-v_cmd|") == 0
+    assert found.mean("phase 2", "v-v_cmd") == pytest.approx(-0.4 * 16 / 160)
+    assert found.mean("0.3 to 0.6 m/s", "|v-v_cmd|") == 0
+    assert found.mean("0.9 to 1.2 m/s", "|v-v_cmd|") == pytest.approx(0.4 * 16 / 160)
+    assert found.mean("0.00-0.32 s", "v-v_cmd") == pytest.approx(-0.4 / 4)
+    assert found.mean("0.32-0.64 s", "v-v_cmd") == 0
+    assert math.isnan(found.mean("1.2 to 1.5 m/s", "v-v_cmd"))
 
 
 def test_wrong_feet_are_told_apart_by_foot_and_time():
@@ -51,14 +45,12 @@ def test_wrong_feet_are_told_apart_by_foot_and_time():
     deck[70:80, 1, 1] = False  # right foot off it at the end
     ground[CLOCK.push + CLOCK.mount, :, 0] = True
     tables = break_down(rides(foot_on_deck=deck, foot_on_ground=ground), CLOCK)
-    by_time = table(tables, "feet by time in pushing")
-    first, *_, last = by_time.rows
-    assert by_time.mean(first, "left on deck") == pytest.approx(5 / 40)
-    assert by_time.mean(first, "right off deck") == 0
-    assert by_time.mean(last, "right off deck") == pytest.approx(10 / 40)
-    assert by_time.mean(last, "wrong") == pytest.approx(10 / 40)
-    steering = table(tables, "feet by time in steering")
-    assert steering.mean(next(iter(steering.rows)), "left on ground") == pytest.approx(2 / 20)
+    pushing = table(tables, "feet while pushing")
+    assert pushing.mean("0.00-0.32 s", "left on deck") == pytest.approx(5 / 64)
+    assert pushing.mean("0.00-0.32 s", "right off deck") == 0
+    assert pushing.mean("1.28-1.60 s", "right off deck") == pytest.approx(10 / 64)
+    assert pushing.mean("1.28-1.60 s", "wrong") == pytest.approx(10 / 64)
+    assert table(tables, "feet while steering").mean("0.00-0.16 s", "left on ground") == pytest.approx(2 / 32)
 
 
 def test_a_turn_that_comes_short_is_told_from_one_that_goes_too_far():
@@ -68,22 +60,21 @@ def test_a_turn_that_comes_short_is_told_from_one_that_goes_too_far():
     target[first] = [0.3, -0.7]
     heading[first[1:]] = [0.2, -0.9]  # left: 0.1 short, right: 0.2 too far; at the first step not yet
     target[second] = heading[second] = 0.05
-    tables = break_down(rides(target_heading=target, heading=heading), CLOCK)
-    by_turn = table(tables, "heading by turn")
-    assert by_turn.mean("0.2-0.4 rad, at the end", "error along the turn") == pytest.approx(-0.1)
-    assert by_turn.mean("0.6-0.8 rad, at the end", "error along the turn") == pytest.approx(0.2)
-    assert by_turn.mean("right, at the end", "beyond 0.1 rad") == 1.0
-    by_phase = table(tables, "heading by steering phase")
-    assert by_phase.mean("phase 2", "|error|") == 0
+    found = table(break_down(rides(target_heading=target, heading=heading), CLOCK), "heading while steering")
+    assert found.mean("last step", "error along the turn") == pytest.approx((-0.1 + 0.2 + 0 + 0) / 4)
+    assert found.mean("0.16 to 0.47 rad", "error along the turn") == pytest.approx(
+        -(0.3 + 39 * 0.1) / 40, rel=1e-6
+    )
+    assert found.mean("phase 2", "|error|") == 0
 
 
 def test_means_agree_with_the_metrics():
     rng = np.random.default_rng(3)
     noisy = rides(speed=rng.uniform(0, 1, (STEPS, 2)), heading=rng.uniform(-1, 1, (STEPS, 2)))
     tables, errors = break_down(noisy, CLOCK), episode_errors(noisy)
-    by_phase = table(tables, "speed by pushing phase")
+    by_phase = table(tables, "speed while pushing")
     assert by_phase.mean("all", "|v-v_cmd|") == pytest.approx(errors["E_vel"].mean())
-    assert table(tables, "heading by steering phase").mean("all", "|error|") == pytest.approx(
+    assert table(tables, "heading while steering").mean("all", "|error|") == pytest.approx(
         errors["E_yaw"].mean()
     )
 

@@ -101,7 +101,7 @@ def test_a_critic_grows_without_changing_its_answers():
     pytest.importorskip("rsl_rl")
     from rsl_rl.models import MLPModel
 
-    from policy_runtime.learning.checkpoint import grow_inputs
+    from policy_runtime.learning.checkpoint import grow_critic
 
     def critic(size):
         seen = {"critic": torch.zeros(1, size)}
@@ -111,9 +111,10 @@ def test_a_critic_grows_without_changing_its_answers():
     small, large = critic(5), critic(7)
     small.obs_normalizer._mean += 0.3
     kept = {"critic_state_dict": small.state_dict(), "optimizer_state_dict": {}}
-    assert grow_inputs(kept, "critic", 7)
+    grow_critic(kept, 7)
     assert "optimizer_state_dict" not in kept
     large.load_state_dict(kept["critic_state_dict"])
     seen = torch.randn(4, 7)
     torch.testing.assert_close(large({"critic": seen}), small({"critic": seen[:, :5]}))
-    assert not grow_inputs(kept, "critic", 7)
+    grow_critic(kept, 7)
+    large.load_state_dict(kept["critic_state_dict"])  # nothing more

@@ -86,7 +86,7 @@ def test_drawing_how_episodes_begin_asks_nothing_of_the_host(env):
 
 @pytest.fixture
 def rollout(env):
-    """A learner with a rollout of six steps, and how to make its equal."""
+    """Return how to make a learner with a rollout of six steps."""
     import torch
     from mjlab.rl import RslRlVecEnvWrapper
 
@@ -108,26 +108,6 @@ def rollout(env):
     return learner
 
 
-def test_fused_learning_is_rsl_rls(rollout):
-    import torch
-    from rsl_rl.algorithms import PPO
-
-    from policy_runtime.learning.fused_update import FusedUpdate
-
-    theirs, ours = rollout(), rollout()
-    fused = FusedUpdate(ours)
-    torch.manual_seed(7)
-    wanted = PPO.update(theirs)
-    torch.manual_seed(7)
-    given = fused()
-    assert given == pytest.approx(wanted, rel=1e-4)
-    assert ours.learning_rate == pytest.approx(theirs.learning_rate)
-    assert ours.learning_rate != 1e-3  # the divergence has been followed
-    for mine, its in zip((ours.actor, ours.critic), (theirs.actor, theirs.critic), strict=True):
-        for name, value in its.state_dict().items():
-            torch.testing.assert_close(mine.state_dict()[name], value, rtol=1e-4, atol=1e-6, msg=name)
-
-
 def test_learned_weights_without_their_optimiser_are_not_thrown_about(rollout):
     """Adam's first steps are as long as the rate on every weight, whatever the gradient."""
     import torch
@@ -146,15 +126,3 @@ def test_learned_weights_without_their_optimiser_are_not_thrown_about(rollout):
 
     assert moved(kept=False) < 2e-5
     assert moved(kept=True) > 5e-4  # at the rate that the optimiser had
-
-
-def test_a_graph_of_learning_asks_nothing_of_the_host(rollout):
-    from policy_runtime.learning.fused_update import FusedUpdate
-
-    learner = rollout()
-    fused = FusedUpdate(learner)
-    fused()
-    # On a processor the optimisers themselves count their steps there.
-    learner.optimizer.step = learner.amp_optimiser.step = lambda: None
-    assert asked_of_the_host(fused._learn_batch) == []
-    assert asked_of_the_host(learner._teach_discriminator) == []

@@ -7,7 +7,6 @@ from rides import made_rides
 from policy_runtime.evaluation.metrics import episode_errors, reachable_headings
 from policy_runtime.evaluation.statistics import mean_over, proportion
 from policy_runtime.evaluation.strides import clip_distances, stride_metrics
-from sysid.errors import SysidError
 
 STEPS, PUSH, STEER = 40, slice(0, 20), slice(25, 35)
 
@@ -150,11 +149,6 @@ def test_what_comes_after_the_end_does_not_count():
     assert errors["E_smth"][0] == 0
     assert np.isnan(errors["E_yaw"][0])
     assert np.isnan(errors["E_yaw_final"][0])
-
-
-def test_shapes_that_disagree_are_refused_in_words():
-    with pytest.raises(SysidError, match=r"'joints' has shape \(40, 1, 22\)"):
-        rides(joints=np.zeros((STEPS, 1, 22)))
 
 
 def test_headings_reached_are_those_of_whole_steering_phases():

@@ -106,11 +106,11 @@ def bad(change):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (good_table()[:, :30], r"shape \(10, 30\); expected \(frames, 36\)"),
+        (good_table()[:, :30], r"shape \(10, 30\); expected .*\(frames, 36\)"),
         (good_table(3), "has 3 frames"),
         (bad(lambda t: t.__setitem__((4, 9), np.nan)), "frame 4, column 9 is nan"),
         (bad(lambda t: t.__setitem__((slice(None), 3), 0.0)), "quaternion of frame 0 .* length 0"),
-        (np.zeros((10, 36), dtype=int), "int64"),
+        (np.zeros((10, 36), dtype=int), "expected floats"),
     ],
 )
 def test_wrong_content_is_refused_in_words(tmp_path, content, message):

@@ -178,8 +178,8 @@ def changed(key, index, value):
 @pytest.mark.parametrize(
     ("metadata", "message"),
     [
-        (lambda: {}, "no 'joint_names'"),
-        (lambda: changed("joint_names", 4, "left_toe_joint"), r"joint 4: 'left_toe_joint'"),
+        (lambda: {}, "made for another robot"),
+        (lambda: changed("joint_names", 4, "left_toe_joint"), "made for another robot.*left_toe_joint"),
         (lambda: changed("joint_stiffness", 3, "120"), "joint stiffness of left_knee_joint is 120"),
         (lambda: changed("action_scale", 22, "0.25"), "action scale of right_elbow_joint is 0.25"),
         (lambda: changed("joint_stiffness", 3, "x"), "expected 23 numbers"),
@@ -243,33 +243,3 @@ def test_opening_a_policy_writes_nothing_anywhere(tmp_path):
         check=True,
     )
     assert not list(home.iterdir())
-
-
-def hostile(path, *nodes, **constants):
-    """Write a policy that is none: `nodes` make 'y' of 'x', its 23 answers."""
-    onnx = pytest.importorskip("onnx")
-    from onnx import helper, numpy_helper
-
-    constants["weights"] = np.zeros((390, 23), np.float32)
-    graph = helper.make_graph(
-        [helper.make_node("MatMul", ["obs", "weights"], ["x"]), *nodes],
-        "hostile",
-        [helper.make_tensor_value_info("obs", onnx.TensorProto.FLOAT, [1, 390])],
-        [helper.make_tensor_value_info("y", onnx.TensorProto.FLOAT, [1, 23])],
-        [numpy_helper.from_array(np.asarray(value), name) for name, value in constants.items()],
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-    onnx.save(model, path)
-    return path
-
-
-def test_a_policy_with_a_huge_tensor_is_refused(tmp_path):
-    helper = pytest.importorskip("onnx").helper
-    nodes = [
-        helper.make_node("ConstantOfShape", ["shape"], ["huge"]),
-        helper.make_node("ReduceSum", ["huge"], ["sum"], keepdims=0),
-        helper.make_node("Add", ["x", "sum"], ["y"]),
-    ]
-    path = hostile(tmp_path / "huge.onnx", *nodes, shape=np.array([30_000, 30_000], np.int64))
-    with pytest.raises(SysidError, match=r"huge\.onnx: not an ONNX model that can be run"):
-        open_policy(path)

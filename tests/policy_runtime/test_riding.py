@@ -12,7 +12,7 @@ from riding import HoldStill, make_onnx, our_metadata, pink, published_metadata,
 from policy_runtime.evaluation.plain import Protocol, evaluate_policy, riders, run_episode
 from policy_runtime.evaluation.recording import Recorder
 from policy_runtime.export import export_folder, load_folder
-from policy_runtime.loop.commands import Command, Constant
+from policy_runtime.loop.commands import Command, constant
 from policy_runtime.loop.gravity_load import GravityLoad, shares
 from policy_runtime.loop.scripted import scripted, scripted_push, standing
 from policy_runtime.loop.world import joint_limits, make_world
@@ -33,7 +33,7 @@ def ride(world, policy, duration):
     result = Runtime(
         robot=world.robot,
         policy=policy,
-        commands=Constant(Command(0.8, 0.0)),
+        commands=constant(Command(0.8, 0.0)),
         limits=limits,
         on_tick=recorder.add,
         stop_time=0.0,
@@ -214,16 +214,13 @@ def test_changed_or_missing_files_are_noticed(folder, tmp_path):
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
     (copy / "pink.toml").write_text((copy / "pink.toml").read_text() + "# changed\n")
-    with pytest.raises(SysidError, match=r"pink\.toml: has changed since it was exported"):
+    with pytest.raises(SysidError, match=r"pink\.toml: missing, or changed"):
         load_folder(copy)
     (copy / "pink.toml").unlink()
-    with pytest.raises(SysidError, match="missing from the exported folder"):
+    with pytest.raises(SysidError, match=r"pink\.toml: missing, or changed"):
         load_folder(copy)
     (copy / "folder.json").write_text("{}")
-    with pytest.raises(SysidError, match="not a folder of format 1"):
-        load_folder(copy)
-    (copy / "folder.json").unlink()
-    with pytest.raises(SysidError, match="not an exported folder"):
+    with pytest.raises(SysidError, match="not a folder that this version exports"):
         load_folder(copy)
 
 
@@ -306,7 +303,7 @@ def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
     assert result["E_succ"]["value"] == 0
     assert result["E_yaw"]["value"] is None
     first, *_ = result["breakdown"]
-    assert first["rows"]["phase 1"]["v_cmd"] > 0.1
+    assert first["rows"]["phase 1"]["|v-v_cmd|"] > 0
     assert (tmp_path / "evaluate-zero-mujoco.png").stat().st_size > 10_000
 
 

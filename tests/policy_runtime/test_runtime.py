@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from riding import HoldStill, Puppet, world_or_skip
 
-from policy_runtime.loop.commands import Command, constant, Script
+from policy_runtime.loop.commands import Command, Script, constant
 from policy_runtime.loop.safety import Guard, Limits
 from policy_runtime.loop.world import joint_limits
 from policy_runtime.runtime import SERVO_STEPS, Runtime

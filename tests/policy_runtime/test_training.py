@@ -67,7 +67,6 @@ def test_options_survive_the_file_infinity_included(tmp_path):
             r"terrain is 'stairs'; expected one of flat, slopes, steps",
         ),
         ("seed = 1", "sead = 1", r"unknown option 'sead'.*Did you mean 'seed'"),
-        ("dismounting = 0.125", "dismounting = 0.9", r"shares of starts are \(0.125, 0.125, 0.125, 0.9\)"),
         ("environments = 16", 'environments = "many"', r"environments is 'many'; expected int"),
     ],
 )

@@ -9,7 +9,6 @@ from sim.skate.cycle.clock import Clock
 from sim.skate.robot import g1
 from sim.skate.robot.poses import CLIP_JOINTS, load_poses
 from sim.skate.world.cycle import load_cycle
-from sysid.errors import SysidError
 from sysid.workspace import shipped_data
 
 pytestmark = pytest.mark.train
@@ -112,18 +111,3 @@ def test_the_file_is_what_the_recipe_gives(model):
         start[7:] += 0.05  # another start finds the same pose
         np.testing.assert_allclose(ik.solve(model, start, tasks)[:3], pose.position, atol=2e-4)
         np.testing.assert_allclose(ik.solve(model, start, tasks)[7:], pose.joints, atol=2e-3)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("x = [", "not a TOML file"),
-        ("[push]\nposition = [0, 0, 1]", r"\[push.joints\]"),
-        ("", r"pose '\[push\]' is missing"),
-    ],
-)
-def test_bad_pose_files_are_refused_in_words(tmp_path, text, message):
-    path = tmp_path / "poses.toml"
-    path.write_text(text)
-    with pytest.raises(SysidError, match=message):
-        load_poses(path)

@@ -178,9 +178,7 @@ def test_the_clip_nearest_in_speed_is_followed_and_repeats(kind):
         np.testing.assert_allclose(found[:, 5], steps % length + nearest)
 
 
-TASK = rewards.Task(
-    options=SkateOptions(), steer_pose=(0.0,) * 23, stand_pose=(0.0,) * 23, clips=(clip("slow", 0.5, 40),)
-)
+TASK = rewards.Task(options=SkateOptions(), clips=(clip("slow", 0.5, 40),))
 
 
 @pytest.mark.parametrize("pushing", get_args(Pushing))
@@ -233,9 +231,9 @@ def test_fallen_beyond_70_degrees(state):
 
 def test_off_board_takes_two_steps_without_a_foot(state):
     none = replace(state, foot_on_deck=np.array([[False, False]]))
-    assert not terminations.off_board(none, np.array([False]))[0]
-    assert terminations.off_board(none, np.array([True]))[0]
-    assert not terminations.off_board(state, np.array([True]))[0]
+    assert terminations.off_board(none, np.array([0]))[0] == 1
+    assert terminations.off_board(none, np.array([1]))[0] == 2
+    assert terminations.off_board(state, np.array([1]))[0] == 0
 
 
 def test_body_contact(state):

@@ -203,13 +203,11 @@ def test_who_begins_in_a_transition_is_where_the_clip_is(phase, before):
         assert measure(env).foot_on_deck[:, 1].all()
 
 
-def test_a_world_that_breaks_down_is_ended_and_not_counted_and_its_reward_is_named():
+def test_a_world_that_breaks_down_is_ended_and_not_counted():
     import torch
 
     from policy_runtime.learning.progress import Progress
-    from policy_runtime.train import check_rewards
     from sim.skate.mdp.observations import skate_command
-    from sysid.errors import SysidError
 
     with worlds(start=PUSHING, speed=(0.5, 1.5)) as env:
         progress = Progress(env)
@@ -219,15 +217,6 @@ def test_a_world_that_breaks_down_is_ended_and_not_counted_and_its_reward_is_nam
         assert env.termination_manager.get_term("not_finite").tolist() == [world == 3 for world in range(8)]
         for values in observations.values():
             assert torch.isfinite(values).all()
-        check_rewards(env, 4)
         numbers = progress.read()
         assert all(math.isfinite(value) for value in numbers.values())
         assert numbers["end/not_finite"] == pytest.approx(1 / (WORLDS * 0.02 / 60))
-        step(env)
-        term = env.reward_manager.get_term_cfg("push/swing")
-        right, wrong = term.func, torch.tensor([1.0] * 5 + [math.nan] + [1.0] * 2)
-        term.func = lambda env, **arguments: right(env, **arguments) * wrong
-        step(env)
-        assert torch.isfinite(env.reward_buf).all()  # mjlab says nothing
-        with pytest.raises(SysidError, match=r"iteration 5: reward 'push/swing' is not finite in world 5"):
-            check_rewards(env, 5)
