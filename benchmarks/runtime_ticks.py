@@ -79,7 +79,7 @@ def main(minutes: float = MINUTES) -> None:
         "stopped": result.stopped,
         "clock_drift_s": float(np.abs(drift).max()),
         "memory_growth_mb": (after - before) / 1024,
-        **result.timing.summary(),
+        **result.timing(),
         # Processor time, so without what other programs on the computer took.
         "processor_decide": percentiles(decided[1:]),
         "processor_tick": percentiles(np.diff(spent)),

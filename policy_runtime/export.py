@@ -73,10 +73,6 @@ def export_folder(
         folder: Folder to write; an existing one is replaced only if it is an exported folder.
         policy: ONNX policy to put in; checked against robot and board.
         force: See `policy_file.open_policy`.
-
-    Raises:
-        SysidError: mjlab is not installed, the policy does not fit, the folder holds something else, or cannot be
-            written.
     """
     if policy is not None:
         open_policy(policy, board, force=force)
@@ -133,12 +129,7 @@ def _write(board: Board, folder: Path, policy: Path | None, coupling: Coupling, 
 
 
 def load_folder(folder: Path) -> Bundle:
-    """Read an exported folder, checking every file against its SHA-256.
-
-    Raises:
-        SysidError: It is not an exported folder, a file is missing or has changed, or this MuJoCo cannot
-            read the scene.
-    """
+    """Read an exported folder, checking every file against its SHA-256."""
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
         if manifest["format"] != FORMAT:

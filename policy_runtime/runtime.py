@@ -58,32 +58,9 @@ class Event(NamedTuple):
     text: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Timing:
-    """How long the ticks took."""
-
-    decide: Array
-    """Reading, checking, asking the policy and sending [s], shape (ticks,)."""
-    tick: Array
-    """The whole tick without sleeping and recording [s], shape (ticks,)."""
-    late: Array
-    """How late each tick began, in real time [s], shape (ticks,)."""
-    age: Array
-    """How old the state was that each tick decided on [s], shape (ticks,)."""
-
-    def summary(self) -> dict[str, dict[str, float]]:
-        """Return median, 99th percentile and maximum of each [ms]."""
-        if not len(self.tick):
-            return {}
-        return {
-            name: {
-                "p50_ms": float(np.percentile(values, 50) * 1e3),
-                "p99_ms": float(np.percentile(values, 99) * 1e3),
-                "max_ms": float(np.max(values) * 1e3),
-            }
-            for name in ("decide", "tick", "late", "age")
-            for values in (getattr(self, name),)
-        }
+TIMES = ("decide", "tick", "late", "age")
+"""Of a tick: reading, checking, asking the policy and sending; all of it without sleeping and recording; how late it began, in
+real time; how old the state was that it decided on [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +71,8 @@ class RunResult:
     stopped: str | None
     """Why it was stopped; None if it ended as planned."""
     events: tuple[Event, ...]
-    timing: Timing
+    times: Array
+    """Columns of `TIMES` [s], shape (ticks, 4)."""
     delay: Delay | None = None
     """From command to measured torque; None where the robot was not prepared."""
 
@@ -103,6 +81,16 @@ class RunResult:
         """Time during which the policy was in charge [s]."""
         return self.ticks * CONTROL_PERIOD
 
+    def timing(self) -> dict[str, dict[str, float]]:
+        """Return median, 99th percentile and maximum of each column of `times` [ms]; nothing without a tick."""
+        if not len(self.times):
+            return {}
+        rows = np.percentile(self.times, (50, 99, 100), axis=0).T * 1e3
+        names = ("p50_ms", "p99_ms", "max_ms")
+        return {
+            name: dict(zip(names, row.tolist(), strict=True)) for name, row in zip(TIMES, rows, strict=True)
+        }
+
     def to_json(self) -> dict[str, Any]:
         """Return the result for machines."""
         return {
@@ -110,7 +98,7 @@ class RunResult:
             "duration_s": self.duration,
             "stopped": self.stopped,
             "events": [{"t_s": event.time, "kind": event.kind, "text": event.text} for event in self.events],
-            "timing": self.timing.summary(),
+            "timing": self.timing(),
             "delay": None if self.delay is None else self.delay.to_json(),
         }
 
@@ -179,12 +167,11 @@ class _Run:
         finally:
             gc.unfreeze()
         self._finish(stopped)
-        times = np.asarray(self._times).reshape(-1, 4)
         return RunResult(
             ticks=self._ticks,
             stopped=stopped,
             events=tuple(self._events),
-            timing=Timing(decide=times[:, 0], tick=times[:, 1], late=times[:, 2], age=times[:, 3]),
+            times=np.asarray(self._times).reshape(-1, len(TIMES)),
             delay=self._delay,
         )
 
@@ -204,11 +191,7 @@ class _Run:
             self._wait(self._due)
 
     def _read(self) -> RobotState:
-        """Return the robot's state if it is well.
-
-        Raises:
-            StoppedError: It is not.
-        """
+        """Return the robot's state if it is well, else raise `StoppedError`."""
         state = self.robot.read()
         stopped = self._guard.check(state)
         if stopped is not None:
@@ -216,11 +199,7 @@ class _Run:
         return state
 
     def _loop(self, duration: float) -> None:
-        """Decide and step until the end.
-
-        Raises:
-            StoppedError: A check failed.
-        """
+        """Decide and step until the end."""
         runtime = self._runtime
         gc.freeze()  # objects of the start stay: the collector need not scan them during a tick
         start = self._due = time.perf_counter()

@@ -80,9 +80,6 @@ def train(
         minutes: Stop, with a checkpoint, after so much time.
         report: Called by the leading process with every iteration's numbers.
         keep_all: Save what every process holds at the end, to compare them.
-
-    Raises:
-        SysidError: The folder is not a run, or the numbers have stopped being finite.
     """
     import torch
 
@@ -134,11 +131,7 @@ def build(folder: RunFolder, config: RunConfig, process: Process) -> tuple["RslR
 
 
 def push_clips(paths: Sequence[Path] = ()) -> tuple[PushClip, ...]:
-    """Return the reference motions of pushing as the task follows them: whole pushes, from touchdown to touchdown.
-
-    Raises:
-        SysidError: A clip has no whole push.
-    """
+    """Return the reference motions of pushing as the task follows them: whole pushes, from touchdown to touchdown."""
     from policy_runtime.motion.motion_check import left_stance
     from sim.skate.robot.g1 import g1_spec
 
@@ -234,9 +227,6 @@ def restore(
     A run that goes on has the learner, the counters and the random numbers of its checkpoint, bit for bit;
     its worlds begin new episodes. A run that begins with another's checkpoint has its own seed and a new mean
     of the weights; a checkpoint without a curriculum has the task's own patience, in nominal worlds.
-
-    Raises:
-        SysidError: The checkpoint is broken, of another program, or of a learner of another size.
     """
     from policy_runtime.learning.checkpoint import Done, grow_critic, read_checkpoint, set_random_state
     from policy_runtime.learning.curriculum import Level
@@ -404,11 +394,7 @@ def _say_broken(worlds: list[int], process: Process, iteration: int) -> None:
 
 
 def check_finite(algorithm: "AmpPPO", numbers: dict[str, float], iteration: int) -> None:
-    """Stop when a loss is not finite, and name the first cause.
-
-    Raises:
-        SysidError: With the observation group, its column and the world, or the loss.
-    """
+    """Stop when a loss is not finite, and name the first cause."""
     import torch
 
     bad = [name for name, value in numbers.items() if not math.isfinite(value)]

@@ -52,10 +52,6 @@ class BatchPolicy:
 
         Args:
             policy: Path of an ONNX file, or 'zero'.
-
-        Raises:
-            SysidError: The policy does not fit, takes another observation than the task gives, or onnx is
-                not installed.
         """
         self.name = Path(policy).stem
         self.turn_feedback = False
@@ -103,9 +99,6 @@ def evaluate_in_parallel(
     Args:
         policy: Path of an ONNX file, or 'zero'.
         device: 'cuda:0' or 'cpu'; the first GPU if there is one.
-
-    Raises:
-        SysidError: mjlab or torch is not installed, or the policy does not fit.
     """
     protocol = protocol or Protocol()
     if protocol.stress != CALM or protocol.hold_heading or protocol.jump or protocol.stop:

@@ -176,11 +176,7 @@ def protocol_world(board: Board, protocol: Protocol) -> World:
 
 
 def policy_named(name: str, board: Board | None, *, force: bool = False) -> Policy:
-    """Return the scripted policy of that name, or open an ONNX file: of that path, or shipped under that name.
-
-    Raises:
-        SysidError: The policy is missing, or does not fit robot and board.
-    """
+    """Return the scripted policy of that name, or open an ONNX file: of that path, or shipped under that name."""
     found = None if name in SCRIPTS else find_policy(name)
     if found is None and not name.endswith(".onnx"):
         return scripted(name)
@@ -222,10 +218,6 @@ def evaluate_policy(
         seeds: Seeds; an episode is drawn from its seed and its number, whatever the processes.
         pool: Processes to ride in, of `riders`; this one alone if None.
         force: See `policy_file.open_policy`.
-
-    Raises:
-        SysidError: The policy cannot be opened or does not fit, the world cannot be built, or worlds drawn
-            as in training are asked for.
     """
     protocol = protocol or Protocol()
     if protocol.randomised:

@@ -43,26 +43,21 @@ class Stress:
     """Horizontal force on the pelvis for 0.1 s, in a drawn direction, every 5 to 10 s [N]."""
 
     def __post_init__(self) -> None:
-        """Check the numbers.
-
-        Raises:
-            SysidError: One cannot be.
-        """
+        """Check the numbers."""
         lag = self.delay / PD_PERIOD
-        if not 0 <= self.delay <= 1:
-            raise SysidError(f"--delay {self.delay:g}: from 0 to 1 s, in seconds; 20 ms is 0.02.")
-        if not math.isclose(lag, round(lag), abs_tol=1e-6):
-            raise SysidError(f"--delay {self.delay:g}: must be a multiple of the servos' {PD_PERIOD:g} s.")
-        for name in ("mass", "rolling"):
-            if not getattr(self, name) > 0:
-                raise SysidError(f"--{name} {getattr(self, name):g}: a factor, must be larger than 0.")
-        for name in ("noise", "push"):
-            if not getattr(self, name) >= 0:
-                raise SysidError(f"--{name} {getattr(self, name):g}: must not be negative.")
-        if self.friction is not None and not self.friction > 0:
-            raise SysidError(f"--friction {self.friction:g}: must be larger than 0.")
-        if not abs(self.slope) < math.radians(30):
-            raise SysidError(f"--slope {math.degrees(self.slope):g}: must be within ±30 degrees.")
+        for name, fine, wanted in (
+            ("delay", 0 <= self.delay <= 1, "from 0 to 1 s, in seconds; 20 ms is 0.02"),
+            ("delay", abs(lag - np.rint(lag)) < 1e-6, f"must be a multiple of the servos' {PD_PERIOD:g} s"),
+            ("mass", self.mass > 0, "a factor, must be larger than 0"),
+            ("rolling", self.rolling > 0, "a factor, must be larger than 0"),
+            ("noise", self.noise >= 0, "must not be negative"),
+            ("push", self.push >= 0, "must not be negative"),
+            ("friction", self.friction is None or self.friction > 0, "must be larger than 0"),
+            ("slope", abs(self.slope) < math.radians(30), "must be within ±30 degrees"),
+        ):
+            if not fine:
+                value = math.degrees(self.slope) if name == "slope" else getattr(self, name)
+                raise SysidError(f"--{name} {value:g}: {wanted}.")
 
     def change(self, model: mujoco.MjModel) -> None:
         """Change a compiled skating scene into that world."""

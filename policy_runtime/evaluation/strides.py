@@ -100,11 +100,7 @@ def _reference() -> Array:
 
 @lru_cache(maxsize=1)
 def clip_ranges() -> dict[str, tuple[float, float]]:
-    """Return the range of those metrics that the reference clips have too.
-
-    Raises:
-        SysidError: mjlab, whose G1 model is used, is not installed.
-    """
+    """Return the range of those metrics that the reference clips have too."""
     from policy_runtime.motion.motion_check import motion_facts
     from sim.skate.robot.g1 import g1_spec
 

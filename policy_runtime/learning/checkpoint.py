@@ -41,11 +41,7 @@ class Done:
 
 
 def read_checkpoint(path: Path, device: str = "cpu") -> dict[str, Any]:
-    """Read a checkpoint.
-
-    Raises:
-        SysidError: The file is cut short, no checkpoint of PyTorch, or of another program.
-    """
+    """Read a checkpoint."""
     try:
         content: Any = torch.load(path, map_location=device, weights_only=True)
     except OSError as error:

@@ -43,9 +43,6 @@ def export_policy(actor: Any, path: Path, metadata: dict[str, str]) -> None:
     Args:
         actor: The model; left as it is.
         metadata: See `policy_metadata`.
-
-    Raises:
-        SysidError: The folder cannot be written to.
     """
     import onnx
     import torch

@@ -182,9 +182,6 @@ class RunFolder:
             start_from: A checkpoint of another run to begin with; it is copied.
             gpus: GPUs of the run, 0 for the CPU.
             motions: Files and folders of reference motions of pushing; they are copied. The shipped ones if none.
-
-        Raises:
-            SysidError: The folder cannot be written to, or the checkpoint or a motion cannot be read.
         """
         clips = load_motions(motions) if motions else []
         if start_from is not None:
@@ -214,11 +211,7 @@ class RunFolder:
         write_json(self.origin, origin)
 
     def read_config(self) -> RunConfig:
-        """Read the options back.
-
-        Raises:
-            SysidError: There is no such run, or an option is unknown or of the wrong kind.
-        """
+        """Read the options back."""
         try:
             raw = tomllib.loads(self.config.read_text(encoding="utf-8"))
         except OSError as error:

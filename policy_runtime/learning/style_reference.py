@@ -33,9 +33,6 @@ def style_reference(options: SkateOptions, pushing: Sequence[Motion] = ()) -> Ar
 
     Returns:
         Windows [rad], shape (m, 5 · 23), or (m, 5 · 23 + 3) with phases, grouped by phase.
-
-    Raises:
-        SysidError: A clip is missing or broken.
     """
     pushing = pushing or load_motions()
     if options.transition != "style":

@@ -70,12 +70,7 @@ COLUMNS = ("time_s", "speed_m_s", "turn_rad")
 
 
 def load_script(path: Path) -> Script:
-    """Read a CSV file with the columns time_s, speed_m_s, turn_rad; the first row must be at 0.
-
-    Raises:
-        SysidError: The file is missing, a column is missing, a value is not a number or out of the
-            trained range, or times do not increase.
-    """
+    """Read a CSV file with the columns time_s, speed_m_s, turn_rad; the first row must be at 0."""
     try:
         with regular(path).open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
@@ -116,9 +111,6 @@ class Keyboard:
 
         Args:
             descriptor: File descriptor of the terminal; standard input if None.
-
-        Raises:
-            SysidError: It is not a terminal.
         """
         self._fd = sys.stdin.fileno() if descriptor is None else descriptor
         if not os.isatty(self._fd):

@@ -18,11 +18,7 @@ class GravityLoad:
     """Static joint torques of the G1 standing on one foot or on both."""
 
     def __init__(self) -> None:
-        """Build the robot's model.
-
-        Raises:
-            SysidError: mjlab is not installed.
-        """
+        """Build the robot's model."""
         self.model = g1_spec(visuals=False).compile()
         self.data = mujoco.MjData(self.model)
 

@@ -99,11 +99,7 @@ def _last_dimension(shape: list[Any]) -> int | None:
 
 
 def check_robot(path: Path, metadata: dict[str, str]) -> tuple[str, ...]:
-    """Compare joint names, gains, default pose and action scales with the robot's; return notes.
-
-    Raises:
-        SysidError: One of them differs.
-    """
+    """Compare joint names, gains, default pose and action scales with the robot's; return notes."""
     names = tuple(metadata.get("joint_names", "").split(","))
     if names != JOINTS:
         raise SysidError(

@@ -48,11 +48,7 @@ class RangeCheck:
     """Collects the observations of a policy."""
 
     def __init__(self, policy: OnnxPolicy) -> None:
-        """Read the normaliser of the policy's file.
-
-        Raises:
-            SysidError: onnx is not installed, or the file does not begin with a normaliser.
-        """
+        """Read the normaliser of the policy's file."""
         self._policy = policy
         names = policy.observing.names
         sensed = [
@@ -102,11 +98,7 @@ class RangeCheck:
 
 
 def normaliser(policy: OnnxPolicy) -> tuple[Array, Array]:
-    """Return mean and standard deviation by which a policy's file normalises its input, each of shape (size,).
-
-    Raises:
-        SysidError: onnx is not installed, or the file does not begin with subtraction and division.
-    """
+    """Return mean and standard deviation by which a policy's file normalises its input, each of shape (size,)."""
     with needs_extra("run", "reading what a policy was trained on"):
         import onnx
         from onnx import numpy_helper

@@ -108,11 +108,7 @@ SCRIPTS: dict[str, Callable[[], Policy]] = {"zero": zero_action, "stand": standi
 
 
 def scripted(name: str) -> Policy:
-    """Return a scripted policy by its name.
-
-    Raises:
-        SysidError: The name is unknown.
-    """
+    """Return a scripted policy by its name."""
     if name not in SCRIPTS:
         raise SysidError(
             f"unknown script '{name}'.{did_you_mean(name, SCRIPTS)} Scripted policies: {', '.join(SCRIPTS)}. "

@@ -41,11 +41,7 @@ class _Viewed:
 
 @contextmanager
 def viewed(robot: SimulatedRobot, wanted: bool) -> Generator[Robot]:
-    """Yield the robot, drawn in MuJoCo's viewer if wanted.
-
-    Raises:
-        SysidError: There is no display for the viewer.
-    """
+    """Yield the robot, drawn in MuJoCo's viewer if wanted."""
     if not wanted:
         yield robot
         return

@@ -64,9 +64,6 @@ def make_world(
         steered: Whether it does; else they are held straight.
         start: One of `STARTS`.
         gantry: Holds the robot; None lets it fall.
-
-    Raises:
-        SysidError: mjlab is not installed, or the board cannot be built.
     """
     options = SceneOptions(coupling=coupling, steered=steered, terrain=terrain, timestep=PD_PERIOD)
     model = skate_spec(board, options, visuals=visuals).compile()
@@ -92,9 +89,6 @@ def world_of(
         start: One of `STARTS`.
         direct_rake: λ [rad] where the scene's trucks are set directly.
         gantry: Holds the robot; None lets it fall.
-
-    Raises:
-        SysidError: The scene is not one of skating, or the start is unknown.
     """
     robot = SimulatedRobot(model, direct_rake=direct_rake, gantry=gantry)
     if start not in STARTS:

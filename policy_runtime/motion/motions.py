@@ -70,12 +70,7 @@ class Motion:
 
 
 def load_motion(path: Path) -> Motion:
-    """Read a clip: a NumPy file holding (frames, 36) numbers, ours or the HUSKY release's.
-
-    Raises:
-        SysidError: The file is missing, no NumPy array, of another shape, too short, not finite, or holds
-            quaternions that are not of unit length.
-    """
+    """Read a clip: a NumPy file holding (frames, 36) numbers, ours or the HUSKY release's."""
     try:
         table = np.load(regular(path), allow_pickle=False)
     except OSError as error:
@@ -118,11 +113,7 @@ def save_motion(motion: Motion, path: Path) -> None:
 
 
 def motion_paths(where: Sequence[Path] = ()) -> list[Path]:
-    """Return motion files: those named, those in folders named, shipped ones by their name, or all shipped clips.
-
-    Raises:
-        SysidError: A path does not exist, or there is no motion in a folder.
-    """
+    """Return motion files: those named, those in folders named, shipped ones by their name, or all shipped clips."""
     shipped = sorted((shipped_data() / "motions").glob("*.npy"))
     by_name = {path.stem: path for path in shipped}
     paths: list[Path] = []
@@ -139,11 +130,7 @@ def motion_paths(where: Sequence[Path] = ()) -> list[Path]:
 
 
 def load_motions(where: Sequence[Path] = ()) -> list[Motion]:
-    """Read clips from files and folders, or the shipped ones.
-
-    Raises:
-        SysidError: See `motion_paths` and `load_motion`.
-    """
+    """Read clips from files and folders, or the shipped ones."""
     return [load_motion(path) for path in motion_paths(where)]
 
 

@@ -31,9 +31,6 @@ class SimulatedG1:
         Args:
             interface: Network interface; CycloneDDS chooses one if None.
             hoisted: Hang on a hoist over the board: pelvis and board stay where they are, the joints move.
-
-        Raises:
-            SysidError: cyclonedds is not installed or cannot use the interface.
         """
         self._messages = messages = load_messages()
         command, state = (messages.COMMAND_TOPIC, messages.LowCmd), (messages.STATE_TOPIC, messages.LowState)

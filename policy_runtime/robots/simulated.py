@@ -60,11 +60,9 @@ class Truth:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gantry:
-    """A trolley on the board that holds the pelvis upright, as a robot is tried out in a hall.
+    """A trolley on the board that holds the pelvis upright, above its place on the board and turned as at the start.
 
-    It holds the pelvis upright, above the same place of the board and turned as at the start. Its forces act
-    back on the board, so only the robot's own push moves both. Up and down
-    the robot is free.
+    Its forces act back on the board, so only the robot's own push moves both. Up and down the robot is free.
     """
 
     turning: float = 600.0
@@ -89,9 +87,6 @@ class SimulatedRobot:
             model: Compiled from `skate_spec`; its step must divide the servos' period.
             direct_rake: λ [rad] of a scene with coupling='direct'. The trucks are then set after every step.
             gantry: Holds the robot; None lets it fall.
-
-        Raises:
-            SysidError: A joint of the robot is missing, or the step does not divide the period.
         """
         self.model, self.data = model, mujoco.MjData(model)
         self._rake, self._gantry, self._left = direct_rake, gantry, left_out(model)

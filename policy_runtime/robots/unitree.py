@@ -45,9 +45,6 @@ class UnitreeG1:
             interface: Network interface towards the robot, e.g. 'eth0'; CycloneDDS chooses one if None.
             domain: DDS domain; the robot is in domain 0.
             timeout: Longest time to wait for the robot [s].
-
-        Raises:
-            SysidError: cyclonedds is not installed, the interface does not exist, or no robot answers.
         """
         self._messages = messages = load_messages()
         command, state = (messages.COMMAND_TOPIC, messages.LowCmd), (messages.STATE_TOPIC, messages.LowState)
@@ -141,11 +138,7 @@ class UnitreeG1:
 
 
 def load_messages() -> Any:
-    """Return the module of message types.
-
-    Raises:
-        SysidError: cyclonedds is not installed.
-    """
+    """Return the module of message types."""
     with needs_extra("robot", "talking to a G1"):
         from policy_runtime.robots import unitree_messages
     return unitree_messages
@@ -154,11 +147,7 @@ def load_messages() -> Any:
 def open_topics(
     interface: str | None, domain: int, written: tuple[str, Any], read: tuple[str, Any]
 ) -> tuple[Any, Any, Any]:
-    """Return a DDS participant on one network interface, with the writer of one topic (name, type) and the reader of another.
-
-    Raises:
-        SysidError: CycloneDDS cannot use the interface.
-    """
+    """Return a DDS participant on one network interface, with the writer of one topic (name, type) and the reader of another."""
     from cyclonedds.core import DDSException
     from cyclonedds.domain import Domain, DomainParticipant
     from cyclonedds.pub import DataWriter

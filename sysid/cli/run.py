@@ -211,7 +211,7 @@ def _report(
     )
     rows = [
         (name, f"{times['p50_ms']:.2f}", f"{times['p99_ms']:.2f}", f"{times['max_ms']:.2f}")
-        for name, times in result.timing.summary().items()
+        for name, times in result.timing().items()
     ]
     if rows:
         printer.table(("per tick [ms]", "p50", "p99", "max"), rows)

@@ -33,7 +33,7 @@ def test_fifty_decisions_a_second_over_five_hundred_servo_steps():
     assert robot.steps == 1000
     assert result.stopped is None
     assert [event.kind for event in result.events] == ["start", "end"]
-    assert len(result.timing.decide) == 100
+    assert len(result.times) == 100
 
 
 def test_told_to_stand_while_pushing_the_cycle_waits_at_the_beginning_of_the_next():

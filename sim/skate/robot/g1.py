@@ -124,11 +124,7 @@ def servos() -> Servos:
 
 
 def g1_xml() -> Path:
-    """Return the path of the 29-joint model inside the installed mjlab package.
-
-    Raises:
-        SysidError: mjlab is not installed, or its layout has changed.
-    """
+    """Return the path of the 29-joint model inside the installed mjlab package."""
     package = find_spec("mjlab")
     if package is None or not package.submodule_search_locations:
         raise SysidError(
@@ -147,9 +143,6 @@ def g1_spec(*, visuals: bool = True) -> mujoco.MjSpec:
 
     Args:
         visuals: Keep the meshes; without them the model compiles in a tenth of the time.
-
-    Raises:
-        SysidError: mjlab is not installed.
     """
     spec = mujoco.MjSpec.from_file(str(g1_xml()))
     for joint in list(spec.joints):

@@ -68,9 +68,6 @@ def skate_spec(board: Board, options: SceneOptions | None = None, *, visuals: bo
     Args:
         options: Coupling, terrain and step.
         visuals: Keep the robot's meshes, for pictures.
-
-    Raises:
-        SysidError: mjlab, whose G1 model is used, is not installed, or the board cannot be built.
     """
     options = options or SceneOptions()
     spec = mujoco.MjSpec()
@@ -100,9 +97,6 @@ def as_written(board: Board, options: SceneOptions) -> Board:
     """Return the board as this scene must hold it, so that it decays like its record.
 
     `check` vouches for the record in a scene with this compensation; a policy must see the same board.
-
-    Raises:
-        SysidError: The board cannot be built, or the step is too long for it.
     """
     return compensate(board, "in-scene", timestep=options.timestep, coupling=options.coupling).board
 
