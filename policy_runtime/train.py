@@ -267,14 +267,17 @@ def restore(
 
 def save(
     folder: RunFolder,
+    config: RunConfig,
     env: Any,
     algorithm: "AmpPPO",
     curriculum: "Curriculum | None",
     done: "Done",
     states: list[dict[str, Any]],
 ) -> None:
-    """Write a checkpoint in one step, with how hard the task is, if that is led."""
+    """Write a checkpoint in one step, and its policy: the mean of the weights (`policy_runtime.learning.mean_actor`)."""
     import torch
+
+    from policy_runtime.learning.onnx_export import export_policy, policy_metadata
 
     content = algorithm.save() | {
         "iteration": done.iterations,
@@ -286,12 +289,6 @@ def save(
         content["curriculum"] = asdict(curriculum.level)
     with atomic_path(folder.checkpoint(done.iterations)) as temporary:
         torch.save(content, temporary)
-
-
-def export(folder: RunFolder, config: RunConfig, algorithm: "AmpPPO") -> None:
-    """Write the mean of the policy on its way (`policy_runtime.learning.mean_actor`)."""
-    from policy_runtime.learning.onnx_export import export_policy, policy_metadata
-
     metadata = policy_metadata(
         load_board(folder.board),
         sha256(folder.board),
@@ -318,7 +315,11 @@ def _learn(
     from policy_runtime.learning.progress import Progress
 
     progress, learn = Progress(env.unwrapped), config.learn
-    board = _tensorboard(folder) if process.leads else None
+    board = None
+    if process.leads and find_spec("tensorboard") is not None:
+        from torch.utils.tensorboard.writer import SummaryWriter
+
+        board = SummaryWriter(str(folder.path))
     lengths = torch.randint_like(env.episode_length_buf, int(env.max_episode_length))
     env.episode_length_buf = lengths  # else all worlds would time out together
     obs = env.get_observations()
@@ -355,19 +356,9 @@ def _learn(
                     board.add_scalar(name, value, done.iterations)
         yield numbers
         if saves and process.leads:
-            save(folder, env, algorithm, curriculum, done, states)
-            export(folder, config, algorithm)
+            save(folder, config, env, algorithm, curriculum, done, states)
         if stop:
             return
-
-
-def _tensorboard(folder: RunFolder) -> Any:
-    """Return a TensorBoard writer into the run's folder, or None where TensorBoard is not installed."""
-    if find_spec("tensorboard") is None:
-        return None
-    from torch.utils.tensorboard.writer import SummaryWriter
-
-    return SummaryWriter(str(folder.path))
 
 
 def collect(env: Any, algorithm: "AmpPPO", obs: Any, steps: int, progress: Any) -> Any:

@@ -148,7 +148,9 @@ def _worlds(
     device = device or ("cuda:0" if torch.cuda.is_available() else "cpu")
     cfg = skate_env_cfg(scaled_board(board, protocol.board_scale), options, environments=count, seed=seed)
     if not protocol.randomised:
-        cfg.events = {name: event for name, event in cfg.events.items() if event.mode != "startup"}
+        cfg.events = {
+            name: event for name, event in cfg.events.items() if event.mode != "startup" or name == "worlds"
+        }
     return ManagerBasedRlEnv(cfg, device=device), torch
 
 

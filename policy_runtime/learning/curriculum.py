@@ -138,7 +138,7 @@ class Curriculum:
         for reward in self._led:
             self._env.reward_manager.set_weight(reward.name, reward.weight_at(level.strength))
         self._algorithm.entropy_coef = level.entropy(*self._entropy)
-        if self._worlds is not None and self._worlds.strength != level.strength:
+        if self._worlds.strength != level.strength:
             self._worlds.set_strength(level.strength)
 
     def follow(self, ends: float) -> None:

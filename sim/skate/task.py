@@ -10,7 +10,7 @@ from sim.skate.cycle.push_clips import PushClip
 from sim.skate.cycle.tilt_guidance import TiltGuidance
 from sim.skate.mdp.actor_observation import FRAMES, NOISE, SCALE
 from sim.skate.mdp.rewards import Task, rewards
-from sim.skate.options import NOMINAL, STYLE_FRAMES, SkateOptions
+from sim.skate.options import STYLE_FRAMES, SkateOptions
 from sim.skate.robot.g1 import JOINTS, motor_of
 from sim.skate.robot.poses import load_poses
 from sim.skate.world.posterior import BoardDraws, board_draws, draw_boards
@@ -52,7 +52,6 @@ def skate_env_cfg(
         ValueError: Pushing by tracking without clips.
     """
     from mjlab.envs import ManagerBasedRlEnvCfg
-    from mjlab.envs.mdp.actions import JointPositionActionCfg
 
     from sim.skate.mdp.delay import DelayedJointPositionCfg
     from sim.skate.mdp.learned_torque import LearnedTorqueCfg
@@ -70,9 +69,8 @@ def skate_env_cfg(
             as_written(board, scene), options.boards, options.spread, np.random.default_rng(seed)
         )
         draws = board_draws(boards, scene.timestep)
-    delayed = options.variation != NOMINAL
     actions: dict[str, Any] = {
-        "joint_pos": (DelayedJointPositionCfg if delayed else JointPositionActionCfg)(
+        "joint_pos": DelayedJointPositionCfg(
             entity_name="robot",
             actuator_names=(".*",),
             scale={joint: motor_of(joint).action_scale for joint in JOINTS},
@@ -138,8 +136,7 @@ def _observations(options: SkateOptions) -> "dict[str, ObservationGroupCfg]":
     from sim.skate.mdp import observations
 
     noise = UniformNoiseCfg(n_min=tuple(-n for n in NOISE), n_max=NOISE) if options.noise else None
-    sees = observations.ActorFrame if options.variation == NOMINAL else observations.SensedFrame
-    frame = ObservationTermCfg(func=sees, noise=noise, scale=SCALE)
+    frame = ObservationTermCfg(func=observations.SensedFrame, noise=noise, scale=SCALE)
     in_transitions = options.transition == "style"
     window = {"joints": ObservationTermCfg(func=observations.joint_angles, history_length=STYLE_FRAMES)}
     if in_transitions:
@@ -220,11 +217,10 @@ def _events(options: SkateOptions, draws: BoardDraws | None) -> "dict[str, Event
             distribution="log_uniform",
             shared_random=True,
         ),
+        "worlds": startup(Worlds, variation=options.variation),
+        "slope": EventTermCfg(func=draw_slope, mode="reset"),
+        "ground": EventTermCfg(func=roll_on, mode="step"),
     }
-    if options.variation != NOMINAL:
-        events["worlds"] = startup(Worlds, variation=options.variation)
-        events["slope"] = EventTermCfg(func=draw_slope, mode="reset")
-        events["ground"] = EventTermCfg(func=roll_on, mode="step")
     if draws is not None:
         coupled = options.steered and options.coupling == "equality"
         events["board"] = startup(randomisation.draw_board, draws=draws, coupled=coupled)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from riding import HoldStill, Puppet, make_onnx, our_metadata, pink, published_metadata
 
-from policy_runtime.loop.commands import Command, Constant
+from policy_runtime.loop.commands import Command, constant
 from policy_runtime.loop.observing import RELEASE_SIZE
 from policy_runtime.loop.preparation import PROBE_JOINT, Preparation
 from policy_runtime.loop.safety import Limits
@@ -47,7 +47,7 @@ def begin(robot, policy=None, duration=0.1, on_event=None, limits=LIMITS, **opti
     return Runtime(
         robot=robot,
         policy=policy or HoldStill(),
-        commands=Constant(Command(1.0, 0.0)),
+        commands=constant(Command(1.0, 0.0)),
         limits=limits,
         preparation=preparation,
         on_event=on_event,
@@ -96,7 +96,7 @@ def test_the_handset_stops_at_any_time(buttons):
     assert not any(np.any(command.stiffness) for command in robot.sent)
     running = Puppet()
     result = Runtime(
-        robot=running, policy=HoldStill(), commands=Constant(Command(1, 0)), limits=LIMITS, stop_time=0.0,
+        robot=running, policy=HoldStill(), commands=constant(Command(1, 0)), limits=LIMITS, stop_time=0.0,
         on_tick=lambda tick: setattr(running, "change", {"buttons": frozenset(buttons)}),
     ).run(1.0)  # fmt: skip
     assert result.stopped.startswith("handset:")

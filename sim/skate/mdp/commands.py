@@ -197,9 +197,8 @@ class SkateCommand(CommandTerm):
         options = self._options
         speed = torch.empty(self.num_envs, device=self.device).uniform_(*options.speed)
         chance, share = torch.rand(2, self.num_envs, device=self.device)
-        differing = worlds(self._env)
         # Standing worlds seldom fall and outlive the others. A beginner would do little else.
-        led = 1.0 if differing is None else (4 * differing.strength).clamp(max=1.0)
+        led = (4 * worlds(self._env).strength).clamp(max=1.0)
         speed = torch.where(chance > 1 - led * options.slow, SLOW_SPEED * share, speed)
         return torch.where(chance < led * options.standing, STILL_SPEED * share, speed)
 

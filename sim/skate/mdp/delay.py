@@ -29,7 +29,6 @@ class DelayedJointPosition(JointPositionAction):
         """Take the policy's answer, and find what reaches the servos in each step of the simulation."""
         super().process_actions(actions)
         there, manager = worlds(self._env), self._env.action_manager
-        assert there is not None  # the task builds this term only where worlds differ
         last = torch.stack((manager.action, manager.prev_action, manager.prev_prev_action))
         self._targets = there.answers(last) * self._scale + self._offset
         self._substep = 0

@@ -24,7 +24,7 @@ The critic's vector, in order (privileged, without noise, one frame):
 | 1 | transition's way gone |
 | 1 | where the right foot shall stay along the deck [m] × 5 |
 | 1 | heading still to turn by now [rad] |
-| 7 | the world: delays of action and sensors, rolling and sole friction, mass, slope; zero where all are the same |
+| 7 | the world: delays of action and sensors, rolling and sole friction, mass, slope |
 | 1 | time since the left foot came down [s] |
 | 1 | board's speed, averaged over a stride, less the commanded one [m/s] |
 | 1 | 1 while the cycle waits |
@@ -36,9 +36,9 @@ import torch
 
 from sim.skate import rotation
 from sim.skate.arrays import wrap_angle
-from sim.skate.mdp.actor_observation import FRAME_SIZE, projected_gravity, raw_frame, scale_frame
+from sim.skate.mdp.actor_observation import FRAME_SIZE, raw_frame, scale_frame
 from sim.skate.mdp.commands import SkateCommand
-from sim.skate.mdp.worlds import MEMORY, PRIVILEGED_SIZE, worlds
+from sim.skate.mdp.worlds import MEMORY, worlds
 from sim.skate.robot.g1 import default_pose
 from sim.skate.world import contacts
 
@@ -62,9 +62,8 @@ class ActorFrame:
     def __call__(self, env: "ManagerBasedRlEnv") -> torch.Tensor:
         """Return the frame."""
         command = skate_command(env)
-        reading, there = command.reading, self._worlds
-        pelvis = reading.robot.quaternion()
-        down = projected_gravity(pelvis) if there is None else -rotation.rotate_back(pelvis, there.up())
+        reading = command.reading
+        down = -rotation.rotate_back(reading.robot.quaternion(), self._worlds.up())
         return raw_frame(
             command.seen(),
             reading.imu("ang_vel"),
@@ -90,7 +89,6 @@ class SensedFrame(ActorFrame):
 
     def __call__(self, env: "ManagerBasedRlEnv") -> torch.Tensor:
         """Return the frame."""
-        assert self._worlds is not None  # the task builds this term only where worlds differ
         frame = super().__call__(env)
         last = torch.cat((frame[None], self._last[:-1]))
         self._last.copy_(torch.where(self._new[:, None], frame, last))
@@ -122,8 +120,7 @@ class CriticVector(ActorFrame):
 
     def _hidden(self, command: SkateCommand) -> tuple[torch.Tensor, ...]:
         place, turn = command.foot_place, wrap_angle(command.heading_reference() - command.headings()[0])
-        known = place.new_zeros(len(place), PRIVILEGED_SIZE) if self._worlds is None else self._worlds.known()
-        return 5 * place[:, None], turn[:, None], known
+        return 5 * place[:, None], turn[:, None], self._worlds.known()
 
 
 def joint_angles(env: "ManagerBasedRlEnv") -> torch.Tensor:

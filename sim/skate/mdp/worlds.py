@@ -39,8 +39,6 @@ MAX_SLOPE_ANGLE = math.pi / 4
 """Largest angle between a slope and where the board points at its beginning [rad]."""
 EDGE = 0.1
 """Way within which the ground goes over from one segment to the next [m]."""
-PRIVILEGED_SIZE = 7
-"""Numbers that tell the critic what world it is in."""
 _SENSORS = ("angular_velocity", "gravity", "joint_position", "joint_velocity")
 """Parts of the actor's frame that sensors measure."""
 
@@ -210,7 +208,7 @@ class Worlds:
         return torch.where(self._measured, late, frames[0]) + self.bias
 
     def known(self) -> torch.Tensor:
-        """Return the privileged numbers of each world for the critic, about within ±1, (n, `PRIVILEGED_SIZE`)."""
+        """Return the privileged numbers of each world for the critic, about within ±1, (n, 7)."""
         lag = self.action_lag * (TIMESTEP / CONTROL_PERIOD) - 1
         friction = self._env.sim.model.geom_friction[:, self._sole, 0]
         one = (lag, self.sensor_lag, self.rolling, friction - 1, 5 * self.mass)
@@ -227,25 +225,19 @@ def steps_back(lag: Any, substep: Any) -> Any:
     return ((lag - substep + DECIMATION - 1) // DECIMATION).clip(min=0, max=MEMORY - 1)
 
 
-def worlds(env: "ManagerBasedRlEnv") -> Worlds | None:
-    """Return the differing worlds, or None where they are all the same."""
-    if "worlds" not in env.event_manager.active_terms.get("startup", ()):
-        return None
+def worlds(env: "ManagerBasedRlEnv") -> Worlds:
+    """Return the differing worlds."""
     return env.event_manager.get_term_cfg("worlds").func
 
 
 def draw_slope(env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None) -> None:
     """Begin on a new segment of ground: mjlab's event of a reset."""
-    there = worlds(env)
-    assert there is not None  # the task adds this event beside the worlds
-    there.draw_slope(slice(None) if env_ids is None else env_ids)
+    worlds(env).draw_slope(slice(None) if env_ids is None else env_ids)
 
 
 def roll_on(env: "ManagerBasedRlEnv", env_ids: None) -> None:
     """Go on over the ground: mjlab's event of every step."""
-    there = worlds(env)
-    assert there is not None  # as above
-    there.roll_on()
+    worlds(env).roll_on()
 
 
 def _bias_widths(variation: Variation) -> list[float]:
