@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from policy_runtime.motion.motion_check import RADIUS, sole_points
+from policy_runtime.motion.motion_check import RADIUS
 from policy_runtime.motion.motions import Motion
-from sim.skate.robot.g1 import JOINTS
+from sim.skate.robot.g1 import JOINTS, sole_points
 from sysid.roll import Array
 
 AXIS_HEIGHT, DECK_TOP = 0.10, 0.11

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from policy_runtime.motion.contact import Stance, find_stance
 from policy_runtime.motion.motions import Motion
-from sim.skate.robot.g1 import FOOT_BODIES, JOINTS
+from sim.skate.robot.g1 import JOINTS, sole_points
 from sysid.roll import Array
 
 RADIUS = 0.01
@@ -113,18 +113,6 @@ def _forward(model: mujoco.MjModel, motion: Motion) -> tuple[Array, Array, Array
         com.append(data.subtree_com[1].copy())
         touching.append(data.ncon > 0)
     return np.array(soles), np.array(com), np.array(touching)
-
-
-def sole_points(model: mujoco.MjModel, data: mujoco.MjData, side: str) -> Array:
-    """Return the lowest point of either end of each capsule of a sole in the world [m], shape (14, 3)."""
-    foot = model.body(FOOT_BODIES[side == "right"]).id
-    points: list[Array] = []
-    for geom in range(model.ngeom):
-        if model.geom_bodyid[geom] == foot and model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE:
-            axis = data.geom_xmat[geom].reshape(3, 3)[:, 2] * model.geom_size[geom, 1]
-            down = np.array([0.0, 0.0, model.geom_size[geom, 0]])
-            points += [data.geom_xpos[geom] + axis - down, data.geom_xpos[geom] - axis - down]
-    return np.array(points)
 
 
 def _ahead(motion: Motion) -> Array:

@@ -53,9 +53,8 @@ def skate_env_cfg(
     """
     from mjlab.envs import ManagerBasedRlEnvCfg
 
+    from sim.skate.mdp.board_term import BoardTermCfg
     from sim.skate.mdp.delay import DelayedJointPositionCfg
-    from sim.skate.mdp.learned_torque import LearnedTorqueCfg
-    from sim.skate.mdp.trucks import TruckSetterCfg
 
     scene = SceneOptions(
         coupling=options.coupling,
@@ -69,20 +68,20 @@ def skate_env_cfg(
             as_written(board, scene), options.boards, options.spread, np.random.default_rng(seed)
         )
         draws = board_draws(boards, scene.timestep)
+    rake = board.geometry["rake"].value if options.steered else 0.0
     actions: dict[str, Any] = {
         "joint_pos": DelayedJointPositionCfg(
             entity_name="robot",
             actuator_names=(".*",),
             scale={joint: motor_of(joint).action_scale for joint in JOINTS},
             use_default_offset=True,
-        )
+        ),
+        "board": BoardTermCfg(
+            entity_name="board",
+            rake=rake if options.coupling == "direct" else None,
+            dampers=None if draws is None else draws.learned_dampers,
+        ),
     }
-    if options.coupling == "direct":
-        rake = board.geometry["rake"].value
-        actions["trucks"] = TruckSetterCfg(entity_name="board", rake=rake if options.steered else 0.0)
-    actions["learned"] = LearnedTorqueCfg(
-        entity_name="board", dampers=None if draws is None else draws.learned_dampers
-    )
     return ManagerBasedRlEnvCfg(
         scene=mjlab_scene(board, scene, environments),
         sim=mjlab_simulation(scene),

@@ -39,6 +39,7 @@ from sim.skate.arrays import wrap_angle
 from sim.skate.mdp.actor_observation import FRAME_SIZE, raw_frame, scale_frame
 from sim.skate.mdp.commands import SkateCommand
 from sim.skate.mdp.worlds import MEMORY, worlds
+from sim.skate.options import STYLE_FRAMES
 from sim.skate.robot.g1 import default_pose
 from sim.skate.world import contacts
 
@@ -106,21 +107,24 @@ class CriticVector(ActorFrame):
     def __call__(self, env: "ManagerBasedRlEnv") -> torch.Tensor:
         """Return the vector, (n, 199)."""
         command = skate_command(env)
+        one = (
+            command.fraction * command.transition,
+            5 * command.foot_place,
+            wrap_angle(command.heading_reference() - command.headings()[0]),
+        )
         parts = (
             scale_frame(super().__call__(env)),
             *_guidance(command),
             *_board(command),
             *_path(command),
             *_contacts(command),
-            *_phases(command),
-            *self._hidden(command),
-            *_stride(command),
+            torch.stack(command.phases, dim=-1).float(),
+            torch.stack(one, dim=-1),
+            self._worlds.known(),
+            torch.stack((command.ground_time.clamp(max=1.0), command.speed_error()), dim=-1),
+            command.still[:, None].float(),
         )
         return torch.cat(parts, dim=-1)
-
-    def _hidden(self, command: SkateCommand) -> tuple[torch.Tensor, ...]:
-        place, turn = command.foot_place, wrap_angle(command.heading_reference() - command.headings()[0])
-        return 5 * place[:, None], turn[:, None], self._worlds.known()
 
 
 def joint_angles(env: "ManagerBasedRlEnv") -> torch.Tensor:
@@ -145,14 +149,14 @@ def style_mask(env: "ManagerBasedRlEnv", pushing: bool = True, transitions: bool
         transitions: Whether mounting and dismounting are.
     """
     command = skate_command(env)
-    clock, step = command.clock, command.step
-    within = (clock.pushing(step - 4) & command.pushing & pushing) * command.holds_speed()
+    clock, step, before = command.clock, command.step, STYLE_FRAMES - 1
+    within = (clock.pushing(step - before) & command.pushing & pushing) * command.holds_speed()
     if transitions:
         _, mounting, _, dismounting = command.phases
-        mounts = clock.mounting(step - 4) & mounting
-        dismounts = clock.dismounting(step - 4) & dismounting
+        mounts = clock.mounting(step - before) & mounting
+        dismounts = clock.dismounting(step - before) & dismounting
         within = within + (mounts | dismounts)
-    return (within * (env.episode_length_buf >= 4))[:, None]
+    return (within * (env.episode_length_buf >= before))[:, None]
 
 
 def _guidance(command: SkateCommand) -> tuple[torch.Tensor, ...]:
@@ -199,16 +203,3 @@ def _contacts(command: SkateCommand) -> tuple[torch.Tensor, ...]:
         reading.wheels_loaded().float(),
         command.air_time[:, None].clamp(max=1.0),
     )
-
-
-def _stride(command: SkateCommand) -> tuple[torch.Tensor, ...]:
-    return (
-        command.ground_time[:, None].clamp(max=1.0),
-        command.speed_error()[:, None],
-        command.still[:, None].float(),
-    )
-
-
-def _phases(command: SkateCommand) -> tuple[torch.Tensor, ...]:
-    fraction = command.fraction * command.transition
-    return torch.stack(command.phases, dim=-1).float(), fraction[:, None].float()

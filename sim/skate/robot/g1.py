@@ -114,13 +114,18 @@ class Servos:
 def servos() -> Servos:
     """Return the servo numbers of all joints."""
     motors = [motor_of(joint) for joint in JOINTS]
-    return Servos(
-        stiffness=np.array([motor.stiffness for motor in motors]),
-        damping=np.array([motor.damping for motor in motors]),
-        effort=np.array([motor.effort for motor in motors]),
-        armature=np.array([motor.armature for motor in motors]),
-        action_scale=np.array([motor.action_scale for motor in motors]),
-    )
+    return Servos(*(np.array([getattr(motor, name) for motor in motors]) for name in Servos.__slots__))
+
+
+def sole_points(model: mujoco.MjModel, data: mujoco.MjData, side: str) -> Array:
+    """Return the lowest point of either end of each capsule of a sole, 'left' or 'right', in the world [m], shape (14, 3)."""
+    points: list[Array] = []
+    for i in range(model.ngeom):
+        if model.geom(i).name.startswith(f"{side}_foot"):
+            axis = data.geom_xmat[i].reshape(3, 3)[:, 2] * model.geom_size[i, 1]
+            down = np.array([0.0, 0.0, model.geom_size[i, 0]])
+            points += [data.geom_xpos[i] + axis - down, data.geom_xpos[i] - axis - down]
+    return np.array(points)
 
 
 def g1_xml() -> Path:

@@ -5,7 +5,7 @@ They are few and broad, because each costs time in every physics step. Contacts 
 less those of the feet.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mjlab.sensor import ContactSensorCfg
@@ -34,18 +34,17 @@ def contact_sensors() -> "tuple[ContactSensorCfg, ...]":
     deck = ContactMatch(mode="body", pattern="deck", entity="board")
     board = ContactMatch(mode="subtree", pattern="board", entity="board")
     wheels = ContactMatch(mode="body", pattern=tuple(f"{w}_wheel" for w in WHEELS), entity="board")
-    both = ("found", "force")
+
+    def sensor(name: str, primary: ContactMatch, secondary: ContactMatch, *fields: Any) -> ContactSensorCfg:
+        return ContactSensorCfg(
+            name=name, primary=primary, secondary=secondary, fields=fields, reduce="netforce"
+        )
+
     return (
-        ContactSensorCfg(name=FEET_GROUND, primary=feet, secondary=ground, fields=both, reduce="netforce"),
-        ContactSensorCfg(name=FEET_DECK, primary=feet, secondary=deck, fields=both, reduce="netforce"),
-        ContactSensorCfg(
-            name=ROBOT_GROUND, primary=robot, secondary=ground, fields=("found",), reduce="netforce"
-        ),
-        ContactSensorCfg(
-            name=ROBOT_BOARD, primary=robot, secondary=board, fields=("found",), reduce="netforce"
-        ),
-        ContactSensorCfg(name=SELF, primary=robot, secondary=robot, fields=("found",), reduce="netforce"),
-        ContactSensorCfg(
-            name=WHEELS_GROUND, primary=wheels, secondary=ground, fields=("force",), reduce="netforce"
-        ),
+        sensor(FEET_GROUND, feet, ground, "found", "force"),
+        sensor(FEET_DECK, feet, deck, "found", "force"),
+        sensor(ROBOT_GROUND, robot, ground, "found"),
+        sensor(ROBOT_BOARD, robot, board, "found"),
+        sensor(SELF, robot, robot, "found"),
+        sensor(WHEELS_GROUND, wheels, ground, "force"),
     )

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import mujoco
-import numpy as np
 
 from sim.board.scene import Coupling, board_spec, integrator_value
 from sim.compensation.scene import compensate
@@ -124,18 +123,8 @@ def standing_height() -> float:
     data.qpos[3] = 1.0
     data.qpos[:3] = 0.0
     mujoco.mj_forward(model, data)
-    lowest = {side: _lowest_of_foot(model, data, side) for side in ("left", "right")}
-    return max(-lowest["left"], DECK_TOP - lowest["right"])
-
-
-def _lowest_of_foot(model: mujoco.MjModel, data: mujoco.MjData, side: str) -> float:
-    """Return the height of the lowest point of a sole [m]: the ends of its capsules less their radius."""
-    lowest = np.inf
-    for i in range(model.ngeom):
-        if model.geom(i).name.startswith(f"{side}_foot"):
-            axis = data.geom_xmat[i].reshape(3, 3)[2, 2] * model.geom_size[i, 1]
-            lowest = min(lowest, data.geom_xpos[i, 2] - abs(axis) - model.geom_size[i, 0])
-    return float(lowest)
+    left, right = (g1.sole_points(model, data, side)[:, 2].min() for side in ("left", "right"))
+    return float(max(-left, DECK_TOP - right))
 
 
 def mjlab_scene(board: Board, options: SceneOptions, environments: int) -> "SceneCfg":

@@ -46,7 +46,7 @@ def one_sided():
 
 def applied(model, tilts, rates, dampers=None):
     """Return what the term applies to worlds at tilts and rates, shape (n,)."""
-    from sim.skate.mdp.learned_torque import LearnedTorqueCfg
+    from sim.skate.mdp.board_term import BoardTermCfg
 
     n = len(tilts)
     data = SimpleNamespace(
@@ -57,7 +57,7 @@ def applied(model, tilts, rates, dampers=None):
     env = SimpleNamespace(
         sim=SimpleNamespace(mj_model=model, data=data), scene={"board": None}, num_envs=n, device="cpu"
     )
-    LearnedTorqueCfg(entity_name="board", dampers=dampers).build(env).apply_actions()
+    BoardTermCfg(entity_name="board", dampers=dampers).build(env).apply_actions()
     return data.qfrc_applied[:, 0].numpy()
 
 
