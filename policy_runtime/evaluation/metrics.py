@@ -9,8 +9,8 @@
 | E_contact | share of pushing and steering steps with the wrong feet down | "contact error" |
 
 The paper's definitions leave choices. The other readings are reported too: the error of the mean speed of each
-pushing phase, the heading error at the last step of each steering phase, the length and the root mean square of Δq,
-and the share of wrong contacts in pushing and in steering alone. An episode that ends early counts with its steps.
+pushing phase, the heading error at the last step of each steering phase, and the share of wrong contacts in pushing
+and in steering alone. An episode that ends early counts with its steps.
 Wrong feet in pushing: the right foot off the deck or the left foot on it. In steering: a foot off the deck or on the
 ground.
 
@@ -44,7 +44,7 @@ Flags = npt.NDArray[np.bool_]
 
 METRICS = {
     "E_vel": "m/s", "E_yaw": "rad", "E_smth": "rad", "E_contact": "1",
-    "E_vel_mean_speed": "m/s", "E_yaw_final": "rad", "E_smth_norm": "rad", "E_smth_rms": "rad",
+    "E_vel_mean_speed": "m/s", "E_yaw_final": "rad",
     "E_contact_push": "1", "E_contact_steer": "1", "E_course": "rad", "E_tilt": "rad", "E_still": "m/s", "E_stop": "1",
     "side_slip": "m/s", "transport": "1", **STRIDE_METRICS,
 }  # fmt: skip
@@ -128,8 +128,6 @@ def episode_errors(rides: Rides) -> dict[str, Array]:
         "E_contact": _mean(wrong.astype(float), push | steer),
         "E_vel_mean_speed": _over_phases(push, lambda n, a, b: abs(float(slowness[a:b, n].mean()))),
         "E_yaw_final": _mean(yaw_error, _last(steer)),
-        "E_smth_norm": _mean(np.linalg.norm(change, axis=-1), pairs),
-        "E_smth_rms": np.sqrt(_mean((change**2).mean(axis=-1), pairs)),
         "E_contact_push": _mean(wrong_push.astype(float), push),
         "E_contact_steer": _mean(wrong_steer.astype(float), steer),
         "E_course": _mean(course_error, _last(steer)),

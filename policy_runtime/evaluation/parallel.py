@@ -7,6 +7,7 @@ changing the simulator.
 
 import math
 import sys
+from collections import defaultdict
 from collections.abc import Callable
 from contextlib import redirect_stdout
 from pathlib import Path
@@ -163,10 +164,7 @@ def _ride(
     from sim.skate.mdp.measuring import measure
     from sim.skate.mdp.observations import skate_command
 
-    rows: dict[str, list[Array]] = {
-        name: [] for name in (*COLUMNS, "speed", "drift", "alive", "ground_load", "power")
-    }
-    where: list[Array] = []
+    rows: dict[str, list[Array]] = defaultdict(list)
     running, succeeded = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
     endings = [TIME_LIMIT] * count
     try:
@@ -174,32 +172,35 @@ def _ride(
         with torch.inference_mode():
             for _ in range(math.ceil(protocol.duration / CONTROL_PERIOD) + 1):
                 actions = policy.act(observations["actor"].cpu().numpy())
-                reading = skate_command(env).reading
+                command = skate_command(env)
                 # Place of the board before the step; after it, fallen riders are back at the start.
-                place = np.column_stack(
-                    [reading.board.position()[:, :2].cpu().numpy(), skate_command(env).headings()[0].cpu()]
+                place = torch.cat(
+                    (command.reading.board.position()[:, :2], command.headings()[0][:, None]), 1
                 )
                 observations, *_ = env.step(torch.as_tensor(actions, dtype=torch.float32, device=env.device))
                 state = measure(env)
-                for name, source in COLUMNS.items():
-                    rows[name].append(getattr(state, source).cpu().numpy().copy())
-                for name, axis in (("speed", 0), ("drift", 1)):
-                    rows[name].append(state.board_velocity[:, axis].cpu().numpy().copy())
-                rows["ground_load"].append(state.ground_load[:, 0].cpu().numpy().copy())
-                power = (state.joint_torque * state.joint_velocity).abs().sum(dim=-1) / reading.weight
-                rows["power"].append(power.cpu().numpy())
+                seen = {name: getattr(state, source) for name, source in COLUMNS.items()} | {
+                    "place": place,
+                    "speed": state.board_velocity[:, 0],
+                    "drift": state.board_velocity[:, 1],
+                    "ground_load": state.ground_load[:, 0],
+                    "power": (state.joint_torque * state.joint_velocity).abs().sum(dim=-1)
+                    / command.reading.weight,
+                }
+                for name, values in seen.items():
+                    rows[name].append(values.cpu().numpy().copy())
                 rows["alive"].append(running.copy())
-                where.append(place)
                 _judge(env, running, succeeded, endings)
                 if not running.any():
                     break
     finally:
         env.close()
     columns: dict[str, Any] = {name: np.array(values) for name, values in rows.items()}
+    where = columns.pop("place")
     course = asked_course(columns["steering"], columns["target_heading"], columns["heading"])
     rides = Rides(**columns, course=course, succeeded=succeeded)
     lengths = rides.alive.sum(axis=0)
-    paths = [np.array(where)[: lengths[n], n] for n in range(min(count, PATHS))]
+    paths = [where[: lengths[n], n] for n in range(min(count, PATHS))]
     return rides, endings, paths
 
 

@@ -114,36 +114,15 @@ class RunConfig:
         return dataclasses.replace(self, **changes)
 
 
-@dataclass(frozen=True, slots=True)
 class RunFolder:
-    """Paths in a run's folder."""
+    """The files of the module's table."""
 
-    path: Path
-
-    @property
-    def config(self) -> Path:
-        """The resolved options."""
-        return self.path / "config.toml"
-
-    @property
-    def board(self) -> Path:
-        """The board's record."""
-        return self.path / "board.toml"
-
-    @property
-    def origin(self) -> Path:
-        """Hashes and versions of the run's inputs."""
-        return self.path / "origin.json"
-
-    @property
-    def curves(self) -> Path:
-        """One JSON line an iteration."""
-        return self.path / "curves.jsonl"
-
-    @property
-    def policy(self) -> Path:
-        """The exported policy."""
-        return self.path / "policy.onnx"
+    def __init__(self, path: Path) -> None:
+        """Name the files."""
+        self.path = path
+        self.config, self.board = path / "config.toml", path / "board.toml"
+        self.origin = path / "origin.json"
+        self.curves, self.policy = path / "curves.jsonl", path / "policy.onnx"
 
     def motions(self) -> list[Path]:
         """Return the reference motions of pushing: the run's own, or the shipped ones."""
