@@ -226,7 +226,7 @@ def restore(
 
     A run that goes on has the learner, the counters and the random numbers of its checkpoint, bit for bit;
     its worlds begin new episodes. A run that begins with another's checkpoint has its own seed and a new mean
-    of the weights; a checkpoint without a curriculum has the task's own patience, in nominal worlds.
+    of the weights. Without a curriculum in the checkpoint it has the task's own patience, in nominal worlds.
     """
     from policy_runtime.learning.checkpoint import Done, grow_critic, read_checkpoint, set_random_state
     from policy_runtime.learning.curriculum import Level

@@ -8,9 +8,8 @@
 | E_smth | mean of abs(Δq) over joints and steps [rad] | "smoothness", formula not given |
 | E_contact | share of pushing and steering steps with the wrong feet down | "contact error" |
 
-The paper's definitions leave choices. The other readings are reported too: the error of the mean speed of each
-pushing phase, the heading error at the last step of each steering phase, and the share of wrong contacts in pushing
-and in steering alone. An episode that ends early counts with its steps.
+The paper's definitions leave choices. Other readings are E_vel_mean_speed, of each pushing phase's mean speed, and
+E_yaw_final, at the last step of each steering phase. E_contact is also given for pushing and for steering alone. An episode that ends early counts with its steps.
 Wrong feet in pushing: the right foot off the deck or the left foot on it. In steering: a foot off the deck or on the
 ground.
 

@@ -28,8 +28,9 @@ class BoardTermCfg(ActionTermCfg):
     rake: float | None = None
     """λ of tan σ = tan λ sin roll [rad]; 0 holds the trucks straight, None leaves them to the scene's constraints."""
     dampers: Array | None = None
-    """Polynomials of the rate that stand for the learned torques of each of the boards that worlds have in turn,
-    (m, torques, 3) [N*m and rad/s]; the scene's own if None."""
+    """Polynomials of the rate that stand for learned torques, (m, torques, 3) [N*m and rad/s].
+
+    Worlds have these boards in turn; None for the scene's own."""
 
     def build(self, env: "ManagerBasedRlEnv") -> "BoardTerm":
         """Return the term."""

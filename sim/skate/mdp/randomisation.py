@@ -61,8 +61,8 @@ class Begin:
         """Draw a first state for every world; all of them, so that it is one CUDA graph whoever needs it.
 
         Returns:
-            Positions (n, nq) and velocities (n, nv), steps since the cycle began (n,), place of the right foot along the
-            deck [m] (n,), and the action that asks for the pose (n, 23).
+            Positions (n, nq) and velocities (n, nv). Steps since the cycle began, (n,). Place of the right foot along the
+            deck [m], (n,). The action that asks for the pose, (n, 23).
         """
         env, start = self._env, self._options.start
         command, n = skate_command(env), env.num_envs
