@@ -315,11 +315,7 @@ def _learn(
     from policy_runtime.learning.progress import Progress
 
     progress, learn = Progress(env.unwrapped), config.learn
-    board = None
-    if process.leads and find_spec("tensorboard") is not None:
-        from torch.utils.tensorboard.writer import SummaryWriter
-
-        board = SummaryWriter(str(folder.path))
+    record = _recorder(folder)
     lengths = torch.randint_like(env.episode_length_buf, int(env.max_episode_length))
     env.episode_length_buf = lengths  # else all worlds would time out together
     obs = env.get_observations()
@@ -350,15 +346,30 @@ def _learn(
         saves = stop or done.iterations % learn.save_every == 0
         states = random_states(process.device) if saves else []
         if process.leads:
-            folder.add_to_curves(numbers)
-            if board is not None:
-                for name, value in numbers.items():
-                    board.add_scalar(name, value, done.iterations)
+            record(numbers)
         yield numbers
         if saves and process.leads:
             save(folder, config, env, algorithm, curriculum, done, states)
         if stop:
             return
+
+
+def _recorder(folder: RunFolder) -> Report:
+    """Return what adds an iteration's numbers to the curves, and to TensorBoard where that is installed."""
+    if find_spec("tensorboard") is None:
+        return folder.add_to_curves
+    from torch.utils.tensorboard.writer import SummaryWriter
+
+    board: Any = None
+
+    def record(numbers: dict[str, float]) -> None:
+        nonlocal board
+        folder.add_to_curves(numbers)
+        board = board or SummaryWriter(str(folder.path))
+        for name, value in numbers.items():
+            board.add_scalar(name, value, int(numbers["iteration"]))
+
+    return record
 
 
 def collect(env: Any, algorithm: "AmpPPO", obs: Any, steps: int, progress: Any) -> Any:

@@ -28,7 +28,7 @@ from sim.skate.options import SkateOptions
 from sim.skate.robot import g1
 from sim.skate.world.cycle import load_cycle
 from sim.skate.world.posterior import FIELDS, BoardDraws, index_of
-from sim.skate.world.scene import STANDING_PELVIS, standing_height
+from sim.skate.world.scene import STANDING_PELVIS, deck_top, standing_height
 
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
@@ -46,7 +46,8 @@ class Begin:
         self._below = place(self._options.start.chances(clock).cumsum())
         self._cycle = place(load_cycle(clock))
         self._cycle[:, 7:] += self._options.pose_offset
-        self._standing = place([*STANDING_PELVIS, standing_height(), 1.0, 0.0, 0.0, 0.0, *pose])
+        height = standing_height(deck_top(env.sim.mj_model))
+        self._standing = place([*STANDING_PELVIS, height, 1.0, 0.0, 0.0, 0.0, *pose])
         self._default, self._scale = place(pose), place(g1.servos().action_scale)
 
     def __call__(self, env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, **params: Any) -> None:

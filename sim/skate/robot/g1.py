@@ -38,7 +38,7 @@ SOLE_CENTRE = (0.039, 0.0, -SOLE_HEIGHT)
 SOLE_FRICTION = 1.0
 """Sliding friction of the soles [1]; the stock model's 0.6 slips on a deck."""
 
-NATURAL_FREQUENCY = 10 * 2 * math.pi
+NATURAL_FREQUENCY = 10 * math.tau
 """Natural frequency that mjlab gives every joint servo on its own armature [rad/s]."""
 DAMPING_RATIO = 2.0
 """ζ of every joint servo on its own armature [1], as in mjlab: twice critical, for the links weigh more than the armature."""

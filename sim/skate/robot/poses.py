@@ -15,7 +15,7 @@ from sim.skate.robot.g1 import JOINTS, MOTORS, pose_vector
 from sysid.files import shipped_data
 from sysid.roll import Array
 
-CLIP_JOINTS = 7 + np.array([MOTORS.index(joint) for joint in JOINTS])
+CLIP_JOINTS = np.array([7 + MOTORS.index(joint) for joint in JOINTS])
 """Columns of a stored clip that hold the 23 joints in policy order, after the pelvis' position and quaternion."""
 
 

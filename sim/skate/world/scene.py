@@ -40,8 +40,6 @@ EXTENT = 2.0
 
 STANDING_PELVIS = (-0.03, 0.10)
 """Pelvis of a robot that stands with one foot on the deck, from the board's middle, forward and left [m]."""
-DECK_TOP = 0.11
-"""Height of the deck's upper face over the ground [m]."""
 ROBOT, BOARD = "robot/", "board/"
 """Name prefixes."""
 
@@ -110,13 +108,18 @@ def standing_state(model: mujoco.MjModel) -> Array:
     """
     qpos = model.qpos0.copy()
     robot = model.joint(f"{ROBOT}floating_base_joint").qposadr[0]
-    qpos[robot : robot + 7] = (*STANDING_PELVIS, standing_height(), 1.0, 0.0, 0.0, 0.0)
+    qpos[robot : robot + 7] = (*STANDING_PELVIS, standing_height(deck_top(model)), 1.0, 0.0, 0.0, 0.0)
     qpos[robot + 7 : robot + 30] = g1.default_pose()
     return qpos
 
 
-def standing_height() -> float:
-    """Return the pelvis height [m] at which the first foot touches: left on the ground, right on the deck."""
+def deck_top(model: mujoco.MjModel) -> float:
+    """Return the height of the deck's upper face over the ground [m]."""
+    return float(model.body(f"{BOARD}board").pos[2] + model.site(f"{BOARD}front_marker").pos[2])
+
+
+def standing_height(deck: float) -> float:
+    """Return the pelvis height [m] at which the first foot touches: left on the ground, right on a deck of this height [m]."""
     model = g1.g1_spec(visuals=False).compile()
     data = mujoco.MjData(model)
     data.qpos[7:] = g1.default_pose()
@@ -124,7 +127,7 @@ def standing_height() -> float:
     data.qpos[:3] = 0.0
     mujoco.mj_forward(model, data)
     left, right = (g1.sole_points(model, data, side)[:, 2].min() for side in ("left", "right"))
-    return float(max(-left, DECK_TOP - right))
+    return float(max(-left, deck - right))
 
 
 def mjlab_scene(board: Board, options: SceneOptions, environments: int) -> "SceneCfg":
@@ -147,18 +150,18 @@ def mjlab_scene(board: Board, options: SceneOptions, environments: int) -> "Scen
         )
         for motor, names in _joints_by_motor().items()
     )
+    axis = board.geometry["wheel_radius"].value + board.geometry["truck_height"].value
     robot = EntityCfg(
         spec_fn=_robot_child,
         init_state=EntityCfg.InitialStateCfg(
-            pos=(*STANDING_PELVIS, standing_height()),
+            pos=(*STANDING_PELVIS, standing_height(axis + board.geometry["thickness"].value / 2)),
             joint_pos=dict(zip(g1.JOINTS, g1.default_pose().tolist(), strict=True)),
         ),
         articulation=EntityArticulationInfoCfg(actuators=actuators, soft_joint_pos_limit_factor=0.9),
     )
-    wheels_down = board.geometry["wheel_radius"].value + board.geometry["truck_height"].value
     skateboard = EntityCfg(
         spec_fn=lambda: _board_child(written, options),
-        init_state=EntityCfg.InitialStateCfg(pos=(0.0, 0.0, wheels_down)),
+        init_state=EntityCfg.InitialStateCfg(pos=(0.0, 0.0, axis)),
     )
     return SceneCfg(
         num_envs=environments,

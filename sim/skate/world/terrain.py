@@ -12,6 +12,8 @@ from typing import Literal
 
 import mujoco
 
+from sim.board.bodies import colour
+
 Terrain = Literal["flat", "slopes", "steps"]
 
 SLOPES_DEG = (5.0, 6.0, 8.0, 10.0)
@@ -30,8 +32,8 @@ _LEDGE_BIT = 2
 
 _HALF_WIDTH = 60.0
 """Half the width of the lane [m]: straight to the side at the largest speed, 1.5 m/s, for twice the paper's episode of 20 s."""
-_COLOUR = (0.32, 0.36, 0.40, 1.0)
-"""Red, green, blue and opacity of the ground, as a share of full."""
+_COLOUR = colour("525c66")
+"""Of the ground."""
 
 
 def add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
@@ -40,7 +42,7 @@ def add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
     if terrain == "flat":
         if spec.geom("terrain") is None:
             body.add_geom(
-                name="terrain", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05], rgba=list(_COLOUR)
+                name="terrain", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05], rgba=_COLOUR
             )
         return
     plane = spec.geom("terrain")
@@ -66,7 +68,7 @@ def add_ledge(spec: mujoco.MjSpec) -> None:
         size=list(LEDGE_SIZE),
         contype=0,
         conaffinity=_LEDGE_BIT,
-        rgba=list(_COLOUR),
+        rgba=_COLOUR,
     )
     for geom in spec.geoms:
         if geom.name.endswith("_collision") and ("_foot" in geom.name or "_wheel" in geom.name):
@@ -103,5 +105,5 @@ def _slab(
         size=[length / 2, half_width, thickness / 2],
         pos=[middle_x - math.sin(pitch) * thickness / 2, 0.0, middle_z - math.cos(pitch) * thickness / 2],
         quat=[math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0],
-        rgba=list(_COLOUR),
+        rgba=_COLOUR,
     )
