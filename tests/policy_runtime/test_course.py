@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from riding import HoldStill, Puppet
 
-from policy_runtime.loop.commands import Command, Constant
+from policy_runtime.loop.commands import Command, constant
 from policy_runtime.loop.course import Course
 from policy_runtime.loop.safety import Limits
 from policy_runtime.runtime import Runtime
@@ -85,7 +85,7 @@ def test_the_runtime_tells_the_policy_the_held_turn_and_its_ticks_the_course():
             robot.change = {"quaternion": yawed(0.3).quaternion}
 
     Runtime(
-        robot=robot, policy=policy, commands=Constant(Command(1.0, 0.1)), limits=LIMITS, on_tick=on_tick,
+        robot=robot, policy=policy, commands=constant(Command(1.0, 0.1)), limits=LIMITS, on_tick=on_tick,
         stop_time=0.0, hold_heading=True,
     ).run((CLOCK.period + STEERING + 1) * 0.02)  # fmt: skip
     assert ticks[STEERING].command.turn == pytest.approx(0.1)

@@ -126,32 +126,6 @@ def test_feedback_takes_what_the_pelvis_has_yawed_off_the_turn():
     assert builder.frame(yawed(1.0), Command(1.0, 0.2), action, 7)[1] == pytest.approx(0.2)
 
 
-def test_runtime_and_training_build_the_same_observation(ride):
-    torch = pytest.importorskip("torch", reason="training needs torch")
-    from sim.skate.mdp.actor_observation import projected_gravity, raw_frame, scale_frame
-
-    states, commands, actions, steps = ride
-
-    def tensor(rows):
-        return torch.tensor(np.array(rows), dtype=torch.float32)
-
-    frames = scale_frame(
-        raw_frame(
-            tensor(commands),
-            tensor([s.angular_velocity for s in states]),
-            projected_gravity(tensor([s.quaternion for s in states])),
-            tensor([s.joint_position for s in states]) - tensor(default_pose()),
-            tensor([s.joint_velocity for s in states]),
-            tensor(actions),
-            tensor(steps)[:, None] % 300 / 300,
-        )
-    ).numpy()
-    builder = PaperObservation()
-    for row in zip(*ride, strict=True):
-        observation = builder.build(*row)
-    np.testing.assert_allclose(observation, frames[1:].ravel(), atol=1e-6)
-
-
 @pytest.mark.parametrize("size", [390, 395])
 def test_policy_of_either_interface_answers_as_computed_by_hand(tmp_path, runtime, ride, size):
     metadata = published_metadata() if size == 395 else our_metadata(pink())

@@ -417,30 +417,3 @@ def test_machines_that_do_not_fit_together_are_refused(options, message, monkeyp
     monkeypatch.setattr(command, "_require_mjlab", lambda: None)
     with pytest.raises(SysidError, match=message):
         called("train", "--board", "pink", "--force", *options)
-
-
-@pytest.mark.slow
-def test_two_machines_train_one_run(tmp_path):
-    """Both on this computer, met at a port of its own; one begins the run, the other joins it."""
-    needs_training()
-    import socket
-
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    folder = RunFolder(tmp_path / "run")
-    common = [
-        *(sys.executable, "-m", "sysid.cli", "train", "--board", "pink", "--force", "--gpus", "0"),
-        *("--environments", "4", "--iterations", "1", "--nodes", "2", "--rendezvous", f"127.0.0.1:{port}"),
-        *("--output", str(folder.path)),
-    ]
-    environment = os.environ | {"OMP_NUM_THREADS": "1"}
-    machines = [
-        subprocess.Popen([*common, "--node", node], stderr=subprocess.PIPE, text=True, env=environment)
-        for node in ("0", "1")
-    ]
-    said = [machine.communicate(timeout=400)[1] for machine in machines]
-    assert [machine.returncode for machine in machines] == [0, 0], said
-    (row,) = folder.read_curves()
-    assert row["samples"] == 2 * 4 * 24
-    assert folder.policy.is_file()
