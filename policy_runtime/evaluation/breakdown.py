@@ -86,9 +86,9 @@ def break_down(rides: Rides, clock: Clock | None = None) -> tuple[Table, ...]:
     clock = clock or Clock()
     push = _Phases(rides.pushing & rides.alive, clock.push)
     steer = _Phases(rides.steering & rides.alive, clock.steer)
-    slowness = rides.speed - rides.commanded_speed
-    error = wrap_angle(rides.heading - rides.target_heading)
-    turn = wrap_angle(rides.target_heading - steer.at_begin(rides.heading))
+    slowness = rides.board_speed - rides.commanded_speed
+    error = wrap_angle(rides.board_heading - rides.target_heading)
+    turn = wrap_angle(rides.target_heading - steer.at_begin(rides.board_heading))
     speeds = _classes(rides.commanded_speed, SPEED_RANGE, "m/s")
     turns = _classes(turn, TURN_RANGE, "rad")
     return (
@@ -98,7 +98,7 @@ def break_down(rides: Rides, clock: Clock | None = None) -> tuple[Table, ...]:
                 "|v-v_cmd|": np.abs(slowness),
                 "v-v_cmd": slowness,
                 "turned to the left since its begin, rad": wrap_angle(
-                    rides.heading - push.at_begin(rides.heading)
+                    rides.board_heading - push.at_begin(rides.board_heading)
                 ),
             },
             speeds,
@@ -106,7 +106,11 @@ def break_down(rides: Rides, clock: Clock | None = None) -> tuple[Table, ...]:
         push.table("feet while pushing, shares of steps", _feet(rides, wrong_in_pushing(rides)), speeds),
         steer.table(
             "heading while steering, rad",
-            {"|error|": np.abs(error), "error along the turn": error * np.sign(turn), "v, m/s": rides.speed},
+            {
+                "|error|": np.abs(error),
+                "error along the turn": error * np.sign(turn),
+                "v, m/s": rides.board_speed,
+            },
             turns,
         ),
         steer.table("feet while steering, shares of steps", _feet(rides, wrong_in_steering(rides)), turns),

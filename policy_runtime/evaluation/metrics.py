@@ -62,7 +62,7 @@ class Rides:
     """In the pushing phase with a command to move, (t, n)."""
     steering: Flags
     """In the steering phase, (t, n)."""
-    waiting: Flags
+    still: Flags
     """Told to stand, and the cycle waits, (t, n)."""
     commanded_speed: Array
     """[m/s], (t, n)."""
@@ -70,23 +70,23 @@ class Rides:
     """[rad], (t, n); read in steering only."""
     course: Array
     """Sum of the turns asked for since the start [rad], (t, n)."""
-    speed: Array
+    board_speed: Array
     """Of the board along its own x axis [m/s], (t, n)."""
-    drift: Array
+    board_drift: Array
     """Speed of the board's middle along its own y axis [m/s], (t, n)."""
-    heading: Array
+    board_heading: Array
     """Of the board [rad], (t, n)."""
     tilt: Array
     """Of the deck, left edge down positive [rad], (t, n)."""
-    joints: Array
+    joint_position: Array
     """[rad], (t, n, 23)."""
     power: Array
     """Sum of abs(torque · rate) of the motors over the robot's weight [m/s], (t, n)."""
     ground_load: Array
     """Force of the ground on the left foot over the robot's weight [1], (t, n)."""
-    slip: Array
+    left_slip: Array
     """Speed of the left sole over the ground [m/s], (t, n)."""
-    foot_place: Array
+    left_place: Array
     """Place of the left sole along the board [m], (t, n)."""
     foot_on_ground: Flags
     """Left, right, (t, n, 2)."""
@@ -113,10 +113,10 @@ class Rides:
 def episode_errors(rides: Rides) -> dict[str, Array]:
     """Return every error of `METRICS` for every episode, shape (n,); NaN where a phase never came."""
     push, steer = rides.pushing & rides.alive, rides.steering & rides.alive
-    slowness = rides.commanded_speed - rides.speed
-    yaw_error = np.abs(wrap_angle(rides.target_heading - rides.heading))
-    course_error = np.abs(wrap_angle(rides.heading - rides.heading[0] - rides.course))
-    change = np.diff(rides.joints, axis=0)
+    slowness = rides.commanded_speed - rides.board_speed
+    yaw_error = np.abs(wrap_angle(rides.target_heading - rides.board_heading))
+    course_error = np.abs(wrap_angle(rides.board_heading - rides.board_heading[0] - rides.course))
+    change = np.diff(rides.joint_position, axis=0)
     pairs = rides.alive[1:] & rides.alive[:-1]
     wrong_push, wrong_steer = wrong_in_pushing(rides), wrong_in_steering(rides)
     wrong = np.where(rides.pushing, wrong_push, wrong_steer)
@@ -131,10 +131,10 @@ def episode_errors(rides: Rides) -> dict[str, Array]:
         "E_contact_steer": _mean(wrong_steer.astype(float), steer),
         "E_course": _mean(course_error, _last(steer)),
         "E_tilt": _over_phases(steer, lambda n, a, b: _wrong_tilt(rides, n, a, b)),
-        "E_still": _mean(np.abs(rides.speed), rides.alive & rides.waiting),
+        "E_still": _mean(np.abs(rides.board_speed), rides.alive & rides.still),
         "E_stop": np.array([_failed_stops(rides, n) for n in range(rides.alive.shape[1])]),
-        "side_slip": _mean(np.abs(rides.drift), rides.alive),
-        "transport": _over_all(rides.power, rides.alive) / _over_all(np.abs(rides.speed), rides.alive),
+        "side_slip": _mean(np.abs(rides.board_drift), rides.alive),
+        "transport": _over_all(rides.power, rides.alive) / _over_all(np.abs(rides.board_speed), rides.alive),
         **stride_metrics(rides),
     }
 
@@ -147,7 +147,7 @@ def _over_all(values: Array, where: Flags) -> Array:
 
 def _failed_stops(rides: Rides, n: int) -> float:
     """Return the share of an episode's stops that failed; NaN without a stop that was given its time."""
-    alive, speed = rides.alive[:, n], rides.speed[:, n]
+    alive, speed = rides.alive[:, n], rides.board_speed[:, n]
     told = rides.commanded_speed[:, n] < STILL_SPEED
     failed: list[bool] = []
     for begin, end in intervals(told & alive):
@@ -193,7 +193,7 @@ def _over_phases(where: Flags, value: Callable[[int, int, int], float]) -> Array
 
 def _wrong_tilt(rides: Rides, n: int, begin: int, end: int) -> float:
     """Return the largest tilt against the turn in a steering phase [rad]."""
-    turn = wrap_angle(rides.target_heading[begin, n] - rides.heading[begin, n])
+    turn = wrap_angle(rides.target_heading[begin, n] - rides.board_heading[begin, n])
     return max(0.0, float(np.max(-np.sign(turn) * rides.tilt[begin:end, n])))
 
 
@@ -220,8 +220,8 @@ def reachable_headings(rides: Rides) -> Array:
     for n in range(steer.shape[1]):
         for begin, end in intervals(steer[:, n]):
             if end < len(steer) and rides.alive[end, n]:
-                start = rides.heading[begin, n]
+                start = rides.board_heading[begin, n]
                 asked = wrap_angle(rides.target_heading[begin, n] - start)
-                done = float(np.unwrap(rides.heading[begin:end, n])[-1] - start)
-                rows.append((float(asked), done, float(rides.speed[begin, n])))
+                done = float(np.unwrap(rides.board_heading[begin:end, n])[-1] - start)
+                rows.append((float(asked), done, float(rides.board_speed[begin, n])))
     return np.array(rows).reshape(-1, 3)

@@ -28,21 +28,11 @@ from sysid.board import Board
 from sysid.errors import SysidError, needs_extra
 from sysid.roll import Array
 
-COLUMNS = {
-    "pushing": "pushing",
-    "steering": "steering",
-    "waiting": "still",
-    "commanded_speed": "commanded_speed",
-    "target_heading": "target_heading",
-    "heading": "board_heading",
-    "tilt": "tilt",
-    "joints": "joint_position",
-    "foot_on_ground": "foot_on_ground",
-    "foot_on_deck": "foot_on_deck",
-    "slip": "left_slip",
-    "foot_place": "left_place",
-}
-"""Fields of `Rides`, and where `sim.skate.mdp.state.SkateState` has them."""
+COLUMNS = (
+    *("pushing", "steering", "still", "commanded_speed", "target_heading", "board_heading", "tilt"),
+    *("joint_position", "foot_on_ground", "foot_on_deck", "left_slip", "left_place"),
+)
+"""Fields of `Rides` that `sim.skate.mdp.state.SkateState` has by the same names."""
 
 
 class BatchPolicy:
@@ -179,10 +169,10 @@ def _ride(
                 )
                 observations, *_ = env.step(torch.as_tensor(actions, dtype=torch.float32, device=env.device))
                 state = measure(env)
-                seen = {name: getattr(state, source) for name, source in COLUMNS.items()} | {
+                seen = {name: getattr(state, name) for name in COLUMNS} | {
                     "place": place,
-                    "speed": state.board_velocity[:, 0],
-                    "drift": state.board_velocity[:, 1],
+                    "board_speed": state.board_velocity[:, 0],
+                    "board_drift": state.board_velocity[:, 1],
                     "ground_load": state.ground_load[:, 0],
                     "power": (state.joint_torque * state.joint_velocity).abs().sum(dim=-1)
                     / command.reading.weight,
@@ -197,7 +187,7 @@ def _ride(
         env.close()
     columns: dict[str, Any] = {name: np.array(values) for name, values in rows.items()}
     where = columns.pop("place")
-    course = asked_course(columns["steering"], columns["target_heading"], columns["heading"])
+    course = asked_course(columns["steering"], columns["target_heading"], columns["board_heading"])
     rides = Rides(**columns, course=course, succeeded=succeeded)
     lengths = rides.alive.sum(axis=0)
     paths = [where[: lengths[n], n] for n in range(min(count, PATHS))]

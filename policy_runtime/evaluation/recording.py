@@ -13,6 +13,12 @@ from sim.skate.cycle.clock import STILL_SPEED, Clock
 from sysid.files import atomic_path
 from sysid.roll import Array
 
+MEASURED = (
+    *("board_heading", "board_speed", "board_drift"),
+    *("left_slip", "left_place", "foot_on_ground", "foot_on_deck"),
+)
+"""Fields of `Rides` that `Truth` has by the same names."""
+
 
 @dataclass(frozen=True, slots=True)
 class Recording:
@@ -58,22 +64,16 @@ class Recording:
             alive=np.ones((len(step), 1), dtype=bool),
             pushing=(self.clock.pushing(step) & ~stands)[:, None],
             steering=self.clock.steering(step)[:, None],
-            waiting=self.clock.waiting(step, stands)[:, None],
+            still=self.clock.waiting(step, stands)[:, None],
             commanded_speed=self.command[:, :1],
             target_heading=self.target_heading[:, None],
             course=self.course[:, None],
-            speed=self.column("board_speed")[:, None],
-            drift=self.column("board_drift")[:, None],
-            heading=self.column("board_heading")[:, None],
             tilt=-self.column("roll")[:, None],
-            joints=self.joints[:, None],
+            joint_position=self.joints[:, None],
             power=power[:, None],
             ground_load=self.column("ground_load")[:, None, 0],
-            slip=self.column("left_slip")[:, None],
-            foot_place=self.column("left_place")[:, None],
-            foot_on_ground=self.column("foot_on_ground")[:, None],
-            foot_on_deck=self.column("foot_on_deck")[:, None],
             succeeded=np.array([succeeded]),
+            **{name: self.column(name)[:, None] for name in MEASURED},
         )
 
     def save(self, path: Path) -> None:

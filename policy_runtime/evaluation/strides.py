@@ -60,7 +60,7 @@ def _of_episode(rides: "Rides", n: int) -> dict[str, float]:
         stances += [CONTROL_PERIOD * (b - a) for a, b in stands if a > 0 and b < end - begin]
         for a, b in pairwise(touchdowns):
             times.append(CONTROL_PERIOD * (b - a))
-            travels.append(float(np.ptp(rides.foot_place[a:b, n])))
+            travels.append(float(np.ptp(rides.left_place[a:b, n])))
         impacts += [float(rides.ground_load[a : min(a + IMPACT_STEPS, end), n].max()) for a in touchdowns]
     load = rides.ground_load[push, n]
     weight = float(load.sum())
@@ -69,9 +69,9 @@ def _of_episode(rides: "Rides", n: int) -> dict[str, float]:
         "stride_period": _median(times),
         "stance_time": _median(stances),
         "foot_travel": _median(travels),
-        "slip": float((load * rides.slip[push, n]).sum()) / weight if weight > 0 else np.nan,
+        "slip": float((load * rides.left_slip[push, n]).sum()) / weight if weight > 0 else np.nan,
         "impact": _median(impacts),
-        "style_distance": _style_distance(rides.joints[:, n], phases),
+        "style_distance": _style_distance(rides.joint_position[:, n], phases),
     }
 
 

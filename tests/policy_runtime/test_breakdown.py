@@ -27,9 +27,9 @@ def table(tables, start):
 
 
 def test_an_error_of_speed_shows_in_its_phase_its_command_and_its_time():
-    speed = rides().speed.copy()
+    speed = rides().board_speed.copy()
     speed[CLOCK.period : CLOCK.period + 16, 1] -= 0.4  # first fifth of the second pushing phase
-    found = table(break_down(rides(speed=speed), CLOCK), "speed while pushing")
+    found = table(break_down(rides(board_speed=speed), CLOCK), "speed while pushing")
     assert found.mean("phase 1", "|v-v_cmd|") == 0
     assert found.mean("phase 2", "v-v_cmd") == pytest.approx(-0.4 * 16 / 160)
     assert found.mean("0.3 to 0.6 m/s", "|v-v_cmd|") == 0
@@ -60,7 +60,9 @@ def test_a_turn_that_comes_short_is_told_from_one_that_goes_too_far():
     target[first] = [0.3, -0.7]
     heading[first[1:]] = [0.2, -0.9]  # left: 0.1 short, right: 0.2 too far; at the first step not yet
     target[second] = heading[second] = 0.05
-    found = table(break_down(rides(target_heading=target, heading=heading), CLOCK), "heading while steering")
+    found = table(
+        break_down(rides(target_heading=target, board_heading=heading), CLOCK), "heading while steering"
+    )
     assert found.mean("last step", "error along the turn") == pytest.approx((-0.1 + 0.2 + 0 + 0) / 4)
     assert found.mean("0.16 to 0.47 rad", "error along the turn") == pytest.approx(
         -(0.3 + 39 * 0.1) / 40, rel=1e-6
@@ -70,7 +72,7 @@ def test_a_turn_that_comes_short_is_told_from_one_that_goes_too_far():
 
 def test_means_agree_with_the_metrics():
     rng = np.random.default_rng(3)
-    noisy = rides(speed=rng.uniform(0, 1, (STEPS, 2)), heading=rng.uniform(-1, 1, (STEPS, 2)))
+    noisy = rides(board_speed=rng.uniform(0, 1, (STEPS, 2)), board_heading=rng.uniform(-1, 1, (STEPS, 2)))
     tables, errors = break_down(noisy, CLOCK), episode_errors(noisy)
     by_phase = table(tables, "speed while pushing")
     assert by_phase.mean("all", "|v-v_cmd|") == pytest.approx(errors["E_vel"].mean())
@@ -84,7 +86,7 @@ def test_parts_add_up_to_the_whole_even_where_one_ended_early():
     speed = rng.uniform(0, 1, (STEPS, 2))
     alive = np.ones((STEPS, 2), bool)
     alive[100:, 1] = False  # the second episode never comes to a second phase
-    whole = rides(speed=speed, alive=alive)
+    whole = rides(board_speed=speed, alive=alive)
 
     def one(n):
         fields = {name: getattr(whole, name) for name in Rides.__slots__}

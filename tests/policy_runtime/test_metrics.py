@@ -30,7 +30,7 @@ def test_a_perfect_ride_has_no_error():
 def test_side_slip_is_of_either_side_and_of_the_ride_alone():
     drift, alive = np.full((STEPS, 1), 9.0), np.zeros((STEPS, 1), bool)
     drift[:10], alive[:10] = np.where(np.arange(10) % 2, 0.2, -0.1)[:, None], True
-    assert episode_errors(rides(drift=drift, alive=alive))["side_slip"][0] == pytest.approx(0.15)
+    assert episode_errors(rides(board_drift=drift, alive=alive))["side_slip"][0] == pytest.approx(0.15)
 
 
 def long_ride(**changes):
@@ -51,8 +51,8 @@ def test_strides_are_counted_from_touchdown_to_touchdown():
         long_ride(
             foot_on_ground=down,
             ground_load=np.where(step < 20, 0.1, 0.0)[:, None],
-            slip=np.where(step < 20, 0.1, 3.0)[:, None],
-            foot_place=(0.3 * np.abs(step - 25) / 25)[:, None],
+            left_slip=np.where(step < 20, 0.1, 3.0)[:, None],
+            left_place=(0.3 * np.abs(step - 25) / 25)[:, None],
         )
     )
     expected = {
@@ -79,7 +79,9 @@ def test_a_stop_fails_when_the_board_rolls_on_or_the_robot_falls(rest, falls, sh
     told = np.where(np.arange(600) < 100, 1.0, 0.0)[:, None]
     speed = np.where(np.arange(600) < rest, 1.0, 0.05)[:, None]
     alive = (np.arange(600) < (falls or 600))[:, None]
-    ride = long_ride(commanded_speed=told, speed=speed, alive=alive, succeeded=np.array([falls is None]))
+    ride = long_ride(
+        commanded_speed=told, board_speed=speed, alive=alive, succeeded=np.array([falls is None])
+    )
     assert episode_errors(ride)["E_stop"][0] == share
 
 
@@ -92,7 +94,7 @@ def test_rolling_where_it_is_told_to_stand_is_an_error_of_its_own():
     told = np.where(np.arange(STEPS) < 10, 0.05, 0.8)[:, None]
     waits = told < 0.1
     speed = np.where(np.arange(STEPS) < 10, -0.4, 0.8)[:, None]
-    assert episode_errors(rides(commanded_speed=told, waiting=waits, speed=speed))["E_still"][
+    assert episode_errors(rides(commanded_speed=told, still=waits, board_speed=speed))["E_still"][
         0
     ] == pytest.approx(0.4)
     assert np.isnan(episode_errors(rides())["E_still"][0])
@@ -101,7 +103,7 @@ def test_rolling_where_it_is_told_to_stand_is_an_error_of_its_own():
 def test_velocity_counts_in_pushing_only():
     speed = np.full((STEPS, 1), 9.0)
     speed[PUSH] = np.where(np.arange(20) % 2, 1.3, 0.9)[:, None]
-    errors = episode_errors(rides(speed=speed))
+    errors = episode_errors(rides(board_speed=speed))
     assert errors["E_vel"][0] == pytest.approx(0.2)
     assert errors["E_vel_mean_speed"][0] == pytest.approx(0.1)  # mean speed 1.1
 
@@ -111,7 +113,7 @@ def test_heading_counts_in_steering_only_and_wraps():
     heading[STEER] = math.pi - 0.1
     heading[34] = math.pi - 0.05
     target = np.full((STEPS, 1), -math.pi + 0.1)
-    errors = episode_errors(rides(heading=heading, target_heading=target))
+    errors = episode_errors(rides(board_heading=heading, target_heading=target))
     assert errors["E_yaw"][0] == pytest.approx((9 * 0.2 + 0.15) / 10)
     assert errors["E_yaw_final"][0] == pytest.approx(0.15)
 
@@ -119,7 +121,7 @@ def test_heading_counts_in_steering_only_and_wraps():
 def test_smoothness_is_the_change_of_joints_a_step():
     joints = np.zeros((STEPS, 1, 23))
     joints[:, 0, 0] = 0.023 * np.arange(STEPS)
-    errors = episode_errors(rides(joints=joints))
+    errors = episode_errors(rides(joint_position=joints))
     assert errors["E_smth"][0] == pytest.approx(0.001)
 
 
@@ -142,7 +144,7 @@ def test_what_comes_after_the_end_does_not_count():
     speed[10:] = 77.0
     joints = np.zeros((STEPS, 1, 23))
     joints[10:] = 5.0
-    errors = episode_errors(rides(alive=alive, speed=speed, joints=joints))
+    errors = episode_errors(rides(alive=alive, board_speed=speed, joint_position=joints))
     assert errors["E_vel"][0] == 0
     assert errors["E_smth"][0] == 0
     assert np.isnan(errors["E_yaw"][0])
@@ -154,7 +156,7 @@ def test_headings_reached_are_those_of_whole_steering_phases():
     heading[STEER, 0] = np.linspace(3.1, 3.1 + 0.4, 10)  # through π
     target = np.full((STEPS, 1), 3.1 + 0.5 - 2 * math.pi)
     rows = reachable_headings(
-        rides(heading=(heading + math.pi) % (2 * math.pi) - math.pi, target_heading=target)
+        rides(board_heading=(heading + math.pi) % (2 * math.pi) - math.pi, target_heading=target)
     )
     np.testing.assert_allclose(rows, [[0.5, 0.4, 1.0]], atol=1e-9)
     alive = np.ones((STEPS, 1), bool)
@@ -195,5 +197,7 @@ def test_course_counts_from_the_start_and_every_turn_asked_for_since():
     heading, course = np.full((STEPS, 1), 0.3), np.zeros((STEPS, 1))
     heading[STEER.stop - 1] = 0.3 + 0.45  # at the end of steering
     course[STEER.start :] = 0.5
-    errors = episode_errors(rides(heading=heading, course=course, target_heading=np.full((STEPS, 1), 0.8)))
+    errors = episode_errors(
+        rides(board_heading=heading, course=course, target_heading=np.full((STEPS, 1), 0.8))
+    )
     assert errors["E_course"][0] == pytest.approx(0.05)

@@ -24,8 +24,8 @@ def made_rides(pushing: Array, steering: Array, told: tuple[float, ...] = (1.0,)
     deck[steering] = True
     speed = np.broadcast_to(np.array(told), shape).copy()
     values: dict[str, Any] = {name: zero.copy() for name in Rides.__slots__} | {
-        "alive": ~no, "pushing": pushing[:, None] & ~no, "steering": steering[:, None] & ~no, "waiting": no,
-        "commanded_speed": speed, "speed": speed.copy(), "joints": np.zeros((*shape, 23)),
+        "alive": ~no, "pushing": pushing[:, None] & ~no, "steering": steering[:, None] & ~no, "still": no,
+        "commanded_speed": speed, "board_speed": speed.copy(), "joint_position": np.zeros((*shape, 23)),
         "foot_on_ground": np.zeros((*shape, 2), bool), "foot_on_deck": deck, "succeeded": np.ones(len(told), bool),
     }  # fmt: skip
     return Rides(**(values | changes))
