@@ -59,8 +59,8 @@ class Event(NamedTuple):
 
 
 TIMES = ("decide", "tick", "late", "age")
-"""Of a tick [s]: its decision from reading to sending; all of it without sleep and recording; how late it began, in real time;
-the age of the state that it decided on."""
+"""Of a tick [s]: its decision from reading to sending; all of it without sleep and recording; how late it began in real time.
+The last is the age of the state that it decided on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
