@@ -39,10 +39,6 @@ class TiltGuidance:
     def _trucks(self) -> int:
         return 2 if self.kinematics == "two-truck" else 1
 
-    def yaw_rate(self, tilt: Any, speed: Any) -> Any:
-        """Return ψ̇ [rad/s], left turn positive, for a tilt γ (left edge down positive) and a speed."""
-        return self._trucks * speed * np.tan(self.rake) * namespace(tilt).sin(tilt) / self.wheelbase
-
     def time(self, left: Any) -> Any:
         """Return the time to plan for when so much is left [s], shape (...,)."""
         return namespace(left).clip(left, self.least_time, self.longest_time)

