@@ -402,7 +402,8 @@ def check_finite(algorithm: "AmpPPO", numbers: dict[str, float], iteration: int)
     bad = [name for name, value in numbers.items() if not math.isfinite(value)]
     if not bad:
         return
-    for name, values in {**algorithm.storage.observations, "reward": algorithm.storage.rewards}.items():
+    seen: dict[str, Any] = {**algorithm.storage.observations, "reward": algorithm.storage.rewards}
+    for name, values in seen.items():
         for step, world, column in torch.nonzero(~torch.isfinite(values))[:1].tolist():
             part = f" ({part_of(column)})" if name == "actor" else ""
             raise SysidError(

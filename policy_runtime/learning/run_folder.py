@@ -299,7 +299,7 @@ def _build(kind: type[T], raw: Any, where: str) -> T:
 def _value(hint: Any, value: Any, where: str) -> Any:
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
         return _build(hint, value, where)
-    arguments: Any = typing.get_args(hint)
+    kind, arguments = typing.cast("Any", hint), typing.get_args(hint)
     if typing.get_origin(hint) is typing.Literal:
         if value not in arguments:
             raise SysidError(f"{where} is {value!r}; expected one of {', '.join(map(str, arguments))}.")
@@ -308,6 +308,6 @@ def _value(hint: Any, value: Any, where: str) -> Any:
         return tuple(_value(arguments[0], item, where) for item in value)
     if hint is float and type(value) is int:
         return float(value)
-    if arguments or not isinstance(value, hint):
+    if arguments or not isinstance(value, kind):
         raise SysidError(f"{where} is {value!r}; expected {getattr(hint, '__name__', hint)}.")
     return value

@@ -55,9 +55,8 @@ class Variation:
     """[rad]"""
 
 
-NOMINAL = Variation(
-    **(dict.fromkeys((field.name for field in fields(Variation)), 0.0) | {"rolling_friction": (1.0, 1.0)})
-)
+_NOTHING: dict[str, Any] = dict.fromkeys((field.name for field in fields(Variation)), 0.0)
+NOMINAL = Variation(**(_NOTHING | {"rolling_friction": (1.0, 1.0)}))
 """Worlds that do not differ."""
 
 
