@@ -92,6 +92,7 @@ def test_the_training_world_swings_as_plain_mujoco_with_the_callback():
     data.qacc_warmstart[:] = 0.0
     paths = np.empty((3, 60))
     for i in range(60):
+        env.action_manager.process_action(torch.zeros(2, 23))
         env.action_manager.apply_action()
         env.sim.step()
         paths[0, i] = data.qpos[0, q].item()
