@@ -56,7 +56,8 @@ class Variation:
 
 
 _NOTHING: dict[str, Any] = dict.fromkeys((field.name for field in fields(Variation)), 0.0)
-NOMINAL = Variation(**(_NOTHING | {"rolling_friction": (1.0, 1.0)}))
+_NOTHING["rolling_friction"] = 1.0, 1.0
+NOMINAL = Variation(**_NOTHING)
 """Worlds that do not differ."""
 
 
