@@ -63,15 +63,6 @@ class Table:
             "steps": {label: cells[0][1] for label, cells in self.rows.items()},
         }
 
-    def texts(self) -> list[tuple[str, ...]]:
-        """Return head and rows as texts, without rows that have no step."""
-        body = [
-            (label, *(f"{self.mean(label, column):.4f}" for column in self.columns), str(cells[0][1]))
-            for label, cells in self.rows.items()
-            if cells[0][1]
-        ]
-        return [("", *self.columns, "steps"), *body]
-
 
 def add_up(parts: list[tuple[Table, ...]]) -> tuple[Table, ...]:
     """Return the tables of all rides from those of each part."""
