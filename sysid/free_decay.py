@@ -13,7 +13,7 @@ import numpy as np
 from sysid.board import Board
 from sysid.decay import report as decay_report
 from sysid.decay.coast_down import fit_coast_down, spins_down
-from sysid.decay.doubt import Judgement, judged, sensor_noise
+from sysid.decay.doubt import ABOVE_NOISE, Judgement, judged, sensor_noise
 from sysid.decay.linear_fit import TraceFit, decay_basis, fit_traces, rates
 from sysid.decay.numbers import DecayNumbers as DecayNumbers
 from sysid.decay.numbers import decay_from_peaks as decay_from_peaks
@@ -198,31 +198,26 @@ def _fitted(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
 
 def _spun_down(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
     """Fit a joint without a spring."""
-    found = fit_coast_down(releases)
-    floor = sensor_noise(found.trace)
-    ratio = found.trace.noise / floor.std
-    judgement = judged_coast_down(ratio)
+    trace, found = fit_coast_down(releases)
+    floor = sensor_noise(trace)
+    ratio, rate = trace.noise / floor.std, found["damping_over_inertia"]
+    reason = "damping and dry friction leave a shape, see the picture" if ratio > ABOVE_NOISE else ""
     numbers = decay_numbers(1.0, 1.0, np.zeros((2, 2)), inertia)
     names = [name for name, _ in numbers.items() if name not in ("inertia", "damping")]
-    numbers = without(numbers, names, "no restoring torque")
-    damping = found.damping_rate.value * inertia.value
-    share = found.damping_rate.std / found.damping_rate.value
-    std = damping * math.hypot(share, inertia.std / inertia.value)
-    numbers = replace(numbers, damping=Quantity(damping, std, numbers.damping.unit, "coast-down"))
+    damping = rate.value * inertia.value
+    std = damping * math.hypot(rate.std / rate.value, inertia.std / inertia.value)
+    of_joint = Quantity(damping, std, numbers.damping.unit, "coast-down")
     return FreeDecay(
-        releases=tuple(releases), numbers=numbers, trace=found.trace, judgement=judgement, peaks=tuple(() for _ in releases),
-        two_peaks=None, rest_angles=tuple(Quantity(r.rest, math.nan, "rad", "where it stopped") for r in releases), floor=floor,
-        others={"damping_over_inertia": found.damping_rate, "friction_over_inertia": found.friction_rate},
-    )  # fmt: skip
-
-
-def judged_coast_down(ratio: float) -> Judgement:
-    """Judge a coast-down by its residual over the noise."""
-    from sysid.decay.doubt import ABOVE_NOISE
-
-    if ratio < ABOVE_NOISE:
-        return Judgement("linear", "", ratio, 1.0, ())
-    return Judgement("not linear", "damping and dry friction leave a shape, see the picture", ratio, 1.0, ())
+        releases=tuple(releases),
+        numbers=replace(without(numbers, names, "no restoring torque"), damping=of_joint),
+        trace=trace,
+        judgement=Judgement("not linear" if reason else "linear", reason, ratio, 1.0, ()),
+        peaks=tuple(() for _ in releases),
+        two_peaks=None,
+        rest_angles=tuple(Quantity(one.rest, math.nan, "rad", "where it stopped") for one in releases),
+        floor=floor,
+        others=found,
+    )
 
 
 def _numbers(trace: TraceFit, inertia: Quantity, method: str) -> tuple[DecayNumbers, dict[str, Quantity]]:

@@ -7,14 +7,12 @@ A pure exponential is also the return of an overdamped spring. The angle decides
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from sysid.decay.linear_fit import FittedTrace, TraceFit
 from sysid.decay.trace import Trace, traces_of
-from sysid.least_squares import Minimum, Normal, minimise
+from sysid.least_squares import Normal, minimise
 from sysid.noise.whiteness import lag_one
 from sysid.quantity import Quantity, t95
 from sysid.roll import Array, Release
@@ -23,18 +21,6 @@ TURNS_ON = math.pi
 """Largest way in one direction of a joint with a spring [rad]: half a turn."""
 BACK = 0.05
 """Largest return of a joint without a spring, over its way: noise, and slack of a drive."""
-
-
-@dataclass(frozen=True, slots=True)
-class CoastDown:
-    """A fit without a spring."""
-
-    trace: TraceFit
-    """Its poles are those of a spring too weak to be seen."""
-    damping_rate: Quantity
-    """β = d/I [1/s]."""
-    friction_rate: Quantity
-    """c = friction/I [rad/s²]."""
 
 
 def spins_down(releases: Sequence[Release]) -> bool:
@@ -71,25 +57,28 @@ def _first_guess(traces: Sequence[Trace], *, rate: bool) -> Array:
     return np.array(start)
 
 
-def _own(p: Array, trace: int) -> Array:
-    """Return β, c and first speed and offset of one trace."""
-    return np.concatenate([p[:2], p[2 + 2 * trace : 4 + 2 * trace]])
+def fit_coast_down(releases: Sequence[Release]) -> tuple[TraceFit, dict[str, Quantity]]:
+    """Fit one damping and one friction to all releases together, each with its own speed and place or offset.
 
-
-def fit_coast_down(releases: Sequence[Release]) -> CoastDown:
-    """Fit one damping and one friction to all releases together, each with its own speed and place or offset."""
+    Returns:
+        The fit, with the poles of a spring too weak to be seen. β [1/s] and c [rad/s²] under their names; correlated residuals widen
+        their intervals.
+    """
     traces, signal = traces_of(releases)
     rate = signal == "rate"
     begin = _first_guess(traces, rate=rate)
     least = np.full(len(begin), -np.inf)
     least[:2] = 1e-6 * begin[0], 0.0
 
-    def residuals(p: Array) -> Array:
-        parts = [
-            trace.weight * (trace.measured - _coasting(trace.time, _own(p, i), rate=rate))
+    def modelled(p: Array) -> list[Array]:
+        return [
+            _coasting(trace.time, np.concatenate([p[:2], p[2 + 2 * i : 4 + 2 * i]]), rate=rate)
             for i, trace in enumerate(traces)
         ]
-        return np.concatenate(parts)
+
+    def residuals(p: Array) -> Array:
+        pairs = zip(traces, modelled(p), strict=True)
+        return np.concatenate([trace.weight * (trace.measured - model) for trace, model in pairs])
 
     def evaluate(p: Array) -> Normal:
         here = residuals(p)
@@ -99,37 +88,27 @@ def fit_coast_down(releases: Sequence[Release]) -> CoastDown:
         return Normal(0.5 * float(here @ here), jacobian.T @ here, jacobian.T @ jacobian)
 
     best = minimise(evaluate, begin, least, np.full(len(begin), np.inf), iterations=200, tolerance=1e-12)
-    return _with_intervals(best, residuals(best.point), traces, signal)
-
-
-def _with_intervals(
-    best: Minimum, residuals: Array, traces: Sequence[Trace], signal: Literal["roll", "rate"]
-) -> CoastDown:
-    """Return the fit with its intervals; correlated residuals widen them."""
-    free = max(len(residuals) - len(best.point), 1)
-    rho = lag_one(np.split(residuals, np.cumsum([len(trace.time) for trace in traces])[:-1]))
+    left = residuals(best.point)
+    free = max(len(left) - len(best.point), 1)
+    rho = lag_one(np.split(left, np.cumsum([len(trace.time) for trace in traces])[:-1]))
     variance = 2 * best.normal.cost / free
-    covariance = np.asarray(np.linalg.pinv(best.normal.hessian), dtype=np.float64)
-    covariance *= variance * (1 + rho) / (1 - rho)
-    parts: list[FittedTrace] = []
-    for i, trace in enumerate(traces):
-        own = _own(best.point, i)
-        level = float(own[3]) if signal == "rate" else float(trace.measured[-1])
-        modelled = _coasting(trace.time, own, rate=signal == "rate")
-        parts.append(FittedTrace(trace, modelled, np.array([0.0, 0.0, level]), 0.0))
+    inverse = np.asarray(np.linalg.pinv(best.normal.hessian), dtype=np.float64)
+    std = np.sqrt(np.diag(inverse) * variance * (1 + rho) / (1 - rho))
     spread = sum(float(np.var(trace.measured)) * len(trace.measured) for trace in traces)
     weak = 2 * math.log(100 * max(float(trace.time[-1] - trace.time[0]) for trace in traces))
-    beta, friction = (float(value) for value in best.point[:2])
-    trace = TraceFit(
-        poles=np.array([weak, beta * math.exp(weak)]), covariance=np.eye(2), white_covariance=np.eye(2),
+    levels = [float(best.point[3 + 2 * i] if rate else trace.measured[-1]) for i, trace in enumerate(traces)]
+    parts = [
+        FittedTrace(trace, model, np.array([0.0, 0.0, level]), 0.0)
+        for trace, model, level in zip(traces, modelled(best.point), levels, strict=True)
+    ]
+    fit = TraceFit(
+        poles=np.array([weak, best.point[0] * math.exp(weak)]), covariance=np.eye(2), white_covariance=np.eye(2),
         degrees_of_freedom=free, noise=math.sqrt(variance), correlation=rho, explained=1 - variance * free / spread,
         signal=signal, releases=tuple(parts), law="none",
     )  # fmt: skip
-    half = t95(free) * np.sqrt(np.diag(covariance))
-
-    def quantity(value: float, half: float, unit: Literal["1/s", "rad/s^2"]) -> Quantity:
-        return Quantity(value, half / t95(free), unit, "coast-down", (value - half, value + half))
-
-    return CoastDown(
-        trace, quantity(beta, float(half[0]), "1/s"), quantity(friction, float(half[1]), "rad/s^2")
-    )
+    half = t95(free) * std
+    values = {"damping_over_inertia": "1/s", "friction_over_inertia": "rad/s^2"}
+    return fit, {
+        name: Quantity(float(value), float(s), unit, "coast-down", (float(value - h), float(value + h)))
+        for (name, unit), value, s, h in zip(values.items(), best.point, std, half, strict=False)
+    }

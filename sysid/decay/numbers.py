@@ -131,26 +131,15 @@ def decay_from_peaks(
             f"inertia {inertia.value:.4g} kg·m² are no decay: all must be positive and the second peak smaller "
             "than the first. Measure both peaks on the same side, about the rest angle."
         )
-    std = math.hypot(first_peak.std / first_peak.value, second_peak.std / second_peak.value)
-    delta = Quantity(math.log(first_peak.value / second_peak.value), std, "1")
-    return numbers_from_decrement(delta, period, inertia, method="two peaks on the same side")
-
-
-def numbers_from_decrement(
-    log_decrement: Quantity, period: Quantity, inertia: Quantity, *, method: str = ""
-) -> DecayNumbers:
-    """Return the decay numbers of a logarithmic decrement and a period, measured independently."""
-    omega_n, zeta, jacobian = _from_decrement(log_decrement.value, period.value)
-    covariance = jacobian @ np.diag([log_decrement.std**2, period.std**2]) @ jacobian.T
-    return decay_numbers(omega_n, zeta, covariance, inertia, method=method)
-
-
-def _from_decrement(delta: float, period: float) -> tuple[float, float, Array]:
-    """Return ω_n, ζ and their derivatives by (δ, T), shape (2, 2)."""
+    delta = math.log(first_peak.value / second_peak.value)
+    delta_std = math.hypot(first_peak.std / first_peak.value, second_peak.std / second_peak.value)
     turn = math.hypot(2 * math.pi, delta)
-    omega_n, zeta = turn / period, delta / turn
-    jacobian = np.array([[delta / (turn * period), -omega_n / period], [(2 * math.pi) ** 2 / turn**3, 0.0]])
-    return omega_n, zeta, jacobian
+    omega_n, zeta = turn / period.value, delta / turn
+    by_both = np.array(
+        [[delta / (turn * period.value), -omega_n / period.value], [(2 * math.pi) ** 2 / turn**3, 0.0]]
+    )
+    covariance = by_both @ np.diag([delta_std**2, period.std**2]) @ by_both.T
+    return decay_numbers(omega_n, zeta, covariance, inertia, method="two peaks on the same side")
 
 
 def _values_and_jacobian(omega_n: float, zeta: float, inertia: float) -> tuple[Array, Array]:

@@ -7,15 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from sysid.decay.linear_fit import decay_basis
 from sysid.quantity import Quantity
 from sysid.releases.extrema import smooth_signal
 from sysid.roll import Array, Release
 
 WINDOW = 0.7
 """Half-width of the local fit at a peak, in radians of ω_n: a cubic is right to 0.1 % there."""
-RELEASE_TIME_STD = 0.02
-"""Standard deviation of the time of a release, in periods."""
 MIN_PEAK_STDS = 6.0
 """Least amplitude of a peak [standard deviations]."""
 
@@ -53,8 +50,7 @@ def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, no
     """
     signal = smooth_signal(release.time, release.roll, noise)
     offset = np.interp(release.time, signal.time, signal.roll) - rest
-    first = _release_peak(release, rest, omega_n, omega_d, noise) if release.hold > 0 else None
-    peaks = [] if first is None else [first]
+    peaks = [_held_peak(release, rest, noise)] if release.hold > 0 else []
     passages = np.flatnonzero(np.diff(np.sign(offset)) != 0)
     half = math.pi / omega_d
     for begin, end in pairwise([0, *(passages + 1).tolist(), len(offset)]):
@@ -94,38 +90,14 @@ def log_decrement_two_peaks(peaks: Sequence[Peak], rest_std: float = 0.0) -> Qua
     return None
 
 
-def _release_peak(release: Release, rest: float, omega_n: float, omega_d: float, noise: float) -> Peak | None:
-    """Return peak 0: the roll at the release, at zero rate; None if the samples do not fix it.
-
-    A decay from rest is fitted to the first samples. The time of the release is known to about 2 % of a period, so
-    a shift in time is fitted along with the amplitude. In 3 % of a period an undamped deck falls by 1.8 %, as much as
-    the decrement of ζ = 0.003.
-    """
-    since = release.time - release.start
-    near = since <= WINDOW / omega_n
-    if np.count_nonzero(near) < 2:
-        return None
-    a = math.sqrt(max(0.0, omega_n**2 - omega_d**2))
-    u, v = decay_basis(since[near], a, omega_d**2)
-    # The first sample may come a whole step after the release.
-    shift = math.hypot(RELEASE_TIME_STD * 2 * math.pi / omega_n, float(np.median(np.diff(release.time))))
-    size = abs(float(release.roll[0]) - rest)
-    design = np.vstack([np.column_stack([u + a * v, -(omega_n**2) * v]) / noise, [0.0, 1 / (shift * size)]])
-    target = np.append((release.roll[near] - rest) / noise, 0.0)
-    try:
-        covariance = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
-    except np.linalg.LinAlgError:  # a release whose first sample is its rest: the shift is undetermined
-        return None
-    here, moved = (covariance @ (design.T @ target)).tolist()
-    # `here` is the offset at the stated time. By then the deck may have fallen a little: go back to zero rate.
-    # A deck that falls faster than a late release explains (off a stop, say) has another law: keep `here`.
-    late = abs(moved) <= 3 * shift * abs(here)
-    phase = math.atan(moved * omega_d / (here - moved * a)) if late else 0.0
-    amplitude = here * math.exp(a * phase / omega_d) / (math.cos(phase) + a / omega_d * math.sin(phase))
-    # Gradient of √(here² + (ω_n moved)²), the amplitude without damping.
-    gradient = np.array([here, omega_n**2 * moved]) / amplitude if late else np.array([1.0, 0.0])
-    std = math.sqrt(float(gradient @ covariance @ gradient))
-    return Peak(0, release.start, shift, rest + amplitude, abs(amplitude), std)
+def _held_peak(release: Release, rest: float, noise: float) -> Peak:
+    """Return peak 0: the angle at which the deck was held, with the hand's tremor; without its samples the first one of the decay."""
+    held = release.roll[:1] if release.held is None else release.held.roll
+    level, tremor = float(np.mean(held)), math.sqrt(max(float(np.var(held)) - noise**2, 0.0))
+    step = float(np.median(np.diff(release.time)))
+    return Peak(
+        0, release.start, step, level, abs(level - rest), math.hypot(noise / math.sqrt(len(held)), tremor)
+    )
 
 
 def _local_peak(release: Release, index: int, rest: float, omega_n: float, noise: float) -> Peak:
@@ -150,10 +122,7 @@ def _local_peak(release: Release, index: int, rest: float, omega_n: float, noise
         top = float(np.clip(top - slope / curve if curve else top, -1, 1))
     at = top ** np.arange(order + 1)
     by_time = np.arange(order + 1) * top ** np.maximum(np.arange(order + 1) - 1, 0)
-    # The extremum of a noisy curve is biased outward by half the variance of its slope over its bend.
-    raised = 0.5 * (noise * float(np.linalg.norm(by_time @ inverse))) ** 2 / bend if bend else 0.0
-    value = float(c @ at) + (raised if abs(raised) < 0.1 * abs(float(c @ at) - rest) else 0.0)
-    value_std = noise * float(np.linalg.norm(at @ inverse))
+    value, value_std = float(c @ at), noise * float(np.linalg.norm(at @ inverse))
     time_std = noise * float(np.linalg.norm(by_time @ inverse)) / max(abs(bend), 1e-12) * width
     time = float(release.time[index]) + top * width
     return Peak(1, time, max(time_std, 1e-3 * width), value, abs(value - rest), max(value_std, 1e-12))

@@ -9,8 +9,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from sysid.errors import SysidError
 from sysid.noise.sensor import quantisation_step
-from sysid.noise.whiteness import correlation_length
-from sysid.quantity import SURE, Z95
+from sysid.quantity import Z95
 from sysid.roll import Array, Release, Signal
 
 _ORDERS = (4, 6, 8, 10)
@@ -126,17 +125,20 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
     std = difference_std(curves)
     still, resting = 0.0, 0
     for release, (signal, time) in zip(releases, curves, strict=True):
-        if release.end == "rest":
-            inside = slice(int(0.65 * len(signal)), int(0.9 * len(signal)))
-            tail, when = signal[inside], time[inside]
-            wander = _without_swing(tail, when)
-            power = np.abs(np.fft.rfft(wander)) ** 2
-            one_rules = power.max(initial=0.0) >= 0.25 * power.sum()
-            if not one_rules and not _fades(tail, when):  # else it still swings
-                still += float(np.sum(wander**2))
-                resting += len(tail)
+        first, middle, last = (int(share * len(signal)) for share in (0.5, 0.725, 0.95))
+        if release.end == "rest" and middle - first >= 2 * _ENOUGH:
+            halves = [
+                _without_swing(signal[part], time[part])
+                for part in (slice(first, middle), slice(middle, last))
+            ]
+            quiet = min(
+                halves, key=lambda half: float(np.mean(half**2))
+            )  # noise does not fade, a last swing does
+            power = np.abs(np.fft.rfft(quiet)) ** 2
+            if power.max(initial=0.0) < 0.25 * power.sum():  # else it still swings
+                still, resting = still + float(np.sum(quiet**2)), resting + len(quiet)
     unit = "rad/s" if rate else "rad"
-    level = pooled_step(releases, rate=rate)
+    level = quantisation_step(np.concatenate([np.diff(signal) for signal, _ in curves]))
     if level / np.sqrt(12) > std:
         return NoiseFloor(level / float(np.sqrt(12)), f"{FROM_STEPS} of {level:.3g} {unit}")
     spread = float(np.sqrt(still / resting)) if resting > 50 else 0.0
@@ -228,23 +230,5 @@ def _without_swing(tail: Array, time: Array) -> Array:
     return rest * np.sqrt(len(tail) / max(len(tail) - table.shape[1], 1))
 
 
-def _fades(tail: Array, time: Array) -> bool:
-    """Whether the second half of a stretch is significantly quieter than the first: the noise of a sensor does not fade."""
-    if len(tail) < 4 * _ENOUGH:  # halves too short for a swing beside noise
-        return False
-    halves = [
-        _without_swing(*half) for half in zip(np.array_split(tail, 2), np.array_split(time, 2), strict=True)
-    ]
-    first, second = (max(float(np.mean(half**2)), 1e-300) for half in halves)
-    independent = len(tail) / max(correlation_length(halves[1:]), 1.0)
-    # The logarithm of a mean of n squares has a deviation of √(2 / n).
-    return bool(np.log(first / second) > SURE * np.sqrt(8 / independent))
-
-
 def _signal(release: Signal, *, rate: bool) -> Array:
     return release.rate if rate and release.rate is not None else release.roll
-
-
-def pooled_step(releases: Sequence[Release], *, rate: bool) -> float:
-    """Return the quantisation step of the sensor of some releases [rad or rad/s], 0 if it is not visible."""
-    return quantisation_step(np.concatenate([np.diff(_signal(release, rate=rate)) for release in releases]))
