@@ -43,8 +43,8 @@ Status = Literal["linear", "not linear", "cannot tell"]
 TORQUES: dict[str, Callable[[Array, Array], Array]] = {
     "dry friction": lambda x, v: v / np.hypot(v, 0.02),
     "drag": lambda x, v: v * np.abs(v),
-    "hardening": lambda x, v: x**3,
-    "softening": lambda x, v: -(x**3),
+    "hardening": lambda x, v: x * x * x,
+    "softening": lambda x, v: -x * x * x,
     "asymmetry": lambda x, v: x * x,
 }
 """Torques of angle and rate, both over their widest [1]."""

@@ -8,13 +8,12 @@ from itertools import pairwise
 import numpy as np
 
 from sysid.quantity import Quantity
+from sysid.releases.clear import CLEAR_AMPLITUDE
 from sysid.releases.extrema import smooth_signal
 from sysid.roll import Array, Release
 
 WINDOW = 0.7
 """Half-width of the local fit at a peak, in radians of ω_n: a cubic is right to 0.1 % there."""
-MIN_PEAK_STDS = 6.0
-"""Least amplitude of a peak [standard deviations]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +38,7 @@ def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, no
     """Find the turning points of a free decay with sub-sample timing.
 
     Between two passages through the rest angle, a cubic is fitted to the samples about the extreme one.
-    The peaks end at the first one below `MIN_PEAK_STDS` standard deviations, as later ones may be noise.
+    The peaks end at the first one below `CLEAR_AMPLITUDE` standard deviations, as later ones may be noise.
 
     Args:
         release: The free decay; its roll without drift.
@@ -61,7 +60,7 @@ def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, no
         peak = _local_peak(release, index, rest, omega_n, noise)
         number = round((peak.time - (peaks[-1].time if peaks else peak.time)) / half)
         number = peaks[-1].number + number if peaks else 1
-        if peak.amplitude < MIN_PEAK_STDS * peak.std:
+        if peak.amplitude < CLEAR_AMPLITUDE * peak.std:
             break
         if not peaks or number > peaks[-1].number:
             peaks.append(Peak(number, peak.time, peak.time_std, peak.roll, peak.amplitude, peak.std))

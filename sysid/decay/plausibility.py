@@ -12,12 +12,6 @@ from sysid.text import display
 
 WORTH_SAYING = 0.03
 """Least relative difference from the record: boards change by as much from day to day."""
-DENSITY = 1000.0
-"""Density of the moving body [kg/m³]: wood, people and ships are near water."""
-SLOWEST, FASTEST = 20.0, 1 / 200
-"""Plausible range of the natural period, over that of a pendulum with the same roll inertia.
-
-A skateboard's 0.185 s is 0.3 of it, a pendulum of a ball on a string 2.5, a ship's 21 s 1.6."""
 LONGEST, SHORTEST = 100.0, 1e-3
 """Range of the natural periods of all joints [s]."""
 
@@ -103,21 +97,20 @@ def record_warnings(
 
 
 def period_warnings(omega_n: float, board: Board, *, log: str) -> list[str]:
-    """Warn of a natural period that is implausible for the board's roll inertia.
-
-    A pendulum has a period near 2π √(L/g), with the size L of a body of that inertia, (I/ρ)^(1/5).
-    A spring makes it faster, a counterweight slower, both within limits.
+    """Warn of a natural period that is impossible for any joint: longer than 100 s, or shorter than 1 ms.
 
     Args:
         omega_n: Natural frequency [rad/s].
-        board: The record; its roll inertia gives the size.
+        board: The record.
     """
-    period = 2 * math.pi / omega_n
-    size = (board.inertia.value / DENSITY) ** 0.2
-    usual = 2 * math.pi * math.sqrt(size / 9.81)
-    if FASTEST < period / usual < SLOWEST:
+    period, stated = 2 * math.pi / omega_n, 2 * math.pi / _stated_frequency(board)
+    if SHORTEST < period < LONGEST:
         return []
-    return [f"{log}: {_odd_period(period, board)}. {_TIME_ADVICE}"]
+    return [
+        f"{log}: the natural period is {period:.4g} s, implausible for a joint ({period / stated:.3g} times that of the record of board "
+        f"'{board.name}'). Probably the unit of the time is not that of its column's name, or the sampling rate is wrong. Put the unit "
+        "into the name (time_ms), or give --rate."
+    ]
 
 
 def refuse_period(omega_n: float, board: Board, *, log: str) -> None:
@@ -126,27 +119,8 @@ def refuse_period(omega_n: float, board: Board, *, log: str) -> None:
     Raises:
         SysidError: It is longer than 100 s or shorter than 1 ms.
     """
-    period = 2 * math.pi / omega_n
-    if SHORTEST < period < LONGEST:
-        return
-    raise SysidError(
-        f"{log}: {_odd_period(period, board)}; the record is unchanged. {_TIME_ADVICE} If the period is real, "
-        "give --any-period."
-    )
-
-
-_TIME_ADVICE = (
-    "Probably the unit of the time is not that of its column's name, or the sampling rate is wrong. Put the unit "
-    "into the name (time_ms), or give --rate."
-)
-
-
-def _odd_period(period: float, board: Board) -> str:
-    stated = 2 * math.pi / _stated_frequency(board)
-    return (
-        f"the natural period is {period:.4g} s, implausible for a roll inertia of {board.inertia.value:.3g} kg·m² "
-        f"({period / stated:.3g} times that of the record of board '{board.name}')"
-    )
+    for warning in period_warnings(omega_n, board, log=log):
+        raise SysidError(f"{warning} The record is unchanged. If the period is real, give --any-period.")
 
 
 def _stated_frequency(board: Board) -> float:

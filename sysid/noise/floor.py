@@ -1,5 +1,6 @@
 """The noise floor of releases: the standard deviation of the sensor noise."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
@@ -12,12 +13,10 @@ from sysid.noise.sensor import quantisation_step
 from sysid.quantity import Z95
 from sysid.roll import Array, Release, Signal
 
-_ORDERS = (4, 6, 8, 10)
-"""Even difference orders; a higher one removes more of the motion but is a little noisier."""
-_CONFIRMED = 1.02
-"""Ratio up to which two orders agree; their common noise cancels in it."""
-
-
+_ORDER = 10
+"""Order of the differences: of a motion with ten samples a period they keep 2e-5."""
+PER_INDEPENDENT = comb(4 * _ORDER, 2 * _ORDER) / comb(2 * _ORDER, _ORDER) ** 2
+"""Differences that are worth one independent sample: Σ ρ² of their autocorrelation ρ."""
 _FREEDOMS = 8
 """Columns of a linear law in one swing: level and drift, amplitude and phase with their drifts, and twice the frequency."""
 _ENOUGH = 8
@@ -64,43 +63,35 @@ class NoiseFloor:
 def difference_std(curves: Sequence[tuple[Array, Array]]) -> float:
     """Return the noise of sampled smooth motions from their high-order differences.
 
-    Differences of order m suppress a motion of frequency f by (2 sin πf/f_s)^m and keep white noise. The lowest order
-    that the next one confirms counts; the smallest estimate of all orders would be too low by chance. If a few kinks
-    dominate, the median absolute deviation counts instead.
+    Differences of order m suppress a motion of frequency f by (2 sin πf/f_s)^m and keep white noise. If a few kinks dominate, the median
+    absolute deviation counts instead.
 
     Args:
-        curves: Signals and when they were sampled [s], each pair of shape (n,); steps may differ. Curves of less than a dozen
-            samples are ignored.
+        curves: Signals and when they were sampled [s], each pair of shape (n,); steps may differ. Curves of less than 18 samples
+            are ignored.
 
     Returns:
         Standard deviation in the signals' unit; inf without a curve. It holds for noise that is independent from sample
         to sample; a smoothing sensor has more.
     """
-    estimate = float("inf")
-    for order in _ORDERS:
-        parts = [_differences(*curve, order) for curve in curves if len(curve[0]) - order >= _ENOUGH]
-        if not parts:
-            break
-        differences = np.concatenate(parts)
-        following = float(np.sqrt(np.mean(differences**2)))
-        robust = 1.4826 * float(np.median(np.abs(differences - np.median(differences))))
-        if following > 1.3 * robust > 0:  # a few kinks or outliers, not the noise
-            following = robust
-        if estimate <= _CONFIRMED * following:
-            break
-        estimate = following
-    return estimate
+    parts = [_differences(*curve) for curve in curves if len(curve[0]) - _ORDER >= _ENOUGH]
+    if not parts:
+        return math.inf
+    differences = np.concatenate(parts)
+    std = float(np.sqrt(np.mean(differences**2)))
+    robust = float(np.median(np.abs(differences - np.median(differences)))) / 0.6745  # of a normal variable
+    return robust if std > 1.3 * robust > 0 else std
 
 
-def _differences(signal: Array, time: Array, order: int) -> Array:
-    """Return divided differences of a signal, each scaled to the variance of a sample, shape (n - order,)."""
-    stamps = sliding_window_view(time, order + 1)
+def _differences(signal: Array, time: Array) -> Array:
+    """Return divided differences of a signal, each scaled to the variance of a sample, shape (n - 10,)."""
+    stamps = sliding_window_view(time, _ORDER + 1)
     weights = np.empty(stamps.shape)
-    for j in range(order + 1):
+    for j in range(_ORDER + 1):
         gaps = stamps - stamps[:, [j]]
         gaps[:, j] = 1.0
         weights[:, j] = 1 / np.prod(gaps, axis=1)
-    total = np.sum(weights * sliding_window_view(signal, order + 1), axis=1)
+    total = np.sum(weights * sliding_window_view(signal, _ORDER + 1), axis=1)
     return total / np.sqrt(np.sum(weights**2, axis=1))
 
 
@@ -112,10 +103,10 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
     no noise at rest; its variance is at least a twelfth of the step squared.
 
     Raises:
-        SysidError: No release has the dozen samples that differences take.
+        SysidError: No release has the 18 samples that differences take.
     """
     curves = [(_signal(release, rate=rate), release.time) for release in releases]
-    count = sum(len(time) for _, time in curves if len(time) - _ORDERS[0] >= _ENOUGH)
+    count = sum(len(time) for _, time in curves if len(time) - _ORDER >= _ENOUGH)
     if not count:
         longest = max(len(time) for _, time in curves)
         raise SysidError(
@@ -151,13 +142,8 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
     return NoiseFloor(
         std,
         f"{FROM_SCATTER} of the {count} samples of the releases",
-        float(np.sqrt(0.5 * _per_independent(_ORDERS[-1]) / max(count - _ORDERS[-1] * len(releases), 8))),
+        float(np.sqrt(0.5 * PER_INDEPENDENT / max(count - _ORDER * len(releases), _ENOUGH))),
     )
-
-
-def _per_independent(order: int) -> float:
-    """Return how many differences of an order are worth one independent sample: Σ ρ² of their autocorrelation ρ."""
-    return comb(4 * order, 2 * order) / comb(2 * order, order) ** 2
 
 
 def local_noise(curves: Sequence[tuple[Array, Array]], poles: Array) -> NoiseFloor:

@@ -13,8 +13,6 @@ MIN_DISTANCE = 15.0
 period, kinks, steps, jittering clocks and the knocks of real logs stay below 7."""
 MAX_GAP_RATIO = 1.5
 """Largest duration of the neighbours, over that without a lost row: a sample alone in a gap may be a motion."""
-CHUNK = 50_000
-"""Rows tested at a time: bounds the memory."""
 
 
 def lone_outliers(time: Array, signal: Array, *, rate: bool) -> Array:
@@ -44,13 +42,12 @@ def lone_outliers(time: Array, signal: Array, *, rate: bool) -> Array:
         outliers = np.unique((0, apart)) + NEIGHBOURS
         first = np.arange(signal.size - 2 * NEIGHBOURS - apart)
         first = first[np.logical_or.reduce([suspect[first + place] for place in outliers])]
-        for rows in np.array_split(first, range(CHUNK, first.size, CHUNK)):
-            window = rows[:, None] + np.arange(2 * NEIGHBOURS + apart + 1)
-            lasting = time[window[:, -1]] - time[window[:, 0]]
-            window = window[lasting <= MAX_GAP_RATIO * (window.shape[1] - 1) * step]
-            distance, studentised = _beside(time[window], signal[window], outliers, scale)
-            far = studentised.min(axis=1) > MIN_DISTANCE
-            found[window[far][:, outliers]] = distance[far]
+        window = first[:, None] + np.arange(2 * NEIGHBOURS + apart + 1)
+        lasting = time[window[:, -1]] - time[window[:, 0]]
+        window = window[lasting <= MAX_GAP_RATIO * (window.shape[1] - 1) * step]
+        distance, studentised = _beside(time[window], signal[window], outliers, scale)
+        far = studentised.min(axis=1) > MIN_DISTANCE
+        found[window[far][:, outliers]] = distance[far]
     return found
 
 

@@ -17,21 +17,17 @@ from sysid.quantity import SURE
 from sysid.releases.extrema import HalfCycle, SmoothedSignal
 from sysid.roll import Array
 
-SMALLEST_RELEASE = 0.08
-"""Smallest first swing of a release, over that of the largest release."""
-SMALLEST_OF_LOG = 0.12
-"""Smallest first swing of the largest release, over the range of the log."""
+SMALLEST = 0.1
+"""Smallest first swing of a release, over that of the largest release, and of that one over the range of the log."""
 MANY = 6
 """So many swings at one pace are a decay."""
-PACE, YIELDS = 2.5, 3.2
-"""Largest ratio of the durations of two swings of a decay, and of the first to the second. A slider that yields in the first swing only
-makes the later ones up to three times as quick. A hand takes four times as long as a deck to lift it."""
+PACE = 3.0
+"""Largest ratio of the durations of two swings of a decay. A slider that yields in the first swing only makes the later ones up to
+three times as quick. A hand takes four times as long as a deck to lift it."""
 AGAIN = 0.12
 """A larger move in the same direction as the swing before, over the first swing, is made by a hand."""
-WANDER = 0.03
-"""Zero drift of a sensor within one swing, over the first swing: a gyro's integral, a warm IMU."""
-TURN = 0.015
-"""Error of a turning point over the swing, at 18 samples a period."""
+STILL = 0.03
+"""A deck that moves by less than this share of the first swing is still; so far may a sensor's zero drift in a swing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +75,9 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
     if not segments:
         return []
     largest = max(segment.swings[0].size for segment in segments)
-    if largest < SMALLEST_OF_LOG * float(np.ptp(signal.roll)):
+    if largest < SMALLEST * float(np.ptp(signal.roll)):
         return []
-    segments = [segment for segment in segments if segment.swings[0].size > SMALLEST_RELEASE * largest]
+    segments = [segment for segment in segments if segment.swings[0].size > SMALLEST * largest]
     rows = dict.fromkeys(map(tuple, _same_board(segments, segments, signal).tolist()))
     groups = [list(compress(segments, row)) for row in rows]
     return [_undriven(signal, one) for one in max(groups, key=lambda group: _segment_score(group, signal))]
@@ -100,7 +96,9 @@ def _undriven(signal: SmoothedSignal, segment: Segment) -> Segment:
     for first in range(MANY, len(sizes) - MANY):
         last = min(len(sizes) - 1, 2 * first)
         before, after = (sizes[0] - sizes[first]) / first, (sizes[first] - sizes[last]) / (last - first)
-        doubt = max(2.0 * signal.noise, TURN * sizes[0]) * math.sqrt(2 / first**2 + 2 / (last - first) ** 2)
+        doubt = max(2.0 * signal.noise, _cut_off(signal, whole[0])) * math.sqrt(
+            2 / first**2 + 2 / (last - first) ** 2
+        )
         if before < 0.25 * after and (after - before) / doubt > best:
             best, cut = (after - before) / doubt, first
     if not cut:
@@ -224,7 +222,7 @@ def _with_tails(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[HalfCyc
 def _continues(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle, other: HalfCycle) -> bool:
     """Whether the next swing is a shorter one back, of about the same pace, and follows without a stay."""
     shorter = other.size < one.size + _room(signal, first, one)
-    same = _same_pace(signal, one.duration, other, YIELDS if one is first else PACE)
+    same = _same_pace(signal, one.duration, other)
     stayed = one.to_plateau or _stays(signal, one, other, PACE * max(one.duration, other.duration))
     return shorter and same and one.way * other.way < 0 and not stayed
 
@@ -242,17 +240,20 @@ def _stays(signal: SmoothedSignal, one: HalfCycle, other: HalfCycle, longest: fl
 def _room(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle) -> float:
     """Return by how much the swing after `one` may be longer without a hand [rad], in a segment that begins with `first`.
 
-    The causes are noise, zero drift and coarse sampling. The largest of n samples in half a cycle misses the turning
-    point by up to `1 - cos(π / 2n)` of the amplitude.
+    The causes are noise, zero drift and coarse sampling.
     """
-    interval = float(signal.time[1] - signal.time[0])
-    count = max(half_period_of(one.duration) / interval, 2.0)
-    return max(6.0 * signal.noise, WANDER * first.size, one.size * (1 - math.cos(math.pi / (2 * count))))
+    return max(6.0 * signal.noise, STILL * first.size, _cut_off(signal, one))
 
 
-def _same_pace(signal: SmoothedSignal, pace: float, swing: HalfCycle, most: float = PACE) -> bool:
+def _cut_off(signal: SmoothedSignal, one: HalfCycle) -> float:
+    """Return by how much the largest sample misses a turning point [rad]: `1 - cos(π / 2n)` of a swing with n samples in half a cycle."""
+    count = max(half_period_of(one.duration) / float(signal.time[1] - signal.time[0]), 2.0)
+    return one.size * (1 - math.cos(math.pi / (2 * count)))
+
+
+def _same_pace(signal: SmoothedSignal, pace: float, swing: HalfCycle) -> bool:
     """Whether a swing takes about as long as the others; the duration of a small one is unknown."""
-    return pace / most < swing.duration < most * pace or swing.size < 3.0 * signal.min_movement
+    return pace / PACE < swing.duration < PACE * pace or swing.size < 3.0 * signal.min_movement
 
 
 def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish: int) -> Segment | None:

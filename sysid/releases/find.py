@@ -13,14 +13,12 @@ from typing import Literal
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.releases.chains import MANY, Segment, free_segments, half_period_of
+from sysid.releases.chains import MANY, STILL, Segment, free_segments, half_period_of
 from sysid.releases.contact import Span, free_stretches
 from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
 from sysid.roll import Array, Release, Roll
 from sysid.text import display
 
-STILL = 0.03
-"""A deck that moves by less than this share of the first amplitude is held still."""
 FEWEST_SAMPLES = 8
 """Fewest samples of a decay."""
 COARSE = 0.5

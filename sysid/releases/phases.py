@@ -6,8 +6,9 @@ from typing import Literal
 
 import numpy as np
 
+from sysid.releases.chains import STILL
 from sysid.releases.extrema import half_cycles_of, smoothed
-from sysid.releases.find import STILL, settled_between
+from sysid.releases.find import settled_between
 from sysid.roll import Release, Roll
 
 

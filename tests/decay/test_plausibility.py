@@ -44,16 +44,13 @@ def test_real_periods_are_not_doubted(pink, inertia, period):
     refuse_period(omega, thing, log="log.csv")
 
 
-@pytest.mark.parametrize(("period", "refused"), [(153.0, True), (40.0, False), (1.5e-4, True)])
-def test_times_in_another_unit_are_doubted_and_the_impossible_refused(pink, period, refused):
+@pytest.mark.parametrize("period", [153.0, 1.5e-4])
+def test_times_in_another_unit_are_doubted_and_refused(pink, period):
     omega, thing = wide(8.7e-3, period, pink)
     (warning,) = period_warnings(omega, thing, log="log.csv")
     assert f"natural period is {period:.4g} s" in warning
     assert "--rate" in warning
-    if refused:
-        with pytest.raises(SysidError, match=r"the record is unchanged.*--rate.*--any-period"):
-            refuse_period(omega, thing, log="log.csv")
-    else:
+    with pytest.raises(SysidError, match=r"--rate.*The record is unchanged.*--any-period"):
         refuse_period(omega, thing, log="log.csv")
 
 
