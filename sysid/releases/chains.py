@@ -21,9 +21,9 @@ SMALLEST = 0.1
 """Smallest first swing of a release, over that of the largest release, and of that one over the range of the log."""
 MANY = 6
 """So many swings at one pace are a decay."""
-PACE = 3.0
+PACE = 2.8
 """Largest ratio of the durations of two swings of a decay. A slider that yields in the first swing only makes the later ones up to
-three times as quick. A hand takes four times as long as a deck to lift it."""
+2.5 times as quick. A hand takes three times as long as a deck to lift it."""
 AGAIN = 0.12
 """A larger move in the same direction as the swing before, over the first swing, is made by a hand."""
 STILL = 0.03
@@ -152,7 +152,7 @@ def _same_board(
 def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segment]:
     """Split the swings into segments that shrink, each as long as it continues about its own rest angle."""
     segments: list[Segment] = []
-    swings = _with_tails(signal, _without_hitches(signal, swings))
+    swings = _with_tails(signal, swings)
     begin = 0
     while begin < len(swings):
         finish = begin + 1
@@ -175,28 +175,6 @@ def _begins_at_rest(signal: SmoothedSignal, segment: Segment) -> bool:
     """Whether its first swing leaves the rest, where a joint stays unless a hand lifts or kicks it."""
     first = segment.swings[0]
     return len(segment.swings) > 1 and abs(first.origin - segment.rest) < _room(signal, first, first)
-
-
-def _without_hitches(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[HalfCycle]:
-    """Join two swings in one direction that together are the swing back: noise split them.
-
-    A hand that catches a deck acts for longer than a swing, or holds it away from rest.
-    """
-    joined: list[HalfCycle] = []
-    for swing in swings:
-        if len(joined) > 1 and joined[-1].way * swing.way > 0 and joined[-2].way * swing.way < 0:
-            before, one = joined[-2:]
-            pause = _pause(signal, one, swing)
-            whole = replace(
-                one, finish=swing.finish, reached=swing.reached, target=swing.target, to_plateau=swing.to_plateau,
-                duration=0.8 * float(signal.time[swing.reached] - signal.time[one.left]),
-            )  # fmt: skip
-            back = replace(before, to_plateau=False)
-            if pause < 0.5 * before.duration and _continues(signal, before, back, whole):
-                joined[-1] = whole
-                continue
-        joined.append(swing)
-    return joined
 
 
 def _with_tails(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[HalfCycle]:
