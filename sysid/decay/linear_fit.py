@@ -33,6 +33,8 @@ MOST = 16_384
 
 GROWTH = -math.log(BEST_SENSOR)
 """Largest logarithm of the growth of a trace [1]: a swing that grows further began below any noise."""
+OVERDAMPED = 0.95
+"""Damping ratio from which the start of a release is fitted too."""
 ROUNDS = 6
 """Rounds in which a pendulum's motion is found (Newton)."""
 
@@ -152,7 +154,7 @@ def fit_traces(releases: Sequence[Release], law: Law = "spring", near: TraceFit 
         if span < longest:
             poles = _search([head(trace, span) for trace in traces], poles)
     poles = _search(traces, poles)
-    if 0.5 * poles[1] * math.exp(-poles[0] / 2) >= 1:
+    if 0.5 * poles[1] * math.exp(-poles[0] / 2) > OVERDAMPED:
         traces = traces_of(releases, whole=True)[0]
         # A pole that the decay does not excite may lie anywhere: of equal fits take the fastest.
         starts = [
