@@ -28,8 +28,6 @@ from sysid.roll import Array, Release
 
 GRID = 40
 """Points of the grid of a torque's response, in 1.5 rad of the fastest motion; the trapezoidal rule is then right to 1e-4."""
-MOST = 16_384
-"""Largest number of points of that grid."""
 
 GROWTH = -math.log(BEST_SENSOR)
 """Largest logarithm of the growth of a trace [1]: a swing that grows further began below any noise."""
@@ -222,7 +220,7 @@ def motion(fitted: FittedTrace, poles: Array, *, rate: bool) -> tuple[Array, Arr
 
 def _grid(time: Array, poles: Array) -> Array:
     span, fastest = float(time[-1] - time[0]), math.exp(-poles[0] / 2)
-    points = int(min(MOST, max(len(time), GRID * span * fastest / 1.5))) + 1
+    points = int(max(len(time), GRID * span * fastest / 1.5)) + 1
     return np.linspace(time[0], time[-1], points)
 
 

@@ -15,8 +15,6 @@ from sysid.roll import Array, Release, Signal
 
 _ORDER = 10
 """Order of the differences: of a motion with ten samples a period they keep 2e-5."""
-PER_INDEPENDENT = comb(4 * _ORDER, 2 * _ORDER) / comb(2 * _ORDER, _ORDER) ** 2
-"""Differences that are worth one independent sample: Σ ρ² of their autocorrelation ρ."""
 _FREEDOMS = 8
 """Columns of a linear law in one swing: level and drift, amplitude and phase with their drifts, and twice the frequency."""
 _ENOUGH = 8
@@ -133,6 +131,8 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
     if level / np.sqrt(12) > std:
         return NoiseFloor(level / float(np.sqrt(12)), f"{FROM_STEPS} of {level:.3g} {unit}")
     spread = float(np.sqrt(still / resting)) if resting > 50 else 0.0
+    # Differences that are worth one independent sample: Σ ρ² of their autocorrelation ρ.
+    per_independent = comb(4 * _ORDER, 2 * _ORDER) / comb(2 * _ORDER, _ORDER) ** 2
     if spread > 1.2 * std:
         return NoiseFloor(
             spread,
@@ -142,7 +142,7 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
     return NoiseFloor(
         std,
         f"{FROM_SCATTER} of the {count} samples of the releases",
-        float(np.sqrt(0.5 * PER_INDEPENDENT / max(count - _ORDER * len(releases), _ENOUGH))),
+        float(np.sqrt(0.5 * per_independent / max(count - _ORDER * len(releases), _ENOUGH))),
     )
 
 

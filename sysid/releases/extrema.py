@@ -1,6 +1,6 @@
 """Turning points of a noisy swing: the smoothed signal, its pivots and the swings between them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from weakref import WeakKeyDictionary
 
@@ -151,7 +151,7 @@ def half_cycles_of(signal: SmoothedSignal) -> list[HalfCycle]:
             origin = stays.get(begin) if a == pivots[0] else None
             target = stays.get(finish) if b == pivots[-1] else None
             swings.append(_half_cycle(signal, a, b, origin, target))
-    return swings
+    return _without_slow_turns(signal, swings)
 
 
 def crossing_time(time: Array, level: Array, threshold: float) -> float:
@@ -164,6 +164,21 @@ def crossing_time(time: Array, level: Array, threshold: float) -> float:
         return float(time[0])
     share = (threshold - level[i - 1]) / (level[i] - level[i - 1])
     return float(time[i - 1] + share * (time[i] - time[i - 1]))
+
+
+def _without_slow_turns(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[HalfCycle]:
+    """Remove stays that last no longer than a turning point of the swings beside them."""
+    swings = list(swings)
+    for i, (one, other) in enumerate(pairwise(swings)):
+        pause = float(signal.time[other.left] - signal.time[one.reached])
+        shrinking = one.way * other.way < 0 and other.size < 0.8 * one.size
+        longest = (2.2 if shrinking else 1.5) * min(one.duration, other.duration)
+        if one.to_plateau and pause < longest:
+            swings[i], swings[i + 1] = (
+                replace(swings[i], to_plateau=False),
+                replace(other, from_plateau=False),
+            )
+    return swings
 
 
 def _half_cycle(
