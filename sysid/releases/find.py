@@ -1,6 +1,6 @@
 """Find the free decays of a log.
 
-Turning points locate a decay (`sysid.releases.chains`), without a threshold on angle or rate. The innovations of a filter give the
+Turning points locate a decay (`sysid.releases.chains`), without a threshold on angle or rate. The torque that a linear law misses gives the
 stretch in which only the joint acts (`sysid.releases.contact`).
 """
 
