@@ -9,8 +9,9 @@ import numpy.typing as npt
 from sysid.roll import Array
 
 BLOCK = 64
+MAX_BLOCKS = 2000
 DIFFERENCE = 6
-"""Samples of a block, order of the differences: choices. Sixth differences keep 0.03 % of a motion with
+"""Samples of a block, largest number of blocks, order of the differences: choices. Sixth differences keep 0.03 % of a motion with
 25 samples a period."""
 BAND, SIDE = 4.0, 3
 """Scatter of a flat top, and least height of a round one [noise of a sample]; rows on each side for its parabola."""
@@ -138,9 +139,11 @@ def clipped_rows(rate: Array, noise: Noise) -> npt.NDArray[np.bool_]:
 
 
 def _blocks(signal: Array) -> Array:
-    """Cut the signal into blocks of BLOCK samples, shape (m, b)."""
+    """Cut the signal into at most MAX_BLOCKS blocks of BLOCK samples spread over all of it, shape (m, b)."""
     length = min(BLOCK, signal.size)
-    return signal[: signal.size // length * length].reshape(-1, length)
+    count = signal.size // length
+    starts = np.unique(np.linspace(0, signal.size - length, min(count, MAX_BLOCKS)).astype(np.intp))
+    return signal[starts[:, None] + np.arange(length)]
 
 
 def _scatter_about_line(blocks: Array) -> Array:

@@ -124,8 +124,9 @@ def _free(
     misses no more of a small swing than of a wide one before. A torque p for the phase φ adds p φ³ / 6π to the mean.
     """
     shift = law.missing(table)
-    moving = np.ptp(table, axis=1) ** 2 * free  # a hold, however long, tells nothing of the rest
-    rest = float(moving @ shift / (moving.sum() + 1e-300))
+    order = np.argsort(shift)  # a hold, however long, says nothing of the rest: the median of what moves
+    moving = np.cumsum((np.ptp(table, axis=1) ** 2 * free)[order])
+    rest = float(shift[order][min(int(np.searchsorted(moving, 0.5 * moving[-1])), len(shift) - 1)])
     wide = np.pad(np.abs(table - rest).max(axis=1), (2 * lag, 0), mode="edge")
     swing, shift = sliding_window_view(wide, 2 * lag + 1).max(axis=1)[:, None], shift - rest
     known = (ERRORS * span.size) ** 2
