@@ -1,4 +1,4 @@
-"""The toys of CONTRIBUTING.md work as they are printed: an effect and a log format, each one file."""
+"""The toys of CONTRIBUTING.md work as they are printed: an effect, a log format and a rule of `check`, each one file."""
 
 import importlib.util
 import re
@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import sim.check.rules
 import sysid
 from sysid import effects
 from sysid.effects import _own
@@ -67,3 +68,14 @@ def test_a_toy_log_format(tmp_path, monkeypatch):
     recording = sysid.Recording.read(path)
     assert len(recording.releases) == 2
     assert np.allclose(recording.roll.roll, made.channels[:, 0], atol=1e-6)
+
+
+@pytest.mark.parametrize(("timestep", "speaks"), [(0.02, True), (0.002, False)])
+def test_a_toy_rule(tmp_path, monkeypatch, timestep, speaks):
+    module("coarse_step.py", tmp_path)
+    monkeypatch.setattr(sim.check.rules, "__path__", [*sim.check.rules.__path__, str(tmp_path)])
+    rig = sysid.Joint.load("pink")
+    made = synthesise(rig, options=SynthOptions(angles=(0.17, -0.15), rate=400.0))
+    log = sysid.Recording.from_arrays(made.time, angle=made.channels[:, 0])
+    warnings = rig.check(log, timestep=timestep).warnings
+    assert any("choose a smaller --timestep" in text for text in warnings) == speaks

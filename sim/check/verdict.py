@@ -6,8 +6,9 @@ from datetime import date
 from typing import Any
 
 from sim.board.clamped import ClampedScene
-from sim.check.causes import Case, causes, failures, warnings
+from sim.check.case import Case
 from sim.check.decays import check_scene
+from sim.check.rules import said
 from sim.compensation.parasitics import DECK, TiltJoint, measure_parasitics
 from sysid.board import Board
 from sysid.roll import Release
@@ -159,10 +160,10 @@ def judge(
         board=board, scene=scene, decays=check_scene(board, scene, releases, tolerance=tolerance),
         parts=measure_parasitics(board, scene) if board.geometry else None,
     )  # fmt: skip
-    against = tuple(failures(case))
+    against = said("failures", case)
     return Verdict(
-        case=case, against=against, reasons=tuple(causes(case)) if against else (),
-        warnings=() if against else tuple(warnings(case)),
+        case=case, against=against, reasons=said("causes", case) if against else (),
+        warnings=() if against else said("warnings", case),
     )  # fmt: skip
 
 

@@ -12,8 +12,8 @@ from command_line import called
 from made import release
 
 from sim.board.scene import board_spec
-from sim.check.causes import departures
 from sim.check.decays import check_scene
+from sim.check.rules.departures import departures
 from sim.compensation.parasitics import measure, measure_parasitics
 from sim.compensation.scene import compensate, scene_from_file, training_scene
 from sysid.board import Board, BoardEffect, load_board

@@ -1,13 +1,13 @@
-"""What `check` says of a scene: failures, their causes and warnings, each with the number, the wanted one and the next step."""
+"""Departures of a scene from the record: the failure, its causes and warnings, each with the number, the wanted one and the next step."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from sim.board.bodies import as_represented, substituted
-from sim.board.clamped import ClampedScene
-from sim.check.decays import SceneCheck, smooth_power
+from sim.check.case import Case
+from sim.check.decays import smooth_power
 from sim.check.variants import variants
 from sim.compensation.parasitics import DECK, Parasitics, TiltJoint
 from sysid.board import Board
@@ -20,23 +20,6 @@ from sysid.text import display
 MIN_DEPARTURE = 0.03
 """Departure from the wanted number that is named as a cause [1]. On the shipped boards 3 % of stiffness, damping or inertia alone
 is an NRMSE of 0.9 to 1.4 %, within the gate's 2 %."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
-    """The case that is judged."""
-
-    board: Board
-    scene: ClampedScene
-    decays: SceneCheck
-    """Measured and simulated, side by side."""
-    parts: Parasitics | None
-    """The scene's tilt joint and the contribution of each part; None for a joint without a board."""
-
-    @property
-    def kind(self) -> str:
-        """'joint' or 'board', for messages."""
-        return "joint" if self.parts is None else "board"
 
 
 def failures(case: Case) -> Iterator[str]:
