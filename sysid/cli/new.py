@@ -9,7 +9,7 @@ from sysid.board import Board, BoardEffect
 from sysid.cli.console import Common, Printer
 from sysid.cli.parameter_options import measured
 from sysid.cli.subject import Subject
-from sysid.effects import weight
+from sysid.effects import armature, coulomb, weight
 from sysid.errors import SysidError, UsageError
 from sysid.loop import Joint
 from sysid.quantity import GRAVITY, Quantity, parse_quantity, propagate
@@ -90,7 +90,8 @@ def _report(record: Board, kind: str, printer: Printer) -> None:
         printer.say(
             "  [geometry] and [mass] are left out: the scene (mjcf, train) needs them, a fit and mjcf --bench do not"
         )
-    effects = ("--effect", "coulomb", "--effect", "armature") if kind in ("pendulum", "joint") else ()
+    usual = (coulomb.EFFECT.name, armature.EFFECT.name) if kind in ("pendulum", "joint") else ()
+    effects = tuple(word for name in usual for word in ("--effect", name))
     command = space.command("fit", "--board", record.name, *effects, logs=())
     printer.say(f"next: record a release and run: {command}")
     printer.result(

@@ -7,6 +7,7 @@ Computation 4, 1992); a part without evidence is zero. The regression on the smo
 A fit by output error follows from there, and its normal equations choose the weights again.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -36,6 +37,8 @@ from sysid.roll import Array, Release
 NAME = EFFECT.name
 WEIGHTS = tuple(10.0**e for e in range(6, -3, -1))
 """Weights of roughness, for values in units of a tenth of the spring's torque: from straight to free."""
+DRIFTS = (1.0, 0.1, 0.01, 1e-6)
+"""Prior deviations of a drift that are tried, over those of a law: by decades from as strong as a law, and none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,11 +207,11 @@ def changes_with_time(found: Regressed) -> bool:
     within, between = node / inside.shape[1], row / len(inside)
     drifts = [within, within**2, within**3, *([between] if len(inside) > 1 else [])]
     end.prepare(np.column_stack([end.scaled(drift * swing) for drift in drifts for swing in (end.x, end.v)]))
-    count = 2 * len(drifts)
+    columns, sizes = np.arange(1, 1 + 2 * len(drifts)), list(itertools.product(DRIFTS, repeat=2))
+    priors = [np.tile(STRENGTH * np.array(size), len(drifts)) for size in sizes]
     each = (end.gram(share) for share in SHARES)
-    best = max(
-        constant + closed(g, np.arange(1, 1 + count), np.full(count, STRENGTH))[0] for g, constant in each
-    )
+    best = max(constant + closed(g, columns, prior)[0] for g, constant in each for prior in priors)
+    best -= np.log(len(sizes))
     return best > found.log_evidence
 
 

@@ -261,7 +261,8 @@ def _release(
     if end == "rest":
         late = signal.roll[_within(signal.time, finish - segment.pace, finish)]
         rest = float(np.median(late)) if late.size else rest  # empty if a sample lasts longer than a swing
-    held = roll[before] if kept > 0 else None
+    seen = kept > 0 and before.stop > before.start  # a pause of the log has no samples
+    held = roll[before] if seen else None
     release = Release.of(roll[inside], number=1, rest=rest, hold=hold, end=end, held=held)
     return replace(release, driven_until=segment.driven_until)
 

@@ -133,8 +133,8 @@ def level_of(time: Array, signal: Array) -> tuple[Array, float]:
     """Return the line that a signal swings about or rests on, shape (n,), and the standard deviation of its mean; 0 and inf if unknown.
 
     A decaying sine about a level c, and rest at c, obey `y(t + 2m) = a y(t + m) + b y(t) + (1 - a - b) c` for any lag m
-    (Prony). With m a quarter of the period, the least absolute residuals give c as a line in time. Releases and pushes do not
-    obey it, and count for little.
+    (Prony). With m a quarter of the period, the least sum of log residuals (Cauchy's) gives c as a line in time. Hands and pushes do
+    not obey it, and count for next to nothing.
 
     Args:
         time: [s], shape (n,).
@@ -154,7 +154,7 @@ def level_of(time: Array, signal: Array) -> tuple[Array, float]:
     target = values[2 * lag :]
     solution, left = np.zeros(4), np.ones(target.size)
     for _ in range(ROUNDS):
-        weight = 1 / np.sqrt(np.maximum(left, max(float(np.median(left)), 1e-300)))
+        weight = 1 / np.maximum(left, max(float(np.median(left)), 1e-300))
         solution = np.linalg.lstsq(design * weight[:, None], target * weight, rcond=None)[0]
         left = np.abs(target - design @ solution)
     gain = float(1 - solution[0] - solution[1])
