@@ -36,5 +36,6 @@ def divided_differences(time: Array, signal: Array) -> Array:
     rows = starts[:, None] + np.arange(DIFFERENCE + 1)
     nodes = time[rows]
     apart = nodes[:, :, None] - nodes[:, None, :] + np.where(np.eye(DIFFERENCE + 1), 1.0, 0.0)
-    weight = 1 / np.prod(apart / np.ptp(nodes, axis=1)[:, None, None], axis=2)
+    size = -np.sum(np.log(np.abs(apart)), axis=2)  # as logarithms: torn stamps are any size
+    weight = np.prod(np.sign(apart), axis=2) * np.exp(size - size.max(axis=1, keepdims=True))
     return np.sum(weight * signal[rows], axis=1) / np.linalg.norm(weight, axis=1)
