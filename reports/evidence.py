@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -108,9 +109,10 @@ def gather(
     fit = rungs[-1].fit if len(rungs) == len(added) + 1 else None
     if fit is not None:
         warnings += fit.warnings
-    with stage(0.8, 1.0, "look-alikes"):
-        law = compared.law if fit is None else fit.law
-        alike = look_alikes(releases, law, compared.noise.std, rate=compared.is_rate) if heldout else None
+    law, alike = compared.law if fit is None else fit.law, None
+    with stage(0.8, 1.0, "look-alikes"), suppress(SysidError):  # too little motion shows none
+        if heldout:
+            alike = look_alikes(releases, law, compared.noise.std, rate=compared.is_rate)
     return Evidence(
         board=board,
         files=tuple(files),

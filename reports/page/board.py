@@ -247,7 +247,7 @@ def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
     own = {part.name for part in board.effects}
     alike = None if evidence is None else evidence.look_alikes
     if alike is None:
-        return [paragraph("Not computed: it takes logs of the roll.")]
+        return [paragraph("Not computed: it takes logs with enough motion.")]
     rows: list[tuple[str, ...]] = []
     for i, name in enumerate(alike.names):
         shown, others = f"{name}{' (in the law)' if name in own else ''}", alike.alike(name)

@@ -53,11 +53,11 @@ def look_alikes(releases: Sequence[Release], law: JointLaw, noise: float, *, rat
         SysidError: No release holds enough motion.
     """
     motion = motion_of(releases, law.rest_angle, noise, rate=rate)
-    w, own = motion.frequency, dict(law.effects)
-    stiffness, damping = (law.frequency / w) ** 2, law.damping / (law.inertia * w)
+    w, own, inertia = motion.frequency, dict(law.effects), law.inertia * law.inertia_ratio
+    stiffness, damping = (law.frequency / w) ** 2, law.damping / (inertia * w)
     smoother = Smoother(motion, stiffness, damping, motion.envelope)
     smoothed = smoother.smooth(SHARES[-2])
-    laws = Laws(motion, law.inertia, stiffness, damping)
+    laws = Laws(motion, inertia, stiffness, damping)
     names, strengths, columns = list[str](), list[dict[str, float]](), list[Array]()
     for name, part in candidates().items():
         clear = {

@@ -62,6 +62,14 @@ def test_visibility_is_what_a_least_squares_fit_leaves(found):
     assert np.linalg.norm(left) / NOISE == pytest.approx(0.02 * found.visibility[index], rel=0.3)
 
 
+def test_an_inertia_of_an_effect_counts_as_the_joints_own():
+    own = JointLaw(inertia=2 * LAW.inertia, stiffness=LAW.stiffness, damping=LAW.damping)
+    added, plain = signatures(LAW.with_effect("armature", LAW.inertia)), signatures(own)
+    at = [one.names.index("cubic-stiffness") for one in (added, plain)]
+    assert added.strength[at[0]]["coefficient"] == pytest.approx(plain.strength[at[1]]["coefficient"])
+    assert added.visibility[at[0]] == pytest.approx(plain.visibility[at[1]])
+
+
 def test_an_effect_of_the_law_has_its_own_strength():
     own = signatures(LAW.with_effect("coulomb", 0.05))
     assert own.strength[own.names.index("coulomb")] == {"torque": 0.05}
