@@ -209,17 +209,19 @@ def _first_state(equations: EquationsOfMotion, unknowns: Any, hold: Any, *, free
 
     ca: Any = casadi
     m, joint = equations.m, equations.joint
-    tilt = unknowns[0] - joint.rest_angle
+    roll = unknowns[0]
     internal: list[Any] = []
     free = iter(items_of(unknowns, slice(2, unknowns.shape[0])))
     for part, values, _ in equations.layout:
+        is_sensor = isinstance(part, SensorEffect)
         for state in part.states:
             if state.sensed is not None:
-                internal.append(state.sensed(m, unknowns[0], unknowns[1], hold, joint, values))
-            elif free_states and not isinstance(part, SensorEffect):
+                internal.append(state.sensed(m, roll, unknowns[1], hold, joint, values))
+            elif free_states and not is_sensor:
                 internal.append(next(free))
             else:
-                internal.append(state.start(m, tilt, hold, joint.stiffness, values))
+                of = roll if is_sensor else roll - joint.rest_angle
+                internal.append(state.start(m, of, hold, joint.stiffness, values))
     return ca.vertcat(unknowns[:2], *internal)
 
 

@@ -52,6 +52,20 @@ def test_the_template_works_at_once(mine, tmp_path):
     assert bench_scene(board, timestep=1e-4).swing(0.17, 0.0, 0.5).at(time) == pytest.approx(truth, abs=2e-3)
 
 
+def test_a_state_of_a_sensor_starts_from_the_angle_itself(tmp_path):
+    """It reads the joint's angle, wherever the joint rests."""
+    from sysid.joint import JointLaw, simulate
+
+    path = tmp_path / "late.py"
+    path.write_text(
+        "from dataclasses import replace\nfrom sysid.effects.lowpass import EFFECT as LOWPASS\n"
+        "EFFECT = replace(LOWPASS, name='late', states=(replace(LOWPASS.states[0], sensed=None),))\n"
+    )
+    law = JointLaw(inertia=8.7e-3, stiffness=14.7, damping=0.1, rest_angle=0.1)
+    seen = simulate(law.with_effect(use_file(path), 0.01), np.linspace(0.0, 0.5, 100), 0.2).roll
+    assert seen[0] == pytest.approx(0.2)
+
+
 def test_a_record_says_which_file_its_effect_needs(mine, tmp_path):
     test_the_template_works_at_once(mine, tmp_path)
     sysid.effects._own.os.environ[_own.FILES] = ""
