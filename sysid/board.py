@@ -502,10 +502,11 @@ class _Reader:
 
     def _number(self, raw: Mapping[str, Any], key: str, where: str) -> float:
         number: Any = raw.get(key)
-        if isinstance(number, bool) or not isinstance(number, int | float):
-            raise self._wrong(f"field '{where}'", number, "a number")
         # TOML's whole numbers may exceed a float.
-        return float(number) if abs(number) < sys.float_info.max else math.inf
+        whole = isinstance(number, int) and not isinstance(number, bool) and abs(number) < sys.float_info.max
+        if not whole and not isinstance(number, float):
+            raise self._wrong(f"field '{where}'", number, "a number")
+        return float(number)
 
     def _table(self, raw: Mapping[str, Any], key: str, where: str = "") -> Mapping[str, Any]:
         value = raw.get(key)

@@ -85,6 +85,7 @@ def test_paper_to_its_last_digit(name: str, k: str, d: str, printed_k: float, pr
         ("[tilt]", '[[effect]]\nname = "coulomb"\n[tilt]', "section '[effect[0].parameters]' is missing"),
         ("[tilt]", "[fit]\nlogs = 'x'\n[tilt]", "'fit.logs' is 'x'; expected an array of tables"),
         ("[tilt]", "[[history]]\neffects = 3\n[tilt]", "'history[0].effects' is 3; expected an array of names"),
+        ("[tilt]", f"[fit]\nrmse = 1{'0' * 400}\n[tilt]", "expected a number"),
         ("[tilt]", "[model]\nfile = 'a.xml'\n[tilt]", "'model.joint' is missing"),
     ],
 )  # fmt: skip
