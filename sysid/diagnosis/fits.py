@@ -1,10 +1,10 @@
 """Rival sets of effects, fitted by output error with the code of `fit`, and their evidence.
 
-A fit sees all of a release: its start, where friction stops it, and where it rests. A set with error e and p parameters has the evidence
+A fit sees all of a release: its start, where friction stops it, and where it rests. A set has error e, p parameters, and this evidence.
 
-    ln p = -ν e²/2σ² - p/2 ln ν + log odds of its families
+    ln p = -ν e²/2σ² - p/2 ln ν + log odds of its families.
 
-where σ is the error of the best set, and ν the number of independent samples. It is Laplace's method with a unit-information prior
+σ is the error of the best set, and ν the number of independent samples. It is Laplace's method with a unit-information prior
 (Schwarz 1978; Kass and Raftery, JASA 90, 1995). If the best set reaches the noise, ν counts all samples. If not, no law is exact. The
 error of a law is alike in each swing, so ν counts the correlation lengths of one swing.
 

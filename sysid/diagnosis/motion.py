@@ -114,18 +114,16 @@ def motion_of(
     nodes = int(np.clip(MOST_NODES * period / sum(seconds), FEWEST, NODES))
     step = period / nodes
     count = max(round(s / step) for s in seconds) + 1
-    places, means, variances, lags, angles = ([] for _ in range(5))
+    rows: list[tuple[npt.NDArray[np.intp], Array, Array, Array]] = []
     for i in used:
         part = slice(*cuts[i][:2])
         values, stds = (a[part] for a in _measured(releases[i], levels[i], rate=rate))
-        place, mean, variance, lag = _row(
-            releases[i].time[part], values, stds * (noise / np.median(stds)), step, count
-        )
-        angle = np.interp(np.arange(count), place, (releases[i].roll[part] - levels[i]) / amplitude)
-        for one, value in zip(
-            (places, means, variances, lags, angles), (place, mean, variance, lag, angle), strict=True
-        ):
-            one.append(value)
+        rows.append(_row(releases[i].time[part], values, stds * (noise / np.median(stds)), step, count))
+    places, means, variances, lags = zip(*rows, strict=True)
+    angles = [
+        np.interp(np.arange(count), place, (releases[i].roll[slice(*cuts[i][:2])] - levels[i]) / amplitude)
+        for i, place in zip(used, places, strict=True)
+    ]
     length = np.array([place[-1] + 1 for place in places], dtype=np.intp)
     held = [r.roll[:1] if r.held is None else r.held.roll for r in (releases[i] for i in used)]
     free = [(0, n if cuts[i][2] else -1) for i, n in zip(used, length, strict=True)]

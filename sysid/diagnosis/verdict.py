@@ -10,8 +10,8 @@ from sysid.diagnosis.nuisances import TENTH
 from sysid.diagnosis.posterior import Found, Posterior, Size
 
 SMALL, LARGE = 0.01, 0.03
-"""Shares [1]: an effect matters from `SMALL` of the spring's peak torque, or from `LARGE` of the energy lost, and another rest angle from
-`LARGE` of the torque. An error matters from `SMALL` of the motion."""
+"""Shares [1]. An effect matters from `SMALL` of the spring's peak torque, or from `LARGE` of the energy lost. Another rest angle matters
+from `LARGE` of the torque. An error matters from `SMALL` of the motion."""
 MOSTLY = 0.5
 """Share of the error beyond the noise that an explanation may leave."""
 
