@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.logs.table.names import TIME_UNITS
-from sysid.logs.table.noise import divided_differences
+from sysid.logs.table.noise import sixth_differences
 from sysid.noise.sensor import DIFFERENCE, quantisation_step
 from sysid.quantity import Z95
 from sysid.roll import Array, shown
@@ -222,7 +222,7 @@ def _undo_going_back(clock: Clock, scale: float, spread: float, name: str) -> No
         SysidError: It goes back too often for a clock.
     """
     time = clock.time = clock.time.copy()
-    usual = typical_step(time)
+    usual, spread = typical_step(time), float(np.ptp(time)) / scale
     resets = {
         f"the {np.log2(size):.0f}-bit counter of time overflowed": size * scale
         for size in COUNTERS
