@@ -9,7 +9,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from sysid.errors import SysidError
-from sysid.noise.sensor import quantisation_step
+from sysid.noise.sensor import divided_differences, quantisation_step
 from sysid.quantity import Z95
 from sysid.roll import Array, Release, Signal
 
@@ -72,25 +72,17 @@ def difference_std(curves: Sequence[tuple[Array, Array]]) -> float:
         Standard deviation in the signals' unit; inf without a curve. It holds for noise that is independent from sample
         to sample; a smoothing sensor has more.
     """
-    parts = [_differences(*curve) for curve in curves if len(curve[0]) - _ORDER >= _ENOUGH]
+    parts = [
+        divided_differences(*(sliding_window_view(values, _ORDER + 1) for values in (time, signal)))
+        for signal, time in curves
+        if len(time) - _ORDER >= _ENOUGH
+    ]
     if not parts:
         return math.inf
     differences = np.concatenate(parts)
     std = float(np.sqrt(np.mean(differences**2)))
     robust = float(np.median(np.abs(differences - np.median(differences)))) / 0.6745  # of a normal variable
     return robust if std > 1.3 * robust > 0 else std
-
-
-def _differences(signal: Array, time: Array) -> Array:
-    """Return divided differences of a signal, each scaled to the variance of a sample, shape (n - 10,)."""
-    stamps = sliding_window_view(time, _ORDER + 1)
-    weights = np.empty(stamps.shape)
-    for j in range(_ORDER + 1):
-        gaps = stamps - stamps[:, [j]]
-        gaps[:, j] = 1.0
-        weights[:, j] = 1 / np.prod(gaps, axis=1)
-    total = np.sum(weights * sliding_window_view(signal, _ORDER + 1), axis=1)
-    return total / np.sqrt(np.sum(weights**2, axis=1))
 
 
 def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloor:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -65,6 +66,25 @@ def difference_noise(signal: Array, order: int) -> float:
     """
     size = float(np.median(np.abs(np.diff(signal, order))))
     return size / (0.6745 * math.sqrt(math.comb(2 * order, order)))
+
+
+def divided_differences(nodes: Array, values: Array) -> Array:
+    """Return divided differences of unit norm, shape (m,), in the signal's unit.
+
+    They keep the size of white noise and remove polynomials below their order, on uneven stamps too.
+
+    Args:
+        nodes: When each window was sampled [s], strictly increasing, shape (m, order + 1).
+        values: The signal there, shape (m, order + 1).
+    """
+    size = np.zeros(nodes.T.shape)  # of the weights, as logarithms: torn stamps are any size
+    for i, j in combinations(range(len(size)), 2):
+        apart = np.log(nodes[:, j] - nodes[:, i])
+        size[i] -= apart
+        size[j] -= apart
+    weights = np.exp(size - size.max(axis=0))
+    weights[1::2] *= -1
+    return np.sum(weights * values.T, axis=0) / np.linalg.norm(weights, axis=0)
 
 
 def quantisation_step(differences: Array) -> float:

@@ -124,7 +124,8 @@ def _free(
     misses no more of a small swing than of a wide one before. A torque p for the phase φ adds p φ³ / 6π to the mean.
     """
     shift = law.missing(table)
-    order = np.argsort(shift)  # a hold, however long, says nothing of the rest: the median of what moves
+    # The rest is the median of the shift, with the square of the motion as weights. A long hold has hardly any weight.
+    order = np.argsort(shift)
     moving = np.cumsum((np.ptp(table, axis=1) ** 2 * free)[order])
     rest = float(shift[order][min(int(np.searchsorted(moving, 0.5 * moving[-1])), len(shift) - 1)])
     wide = np.pad(np.abs(table - rest).max(axis=1), (2 * lag, 0), mode="edge")

@@ -68,7 +68,7 @@ def _let_go_at(roll: Roll, times: Sequence[float]) -> list[Release]:
             )
         part = replace(roll[inside], free=None)
         first = _found(part, begins_free=True)[0]
-        if first.start - first.hold > float(part.time[FEWEST_SAMPLES]):
+        if first.start - first.hold > float(part.time[: FEWEST_SAMPLES + 1][-1]):
             raise SysidError(
                 f"{roll.log}: nobody let the deck go at {time:.6g} s: it rests then, or a hand moves it. It leaves a hand at about "
                 f"{first.start:.4g} s; give such a time, or leave --release away."
@@ -261,8 +261,7 @@ def _release(
     if end == "rest":
         late = signal.roll[_within(signal.time, finish - segment.pace, finish)]
         rest = float(np.median(late)) if late.size else rest  # empty if a sample lasts longer than a swing
-    seen = kept > 0 and before.stop > before.start  # a pause of the log has no samples
-    held = roll[before] if seen else None
+    held = roll[before] if kept > 0 and before.stop > before.start else None  # a pause has no samples
     release = Release.of(roll[inside], number=1, rest=rest, hold=hold, end=end, held=held)
     return replace(release, driven_until=segment.driven_until)
 

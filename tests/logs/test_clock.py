@@ -142,6 +142,13 @@ def test_overflowing_counters_are_undone(tmp_path, bits):
     assert any("overflowed 1 time" in note for note in roll.notes)
 
 
+def test_a_torn_stamp_hides_no_overflow(tmp_path):
+    stamps = np.mod(np.round(2**32 - 2e6 + TRUE * 1e6), 2**32)
+    stamps[-1] = 3e12
+    roll = read(tmp_path, stamps, noisy(TRUE), header="t_us", form="%.0f")
+    assert clock_error(roll, TRUE[:-1]) < 1e-6
+
+
 @pytest.mark.parametrize("rows", [600, 1600])
 def test_rows_out_of_order_overflow_no_counter(tmp_path, rows):
     """Nanoseconds since the epoch fit in no counter of 32 bits, and a step back by a sample is not one by all that it counts."""

@@ -35,6 +35,12 @@ def test_a_rest_is_a_rest(tmp_path):
     assert offset_of(path) == pytest.approx(OFFSET, abs=3e-4)
 
 
+def test_an_offset_that_stays_is_not_said_to_drift(tmp_path):
+    for seed in range(10):
+        path = write_csv(tmp_path / f"{seed}.csv", ("t_s", "gyro_x_rad_s"), TIME, slow_swing(0.0, seed))
+        assert not any("drifting" in note for note in read_roll(path).notes)
+
+
 def test_what_is_cut_off_says_nothing_of_the_offset(tmp_path):
     """After 20 s somebody turns the board slowly for good; --to leaves that out."""
     rate = np.where(TIME < 20, np.exp(-0.5 * TIME) * np.sin(10 * TIME), 0.4)

@@ -136,6 +136,7 @@ ROWS = "".join(f"{t:.6g},{r:.6g}\n" for t, r in zip(TIME, ROLL, strict=True))
     ("name", "text", "hint"),
     [
         ("empty.csv", "", "empty"),
+        ("empty_utf16.csv", "\n".encode("utf-16"), "empty"),
         ("header_only.csv", "t_s,roll_rad\n", "no rows of numbers"),
         ("binary.csv", bytes(range(256)) * 100, "binary file"),
         (

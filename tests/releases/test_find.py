@@ -273,6 +273,14 @@ def test_a_release_given_late_keeps_its_decay(late):
     assert fit.omega_n == pytest.approx(recipe.omega, rel=2e-3)
 
 
+def test_a_release_of_the_fewest_samples_is_found():
+    recipe = Recipe(omega=2 * np.pi, zeta=0.05, sampling=7, free=1.2, noise=1e-4)
+    roll = make_roll(recipe)
+    begin = float(roll.time[-8])
+    (release,) = find_releases(roll, releases=[begin])
+    assert len(release.time) == 8
+
+
 def test_a_release_given_while_a_hand_is_on_the_deck_is_refused_or_said():
     recipe = Recipe(zeta=0.05, sampling=500, free=2.0, noise=0.05 * DEGREE)
     roll = make_roll(recipe)

@@ -81,7 +81,7 @@ def head_of(path: Path) -> tuple[list[str], str]:
         head = file.read(HEAD_BYTES)
         file.seek(max(0, file.seek(0, 2) - HEAD_BYTES))
         tail = file.read()
-    if not head.strip(b"\xef\xbb\xbf \r\n\t\0"):
+    if not head.strip(b"\xef\xbb\xbf\xfe\xff \r\n\t\0"):
         raise SysidError(f"{path}: the file is empty. Was the recording saved?")
     encoding = next((name for bom, name in _BOMS if head.startswith(bom)), None)
     if encoding is None:

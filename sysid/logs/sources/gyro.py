@@ -14,6 +14,7 @@ from sysid.logs.table.names import RATE_UNITS, Column, unit_kind
 from sysid.logs.table.noise import noise_of
 from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.noise.sensor import clipped_rows
+from sysid.quantity import Z95
 from sysid.roll import Array, Roll
 
 MAX_RATE = 35.0
@@ -55,7 +56,8 @@ def roll_from_gyro(reading: Reading) -> Roll:
 def gyro_turning(choice: Choice, signals: Sequence[Array], period: float) -> Array:
     """Return the rate about the axis of most rotation [rad/s], shape (n,)."""
     rates = np.stack(signals, axis=1)
-    rates = (rates - np.median(rates, axis=0)) * _likely_scale(rates, choice)[0]
+    scale, _ = known_scale(choice, "rate") or _likely_scale(rates, choice)
+    rates = (rates - np.median(rates, axis=0)) * scale
     return rates @ np.linalg.eigh(rates.T @ rates)[1][:, -1]
 
 
@@ -67,28 +69,23 @@ def rate_scale(rates: Array, choice: Choice) -> tuple[float, Remarks]:
     """
     if known := known_scale(choice, "rate"):
         return known
-    scale, remarks = _likely_scale(rates, choice)
     largest = float(np.abs(rates).max())
     if largest * RATE_UNITS["deg/s"] > MAX_RATE and np.all(rates == np.rint(rates)):
         raise SysidError(
             f"'{choice.columns[0]}' names no unit, and its whole numbers up to {largest:.0f} look like counts of a gyro. Give "
             f"the size of one in rad/s: --unit {250 * RATE_UNITS['deg/s'] / 2**15:.4g} where 16 bits are ±250 deg/s."
         )
-    return scale, remarks
+    return _likely_scale(rates, choice)
 
 
 def _likely_scale(rates: Array, choice: Choice) -> tuple[float, Remarks]:
-    """Return the same without a doubt about counts."""
+    """Return the same from the size of the rates, which are no counts."""
     largest = float(np.abs(rates).max())
     unit = "deg/s" if largest > MAX_RATE else "rad/s"
-    guessed = (
-        RATE_UNITS[unit],
-        warning(
-            f"'{choice.columns[0]}' names no unit; taken as {unit}, because it reaches {largest:.3g}. "
-            "Check the unit; --unit sets another"
-        ),
+    return RATE_UNITS[unit], warning(
+        f"'{choice.columns[0]}' names no unit; taken as {unit}, because it reaches {largest:.3g}. "
+        "Check the unit; --unit sets another"
     )
-    return known_scale(choice, "rate") or guessed
 
 
 def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
@@ -116,7 +113,8 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
     if not np.isfinite(offset_std):
         remarks += warning("neither rest nor swing shows the gyro's offset: taken as 0, roll may drift")
     drift = offset[-1] - offset[0]
-    shown = f", drifting by {drift:.2g} rad/s" if abs(drift) > offset_std else ""
+    # The ends of a line over the log differ by √12 times the standard deviation of its mean, by chance.
+    shown = f", drifting by {drift:.2g} rad/s" if abs(drift) > Z95 * np.sqrt(12) * offset_std else ""
     remarks += note(
         "offset", f"{np.mean(offset):.3g} rad/s ± {offset_std:.1g} from rest and oscillation{shown}"
     )
@@ -161,7 +159,8 @@ def level_of(time: Array, signal: Array) -> tuple[Array, float]:
     level = (solution[2] + solution[3] * (time - time.mean())) / max(gain, 1e-9)
     if not abs(np.mean(level) - np.mean(signal)) < np.ptp(signal) / 2:
         return np.zeros(signal.size), np.inf
-    # Residuals are alike over about a lag: that many fewer of them are independent.
+    # 1.5 medians are the standard deviation of a normal variable. Residuals are alike over about a lag: that many fewer of them are
+    # independent. In white noise the result is twice the scatter of the level.
     return level, 1.5 * float(np.median(left)) / gain * np.sqrt(lag / target.size)
 
 

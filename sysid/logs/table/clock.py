@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.logs.table.names import TIME_UNITS
-from sysid.logs.table.noise import divided_differences
+from sysid.logs.table.noise import sixth_differences
 from sysid.noise.sensor import DIFFERENCE, quantisation_step
 from sysid.quantity import Z95
 from sysid.roll import Array, shown
@@ -131,7 +131,7 @@ def repair_clock(
     clock.notes.append(f"time: '{name}' {why}{since}")
     _cut_frozen(clock)
     if np.diff(clock.time).min() < 0:
-        _undo_going_back(clock, scale, float(np.ptp(stamps)), name)
+        _undo_going_back(clock, scale, name)
     _drop_copies(clock, clock.columns[lively])
     if not computed or np.diff(clock.time).min() <= 0:
         _even_out(clock, clock.columns[lively])
@@ -213,8 +213,8 @@ def _drop_repeats(clock: Clock, signal: Array) -> None:
     )
 
 
-def _undo_going_back(clock: Clock, scale: float, spread: float, name: str) -> None:
-    """Undo what makes a clock go back, where its stamps are `spread` apart in their own unit, a count being `scale` [s].
+def _undo_going_back(clock: Clock, scale: float, name: str) -> None:
+    """Undo what makes a clock go back, where a count is `scale` [s].
 
     No counter holds numbers that are further apart than it can count, and what begins again goes back by most of that way.
 
@@ -222,7 +222,7 @@ def _undo_going_back(clock: Clock, scale: float, spread: float, name: str) -> No
         SysidError: It goes back too often for a clock.
     """
     time = clock.time = clock.time.copy()
-    usual = typical_step(time)
+    usual, spread = typical_step(time), float(np.ptp(time)) / scale
     resets = {
         f"the {np.log2(size):.0f}-bit counter of time overflowed": size * scale
         for size in COUNTERS
@@ -330,7 +330,7 @@ def _late(stamps: Array, even: Array, signal: Array) -> bool:
 
     Time errors are noise of the signal's slope. In doubt the stamps are right. One in six of the differences is independent.
     """
-    rough, smooth = (divided_differences(time, signal) ** 2 for time in (stamps, even))
+    rough, smooth = (sixth_differences(time, signal) ** 2 for time in (stamps, even))
     gain = (rough - smooth) / np.maximum(
         rough + smooth, 1e-300
     )  # a release or a knock counts as any other row

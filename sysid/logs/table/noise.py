@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sysid.noise.sensor import BLOCK, DIFFERENCE, MAX_BLOCKS, Noise, estimate_noise
+from sysid.noise.sensor import BLOCK, DIFFERENCE, MAX_BLOCKS, Noise, divided_differences, estimate_noise
 from sysid.roll import Array
 
 
@@ -17,25 +17,18 @@ def noise_of(time: Array, signal: Array) -> Noise:
     low, high = np.percentile(np.diff(time), (10, 90))
     if signal.size < BLOCK or high < 1.1 * low:
         return noise
-    left = divided_differences(time, signal)
+    left = sixth_differences(time, signal)
     blocks = left[: left.size // BLOCK * BLOCK].reshape(-1, BLOCK)
     uneven = float(np.median(np.sqrt(np.mean(blocks**2, axis=1)))) if len(blocks) else float(np.std(left))
     return Noise(std=max(uneven, noise.step / np.sqrt(12)), step=noise.step)
 
 
-def divided_differences(time: Array, signal: Array) -> Array:
-    """Return sixth divided differences of unit norm, shape (m,), in the signal's unit.
-
-    They keep the size of white noise and remove polynomials of fifth degree, on uneven stamps too.
-    """
+def sixth_differences(time: Array, signal: Array) -> Array:
+    """Return sixth divided differences of unit norm, spread over the log, shape (m,), in the signal's unit."""
     starts = np.unique(
         np.linspace(0, signal.size - DIFFERENCE - 1, min(signal.size, MAX_BLOCKS * DIFFERENCE)).astype(
             np.intp
         )
     )
     rows = starts[:, None] + np.arange(DIFFERENCE + 1)
-    nodes = time[rows]
-    apart = nodes[:, :, None] - nodes[:, None, :] + np.where(np.eye(DIFFERENCE + 1), 1.0, 0.0)
-    size = -np.sum(np.log(np.abs(apart)), axis=2)  # as logarithms: torn stamps are any size
-    weight = np.prod(np.sign(apart), axis=2) * np.exp(size - size.max(axis=1, keepdims=True))
-    return np.sum(weight * signal[rows], axis=1) / np.linalg.norm(weight, axis=1)
+    return divided_differences(time[rows], signal[rows])
