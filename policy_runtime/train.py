@@ -145,7 +145,7 @@ def push_clips(paths: Sequence[Path] = ()) -> tuple[PushClip, ...]:
         if len(ends) < 2:
             raise SysidError(
                 f"{motion.name}: its left foot comes down {len(ends)} times; tracking needs a whole push, from one "
-                "touchdown to the next. Record longer, or teach pushing by style (--pushing amp)."
+                "touchdown to the next. Record longer, or teach pushing by style (--set pushing=amp)."
             )
         clips.append(PushClip(motion.name, motion.speed, motion.joints[ends[0] : ends[-1]]))
     return tuple(clips)
@@ -212,7 +212,7 @@ def build_curriculum(
     if config.task.stance_patience == 0:
         raise SysidError(
             "stance_patience is 0: a wrong stance never ends an episode, so the curriculum has no effect. Choose a "
-            "patience, or --curriculum off."
+            "patience, or --set curriculum=false."
         )
     from policy_runtime.learning.curriculum import Curriculum
 
@@ -408,11 +408,11 @@ def check_finite(algorithm: "AmpPPO", numbers: dict[str, float], iteration: int)
             part = f" ({part_of(column)})" if name == "actor" else ""
             raise SysidError(
                 f"iteration {iteration}: {name}, number {column}{part}, of world {world} is not finite at step {step}. "
-                "The simulation has become unstable there; go on from the last checkpoint with another seed."
+                "The simulation has become unstable there; begin a new run with --from, the last checkpoint and another --seed."
             )
     raise SysidError(
         f"iteration {iteration}: {', '.join(bad)} is not finite although all observations and rewards are. "
-        "Lower --learning-rate and go on from the last checkpoint."
+        "Begin a new run with --from and the last checkpoint, and a lower --set learning_rate=RATE."
     )
 
 

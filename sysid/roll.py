@@ -82,6 +82,8 @@ class Roll(Signal):
     """Facts inferred while reading (column, unit, sampling rate, clock repairs), in words."""
     warnings: tuple[str, ...] = ()
     """Problems of the log, in words."""
+    unit_size: float = 1.0
+    """One unit of the column with the angle or position [rad or m]; 1 for a roll that is computed from others."""
     extra: Mapping[str, Array] = field(default_factory=dict[str, Array])
     """Other columns of the log by name, shape (n,) each, in the log's units: those of `LogOptions.also`."""
 

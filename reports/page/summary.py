@@ -1,17 +1,20 @@
 """A board and its comparison in Markdown, for a recording."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from reports.evidence import Evidence
 from sysid.board import Board
 from sysid.effects import effect
-from sysid.free_decay import FreeDecay
 from sysid.joint import JointLaw
 from sysid.quantity import Quantity
 from sysid.text import display
 
+if TYPE_CHECKING:
+    from reports.evidence import Evidence
+    from sysid.free_decay import FreeDecay
 
-def board_summary(evidence: Evidence) -> str:
+
+def board_summary(evidence: "Evidence") -> str:
     """Return law, parameters, the comparison's report and the ladder of models."""
     board, noise = evidence.board, evidence.comparison.noise.std
     lines = ["| quantity | value ± 95 % |", "|---|---|"]
@@ -25,7 +28,7 @@ def board_summary(evidence: Evidence) -> str:
     return _markdown(f"{board.name}: {law_text(board)}", text, lines, evidence.warnings)
 
 
-def decay_summary(board: str, decay: FreeDecay) -> str:
+def decay_summary(board: str, decay: "FreeDecay") -> str:
     """Return the report and the warnings of a free decay."""
     return _markdown(f"{board}: free decay", decay.report(), [], decay.warnings)
 

@@ -34,10 +34,8 @@ class Command(NamedTuple):
 
 
 JOINT, COLUMNS, OUTPUT = "--board --model --joint --pose", "--column --unit --axis", "--json --workspace"
-LOG, RIDE = (
-    f"{COLUMNS} --from --to",
-    "--board --duration --speed --turn-deg --commands --viewer --force --output",
-)
+LOG = f"{COLUMNS} --from --to"
+RIDE = "--board --duration --speed --turn-deg --commands --viewer --force --output"
 COMMANDS = {
     "decay": Command(
         "Measure stiffness, damping and frequency from a log.",

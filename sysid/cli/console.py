@@ -49,8 +49,8 @@ Tolerance = Annotated[
         validator=Number(gt=0, lt=1),
     ),
 ]
-Step = Annotated[float, Parameter(validator=Number(gt=0))]
-"""A time step [s]."""
+Step = Annotated[float, Parameter(validator=Number(gt=0, lte=0.05))]
+"""A time step [s], as long as `check` takes it at most."""
 
 
 @Parameter(name="*", group=OUTPUT)

@@ -4,10 +4,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sysid.cli.console import Drawn, Made, Printer
-from sysid.cli.log_options import load_recordings, refuse_overwriting_logs
+from sysid.cli.log_options import load_roll, recording_of, refuse_overwriting_logs
 from sysid.cli.measurement import Measurement
 from sysid.errors import SysidError
 from sysid.files import require_writable, write_figure, write_json
+from sysid.recording import refuse_duplicates
 
 if TYPE_CHECKING:
     from sysid.free_decay import FreeDecay
@@ -43,7 +44,9 @@ def decay(
     folder = None if record is None else common.space.outputs(record.name)
     if folder is not None:
         require_writable(folder / "decay.json")
-    recordings = load_recordings(logs, reading, printer, rest=record.rest_angle if record else 0.0)
+    refuse_duplicates(logs)
+    rest = record.rest_angle if record else 0.0
+    recordings = [recording_of(load_roll(log, reading, printer), reading, printer, rest=rest) for log in logs]
     result = fit_decay(recordings, board=record)
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width))

@@ -90,10 +90,7 @@ def read_driven(paths: Sequence[Path], measurement: DriveMeasurement, printer: P
         }
         say_notes(path, rolls[first], printer)
         clock = rolls[first].time
-        zeros = {
-            joint: drive.zero * _size(arguments.unit, column)
-            for joint, column in (motions | measured).items()
-        }
+        zeros = {joint: drive.zero * roll.unit_size for joint, roll in rolls.items()}
         angles = {
             joint: _near(np.interp(clock, roll.time, roll.roll) - zeros[joint], slides=roll.slides)
             for joint, roll in rolls.items()
@@ -102,10 +99,10 @@ def read_driven(paths: Sequence[Path], measurement: DriveMeasurement, printer: P
         for joint in joints:
             roll = replace(rolls[joint], time=clock, roll=angles[joint])
             load = load_along(setup.with_(joint=joint), courses)
-            unit = arguments.unit if drive.input_unit is None and kind == "command" else drive.input_unit
-            one = log_of(roll, inputs[joint], kind, scale=_size(unit, inputs[joint], kind), load=load)
+            size = _size(inputs[joint], kind, measurement, roll)
+            one = log_of(roll, inputs[joint], kind, scale=size or 1.0, load=load)
             if kind == "command":
-                one = _like_position(one, zeros[joint], known=bool(unit or _unit_in(inputs[joint])))
+                one = _like_position(one, zeros[joint], known=size is not None)
             beside = {name: angles[name] for name in measured}
             logs[joint].append(replace(one, held=drive.input_between != "smooth", beside=beside))
             printer.note(
@@ -187,28 +184,28 @@ def _roll(path: Path, column: str | None, acted: str | None, arguments: LogArgum
     return roll
 
 
-def _size(unit: float | str | None, column: str | None, kind: str = "command") -> float:
-    """Return the size of one unit of a position or an input in SI; a column's name may state the unit."""
-    unit = _unit_in(column or "") if unit is None else unit
-    try:
-        return float(unit or 1.0)
-    except ValueError:
-        return {"deg": math.radians(1.0), "mm": 1e-3}.get(str(unit), 1.0) if kind == "command" else 1.0
+def _size(column: str, kind: "InputKind", options: DriveMeasurement, position: Roll) -> float | None:
+    """Return one unit of an input in SI; None if neither options nor the name of a hinge's command say it."""
+    from sysid.logs.table.names import ANGLE_UNITS, LENGTH_UNITS, parse_column
 
-
-def _unit_in(column: str) -> str | None:
-    """Return the unit that a column's name states."""
-    from sysid.logs.table.names import parse_column
-
-    return parse_column(column).unit
+    unit = options.drive.input_unit
+    if isinstance(unit, int | float):
+        return unit
+    if kind != "command":
+        return 1.0
+    if unit is None and options.reading.unit is not None:
+        return position.unit_size
+    named = unit or parse_column(column).unit
+    usual = position.unit_size if position.slides else None
+    return (ANGLE_UNITS | LENGTH_UNITS).get(named, usual) if named else usual
 
 
 def _like_position(log: "DrivenLog", zero: float, *, known: bool) -> "DrivenLog":
-    """Return a log whose command counts like its position, from its zero [rad or m]; if `known` is not set, in degrees if that is nearer."""
-    command = log.input - zero
-    if not known and not log.slides and np.std(command) / np.std(log.angle) > math.sqrt(math.degrees(1.0)):
+    """Return a log whose command counts like its position, from its zero [rad or m]; without a known unit in degrees if nearer."""
+    command = log.input
+    if not known and np.std(command) / np.std(log.angle) > math.sqrt(math.degrees(1.0)):
         command = np.radians(command)
-    return replace(log, input=log.angle + _near(command - log.angle, slides=log.slides))
+    return replace(log, input=log.angle + _near(command - zero - log.angle, slides=log.slides))
 
 
 def _near(angle: Any, *, slides: bool) -> Any:

@@ -1,7 +1,7 @@
 """Options of every command that takes a log."""
 
 import math
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -14,7 +14,7 @@ from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.logs.sources.registry import sources
 from sysid.logs.table.remarks import about_and_text
-from sysid.recording import Recording, refuse_duplicates
+from sysid.recording import Recording
 from sysid.roll import Roll
 from sysid.video.options import VideoOptions, is_film
 from sysid.video.trackers import Method
@@ -172,7 +172,7 @@ def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
     """Read one log and print notes and warnings on stderr.
 
     Raises:
-        SysidError: The log cannot be read as roll, or would be overwritten.
+        SysidError: The log cannot be read as roll.
     """
     if unused := unused_options(log, arguments):
         kind = "a film" if is_film(log) else "no film"
@@ -210,24 +210,6 @@ def say_notes(log: Path, roll: Roll, printer: Printer) -> None:
     printer.note("\n".join((str(log), *(f"  {about:{widest}}  {text}" for about, text in pairs))))
     for warning in roll.warnings:
         printer.warn(f"{log}: {warning}")
-
-
-def load_recordings(
-    logs: Sequence[Path], arguments: LogArguments, printer: Printer, *, rest: float = 0.0
-) -> list[Recording]:
-    """Read logs and find the free decays in them.
-
-    Args:
-        rest: Rest angle by the record or model [rad or m].
-
-    Raises:
-        SysidError: A log cannot be read, holds no free decay, was given twice, or would be overwritten.
-    """
-    if not logs:
-        raise SysidError("no log was given.")
-    refuse_overwriting_logs(logs, arguments, printer)
-    refuse_duplicates(logs)
-    return [recording_of(load_roll(log, arguments, printer), arguments, printer, rest=rest) for log in logs]
 
 
 def recording_of(

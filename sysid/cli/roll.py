@@ -48,7 +48,7 @@ def roll(
     offset = None if align is None else _offset(log, signal, align, printer)
     if offset is not None:
         signal = replace(signal, time=signal.time + offset.value)
-    part, notes = arguments.part(signal), (list(signal.notes), list(signal.warnings))
+    part = arguments.part(signal)
     _write(part, output)
     show = display(is_rate=False, slides=part.slides)
     low, high, noise = part.roll.min(), part.roll.max(), float(np.median(part.std))
@@ -68,8 +68,8 @@ def roll(
             "clock_offset": None if offset is None else offset.to_json(),
             "rate_hz": signal.sampling_rate,
             "origin": part.origin,
-            "notes": notes[0],
-            "warnings": notes[1],
+            "notes": list(part.notes),
+            "warnings": list(part.warnings),
         }
     )
     return 0

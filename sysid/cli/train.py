@@ -114,8 +114,10 @@ def train(
         force: Train even if the board has not passed `check`.
     """
     printer = Printer(common)
-    if resume is not None and start_from is not None:
-        raise UsageError("--resume goes on with a run, --from begins a new one; give one of them.")
+    if resume is not None and (start_from or output):
+        raise UsageError(
+            "--resume goes on with a run in its own folder. Leave --from and --output out, or begin a new run without --resume."
+        )
     record = common.space.load_board(board)
     _gate(record, force, printer)
     _require_mjlab()

@@ -35,6 +35,8 @@ def test_a_number_that_is_not_finite_is_refused_in_words(tmp_path, arguments, va
     [
         ("check", PINK, "--board", "pink", "--timestep=-0.001"),
         ("check", PINK, "--board", "pink", "--timestep=0.5"),
+        ("mjcf", "--board", "pink", "-o", "pink.xml", "--timestep=0.051"),
+        ("export", "--mjlab", "fit.json", "--timestep=0.5"),
         ("compare", PINK, "--board", "pink", "--tolerance=-1"),
         ("run", "zero", "--board", "pink", "--joint-margin=-1"),
         ("evaluate", "zero", "--board", "pink", "--episodes=0"),

@@ -148,7 +148,7 @@ def roll_from_angle(reading: Reading) -> Roll:
             f"'{choice.columns[0]}' is saturated in {np.count_nonzero(excess)} samples (at {show(roll.min(), 3)} or "
             f"{show(roll.max(), 3)}): they count for little, and amplitudes near there are lower bounds"
         )
-    return reading.as_roll(roll, std, "position" if slides else "angle", remarks)
+    return reading.as_roll(roll, std, "position" if slides else "angle", remarks, unit_size=factor)
 
 
 def _near_zero(roll: Array) -> tuple[Array, Remarks]:
