@@ -1,14 +1,15 @@
-"""Free stretches of a decay: where the torque that a linear law misses stays small.
+"""Free stretches of a decay: where the torque that a law with a cubic spring misses stays small.
 
 A linear decay obeys `x(t + s) = α x(t) - β x(t - s) + c` for any s, and so does any moving average of it. With s a quarter of a period,
-the misfit over `1 - α + β` is a weighted mean of the missing torque, as a shift of the rest angle. A free joint misses a torque for its
-nonlinear law, of one size for the whole decay. A hand or a motor acts with as much torque as the joint's own at its swing then.
+the misfit over `1 - α + β` is a weighted mean of the missing torque, as a shift of the rest angle. A stiffness that changes with the
+square of the swing adds `γ A² x(t)`. A free joint misses a torque for the rest of its law: of one size for the whole decay (dry
+friction), or in proportion to its swing. A hand or a motor acts with as much torque as the joint's own at its swing then.
 The likeliest sequence of the two states counts (Viterbi, 1967). A change adds a parameter, with its BIC penalty.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +22,7 @@ from sysid.roll import Array
 QUARTER = 12
 """Points of the even grid in a quarter of a period, at most."""
 ERRORS = np.geomspace(3e-4, 0.3, 7)
-"""Torques that a linear law may miss of a free joint, over that of its spring at the widest swing."""
+"""Torques that the law may miss of a free joint, over that of its spring at the widest swing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,16 +43,22 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class _Law:
-    """A linear law between three angles a quarter of a period apart."""
+    """A law between three angles a quarter of a period apart, in units of the widest swing."""
 
-    alpha: float
-    beta: float
+    gains: Array
+    """α, -β and γ, shape (3,)."""
     noise: float
-    """Noise of the missing torque, as a shift of the rest angle [rad]."""
+    """Noise of the missing torque, as a shift of the rest angle."""
 
-    def missing(self, table: Array) -> Array:
-        """Return the missing torque as a shift of the angle [rad], shape (n,), of the three angles [rad], shape (n, 3)."""
-        return table @ (1.0, -self.alpha, self.beta) / (1 - self.alpha + self.beta)
+    def missing(self, angles: Array) -> Array:
+        """Return the missing torque as a shift of the angle, shape (n,), of the three angles, shape (n, 3)."""
+        return (angles[:, 0] - _causes(angles) @ self.gains) / (1 - self.gains[0] - self.gains[1])
+
+
+def _causes(angles: Array) -> Array:
+    """Return x(t), x(t - s) and A² x(t) of three angles a quarter of a period apart, shape (n, 3)."""
+    ahead, here, back = angles.T
+    return np.column_stack((here, back, (here**2 + (ahead - back) ** 2 / 4) * here))
 
 
 def free_stretches(
@@ -65,6 +72,8 @@ def free_stretches(
         spans: Its decays, from their turning points.
         period: Of the joint [s], roughly.
     """
+    widest = max((span.size for span in spans), default=1.0)
+    roll, spans = roll / widest, [replace(s, rest=s.rest / widest, size=s.size / widest) for s in spans]
     interval = float(np.median(np.diff(time)))
     step = max(interval, period / (4 * QUARTER))
     lag = max(1, round(period / (4 * step)))
@@ -89,7 +98,7 @@ def free_stretches(
 
 
 def _table(time: Array, roll: Array, span: Span, step: float, lag: int) -> Array:
-    """Return the mean angle of a quarter of a period about rest, a quarter ahead, there and a quarter back [rad], shape (n, 3)."""
+    """Return the mean angle of a quarter of a period about rest, a quarter ahead, there and a quarter back, shape (n, 3)."""
     whole = np.concatenate(([0.0], np.cumsum(0.5 * np.diff(time) * (roll[1:] + roll[:-1]))))
     way = np.interp(np.arange(span.begin, span.end, step), time, whole)
     mean = (way[lag:] - way[:-lag]) / (lag * step) - span.rest
@@ -100,19 +109,21 @@ def _learned(decays: Sequence[tuple[Array, npt.NDArray[np.bool_], float]], noise
     """Return the law of the free samples of all decays by least squares; None if they are too few, or show no restoring torque."""
     known: list[Array] = []
     for table, free, size in decays:
-        rows = table[free & (np.ptp(table, axis=1) > 3 * noise)] / size  # noise alone would bias α and β
+        moves = table[free & (np.ptp(table, axis=1) > 3 * noise)]  # noise alone would bias α and β
+        rows = np.column_stack((moves[:, 0], _causes(moves))) / size
         known += [rows - rows.mean(axis=0)] if len(rows) > 3 else []  # each decay has a rest of its own
     if sum(map(len, known)) < 2 * (2 + len(known)):
         return None
     rows = np.vstack(known)
     weights = np.ones(len(rows))
-    alpha = minus = 0.0
+    gains = np.zeros(3)
     for _ in range(4):  # Cauchy weights: little for samples with a hand
-        alpha, minus = np.linalg.lstsq(rows[:, 1:] * weights[:, None], rows[:, 0] * weights)[0].tolist()
-        left = rows @ (1.0, -alpha, -minus)
+        gains = np.linalg.lstsq(rows[:, 1:] * weights[:, None], rows[:, 0] * weights)[0]
+        left = rows[:, 0] - rows[:, 1:] @ gains
         weights = 1 / np.hypot(1, left / (4.5 * float(np.median(np.abs(left))) or 1e-300))
+    alpha, minus = gains[:2].tolist()
     spring = 1 - alpha - minus
-    return _Law(alpha, -minus, noise * math.hypot(1, alpha, minus) / spring) if minus < 0 < spring else None
+    return _Law(gains, noise * math.hypot(1, alpha, minus) / spring) if minus < 0 < spring else None
 
 
 def _free(
@@ -130,7 +141,7 @@ def _free(
     rest = float(shift[order][min(int(np.searchsorted(moving, 0.5 * moving[-1])), len(shift) - 1)])
     wide = np.pad(np.abs(table - rest).max(axis=1), (2 * lag, 0), mode="edge")
     swing, shift = sliding_window_view(wide, 2 * lag + 1).max(axis=1)[:, None], shift - rest
-    known = (ERRORS * span.size) ** 2
+    known = np.hstack([(ERRORS * size) ** 2 for size in (np.full_like(swing, span.size), swing)])
     if span.let_go:
         power = np.convolve(shift**2, np.ones(lag) / lag, "same") - law.noise**2
         before = np.concatenate((np.zeros(4 * lag), np.maximum.accumulate(power)))[: len(power)]
@@ -138,7 +149,7 @@ def _free(
     small, large = law.noise**2 + np.minimum(known, swing**2) + 1e-300, law.noise**2 + swing**2 + 1e-300
     own, hand = (-0.5 * shift[:, None] ** 2 / power - 0.5 * np.log(power) for power in (small, large))
     gains, price = (own - hand) / lag, math.log(max(len(shift) / lag, 2.0))
-    lead, best = np.full(len(ERRORS), price), np.full(len(ERRORS), hand.sum() / lag)
+    lead, best = np.full(len(gains[0]), price), np.full(len(gains[0]), hand.sum() / lag)
     leads = np.empty_like(gains)
     for i, gain in enumerate(gains):
         best += np.maximum(lead - price, 0)
