@@ -237,9 +237,7 @@ def restore(
     path = checkpoints[-1]
     kept = read_checkpoint(path, process.device)
     begins = path == folder.started_from()
-    if not algorithm.judges_alike(
-        kept
-    ):  # its style is judged on other windows: the discriminator starts anew
+    if not algorithm.judges_alike(kept):  # on other windows: the discriminator starts anew
         kept = {key: value for key, value in kept.items() if key not in ("discriminator", "amp_optimiser")}
     if begins:
         grow_critic(kept, env.get_observations()["critic"].shape[1])

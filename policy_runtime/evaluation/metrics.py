@@ -9,9 +9,9 @@
 | E_contact | share of pushing and steering steps with the wrong feet down | "contact error" |
 
 The paper's definitions leave choices. Other readings are E_vel_mean_speed, of each pushing phase's mean speed, and
-E_yaw_final, at the last step of each steering phase. E_contact is also given for pushing and for steering alone. An episode that ends early counts with its steps.
-Wrong feet in pushing: the right foot off the deck or the left foot on it. In steering: a foot off the deck or on the
-ground.
+E_yaw_final, at the last step of each steering phase. E_contact is also given for pushing and for steering alone.
+An episode that ends early counts with its steps. Wrong feet in pushing: the right foot off the deck or the left foot on
+it. In steering: a foot off the deck or on the ground.
 
 The project's own:
 

@@ -81,6 +81,12 @@ class LearnOptions:
     """Weight of the style reward per second."""
 
 
+SIGNED = ("pose_offset", "lift")
+"""Options that may be negative."""
+POSITIVE = ("mount_steps", "bezier_order", "speed_tolerance", "learning_rate", "desired_kl", "save_every")
+"""Options that must be larger than 0."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunConfig:
     """All options of a run."""
@@ -107,8 +113,11 @@ class RunConfig:
             value = tomllib.loads(f"value = {word}")["value"]
         except tomllib.TOMLDecodeError:
             value = word
-        if isinstance(value, int | float) and value < 0:
-            raise SysidError(f"--set {text}: must not be negative.")
+        if isinstance(value, int | float):
+            if value < 0 and name not in SIGNED:
+                raise SysidError(f"--set {text}: must not be negative.")
+            if value == 0 and name in POSITIVE:
+                raise SysidError(f"--set {text}: must be larger than 0.")
         changes: dict[str, Any] = {name: _value(hints[part][name], value, f"--set {name}")}
         changes = {part: dataclasses.replace(parts[part], **changes)}
         return dataclasses.replace(self, **changes)

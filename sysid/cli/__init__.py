@@ -169,7 +169,7 @@ COMMANDS = {
     "motions": Command(
         "List, plot and play reference motions.",
         ("motions", "motions --plot motions.png"),
-        "training.md",
+        "runtime.md",
     ),
     "train": Command(
         "Train a policy for a board.",
@@ -180,7 +180,7 @@ COMMANDS = {
     "evaluate": Command(
         "Measure a policy: success, velocity, heading, smoothness, contacts.",
         ("evaluate pink-strides --board pink",),
-        "training.md",
+        "runtime.md",
         f"--board --episodes --seeds --simulator --workers --suite --duration --force --output {OUTPUT}",
     ),
     "play": Command(

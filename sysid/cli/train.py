@@ -15,7 +15,7 @@ from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolde
 from sim.skate.cycle.start import AT_REST, Start
 from sim.skate.options import SkateOptions
 from sysid.board import Board, load_board
-from sysid.cli.console import BoardName, Common, Output, Printer, Texts
+from sysid.cli.console import Common, Output, Printer, Texts
 from sysid.errors import QualityGateError, SysidError, UsageError, install_extra
 
 
@@ -95,7 +95,7 @@ class Machines:
 
 def train(
     *,
-    board: BoardName,
+    board: Annotated[str | None, Parameter(name=("--board", "-b"))] = None,
     options: Options = Options(),
     machines: Machines = Machines(),
     output: Output | None = None,
@@ -107,7 +107,7 @@ def train(
     """Train a policy for a board.
 
     Args:
-        board: Name of the board.
+        board: Name of the board; a run that goes on by --resume has its own.
         output: Folder of the run; the default is reports/BOARD/train-N.
         resume: Folder of a run to continue from its newest checkpoint; beyond its end with --iterations.
         start_from: A checkpoint of another run as the start, for other options or another board.
@@ -118,7 +118,7 @@ def train(
         raise UsageError(
             "--resume goes on with a run in its own folder. Leave --from and --output out, or begin a new run without --resume."
         )
-    record = common.space.load_board(board)
+    record = _record(board, resume, common)
     _gate(record, force, printer)
     _require_mjlab()
     machines.torchrun()
@@ -129,7 +129,7 @@ def train(
         folder = _resume(resume, record, options, machines, printer)
     else:
         folder = _new_run(record, output, common, printer)
-        _begin(folder, common.space.board_path(board), options, start_from, machines, printer)
+        _begin(folder, common.space.board_path(record.name), options, start_from, machines, printer)
     rows = folder.read_curves()
     if not rows:
         raise SysidError(f"{folder.path}: the run ended before its first iteration; see the messages above.")
@@ -142,6 +142,16 @@ def train(
     printer.written(folder.policy, picture)
     printer.result({"run": str(folder.path), "policy": str(folder.policy), "last": last})
     return 0
+
+
+def _record(board: str | None, resume: Path | None, common: Common) -> Board:
+    if board is not None:
+        return common.space.load_board(board)
+    if resume is None:
+        raise UsageError("train for which board? Name it by --board.")
+    folder = RunFolder(resume)
+    folder.read_config()  # refuses a folder without a run
+    return load_board(folder.board)
 
 
 def _gate(record: Board, force: bool, printer: Printer) -> None:

@@ -147,7 +147,14 @@ def test_a_run_goes_on_where_it_began_and_beyond_its_end_with_a_new_total(begun,
 
 @pytest.mark.parametrize(
     "option",
-    ["--minutes=0", "--set=mount_steps=-3", "--set=lift=high", "--set=pushing=jump", "--set=puhsing=amp"],
+    [
+        "--minutes=0",
+        "--set=mount_steps=-3",
+        "--set=bezier_order=0",
+        "--set=lift=high",
+        "--set=pushing=jump",
+        "--set=puhsing=amp",
+    ],
 )
 def test_an_impossible_option_starts_nothing(begun, tmp_path, option):
     from cyclopts import ValidationError
@@ -160,10 +167,31 @@ def test_an_impossible_option_starts_nothing(begun, tmp_path, option):
 
 def test_any_option_of_a_run_is_set_by_its_name():
     config = RunConfig()
-    for text in ("pushing=tracking", "tilt_guidance=false", "entropy=0", "foot_place=[-0.1, 0.0]"):
+    for text in (
+        "pushing=tracking",
+        "tilt_guidance=false",
+        "entropy=0",
+        "pose_offset=-0.05",
+        "foot_place=[-0.1, 0.0]",
+    ):
         config = config.changed(text)
     assert (config.task.pushing, config.task.tilt_guidance) == ("tracking", False)
     assert (config.learn.entropy, config.task.foot_place) == (0.0, (-0.1, 0.0))
+    assert config.task.pose_offset == -0.05
+
+
+def test_a_run_that_goes_on_has_its_own_board(begun, tmp_path):
+    folder, starts = begun
+    with_checkpoint(folder, 2)
+    where = ("--resume", folder.path, "--workspace", tmp_path)
+    assert called("train", *where) == 0
+    with pytest.raises(SysidError, match="a run for board 'pink', not 'black'"):
+        called("train", "--board", "black", *where)
+    with pytest.raises(SysidError, match="no training run there"):
+        called("train", "--resume", tmp_path)
+    with pytest.raises(SysidError, match="--board"):
+        called("train")
+    assert starts == [0]
 
 
 def test_a_run_that_goes_on_takes_no_other_options(begun):
