@@ -113,8 +113,7 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
     if not np.isfinite(offset_std):
         remarks += warning("neither rest nor swing shows the gyro's offset: taken as 0, roll may drift")
     drift = offset[-1] - offset[0]
-    # The ends of a line over the log differ by √12 times the standard deviation of its mean, by chance.
-    shown = f", drifting by {drift:.2g} rad/s" if abs(drift) > Z95 * np.sqrt(12) * offset_std else ""
+    shown = f", drifting by {drift:.2g} rad/s" if drift else ""
     remarks += note(
         "offset", f"{np.mean(offset):.3g} rad/s ± {offset_std:.1g} from rest and oscillation{shown}"
     )
@@ -128,15 +127,26 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
 
 
 def level_of(time: Array, signal: Array) -> tuple[Array, float]:
-    """Return the line that a signal swings about or rests on, shape (n,), and the standard deviation of its mean; 0 and inf if unknown.
+    """Return the level that a signal swings about or rests on, shape (n,), and the standard deviation of its mean; 0 and inf if unknown.
 
-    A decaying sine about a level c, and rest at c, obey `y(t + 2m) = a y(t + m) + b y(t) + (1 - a - b) c` for any lag m
-    (Prony). With m a quarter of the period, the least sum of log residuals (Cauchy's) gives c as a line in time. Hands and pushes do
-    not obey it, and count for next to nothing.
+    It is constant, or else a line in time where chance does not explain the slope.
 
     Args:
         time: [s], shape (n,).
         signal: In any unit, shape (n,).
+    """
+    line, std = _line_of(time, signal, slope=True)
+    # The ends of a line over the log differ by √12 times the standard deviation of its mean, by chance.
+    steep = abs(line[-1] - line[0]) > Z95 * np.sqrt(12) * std
+    return (line, std) if steep else _line_of(time, signal, slope=False)
+
+
+def _line_of(time: Array, signal: Array, *, slope: bool) -> tuple[Array, float]:
+    """Return the same, with a slope or without.
+
+    A decaying sine about a level c, and rest at c, obey `y(t + 2m) = a y(t + m) + b y(t) + (1 - a - b) c` for any lag m
+    (Prony). With m a quarter of the period, the least sum of log residuals (Cauchy's) gives c as a line in time. Hands and pushes do
+    not obey it, and count for next to nothing.
     """
     quarter = half_cycle(signal) / 2
     rows = max(1, int(4 * quarter / PER_SWING))  # averaged: noise, and hardly anything of the swing
@@ -146,13 +156,12 @@ def level_of(time: Array, signal: Array) -> tuple[Array, float]:
     values, since = (
         x[: count * rows].reshape(count, rows).mean(axis=1) for x in (signal, time - time.mean())
     )
-    design = np.stack(
-        (values[lag:-lag], values[: -2 * lag], np.ones(count - 2 * lag), since[2 * lag :]), axis=1
-    )
+    columns = (values[lag:-lag], values[: -2 * lag], np.ones(count - 2 * lag), since[2 * lag :] * slope)
+    design = np.stack(columns, axis=1)
     target = values[2 * lag :]
     solution, left = np.zeros(4), np.ones(target.size)
     for _ in range(ROUNDS):
-        weight = 1 / np.maximum(left, max(float(np.median(left)), 1e-300))
+        weight = 1 / np.hypot(1, left / (4.5 * float(np.median(left)) or 1e-300))
         solution = np.linalg.lstsq(design * weight[:, None], target * weight, rcond=None)[0]
         left = np.abs(target - design @ solution)
     gain = float(1 - solution[0] - solution[1])
