@@ -2,8 +2,8 @@
 
 A linear decay obeys `x(t + s) = α x(t) - β x(t - s) + c` for any s, and so does any moving average of it. With s a quarter of a period,
 the misfit over `1 - α + β` is a weighted mean of the missing torque, as a shift of the rest angle. A stiffness that changes with the
-square of the swing adds `γ A² x(t)`. A free joint misses a torque for the rest of its law: of one size for the whole decay (dry
-friction), or in proportion to its swing. A hand or a motor acts with as much torque as the joint's own at its swing then.
+square of the swing adds `γ A² x(t)`. A free joint misses a torque for the rest of its law, of one size for the whole decay. A hand or
+a motor acts with as much torque as the joint's own at its swing then.
 The likeliest sequence of the two states counts (Viterbi, 1967). A change adds a parameter, with its BIC penalty.
 """
 
@@ -141,7 +141,7 @@ def _free(
     rest = float(shift[order][min(int(np.searchsorted(moving, 0.5 * moving[-1])), len(shift) - 1)])
     wide = np.pad(np.abs(table - rest).max(axis=1), (2 * lag, 0), mode="edge")
     swing, shift = sliding_window_view(wide, 2 * lag + 1).max(axis=1)[:, None], shift - rest
-    known = np.hstack([(ERRORS * size) ** 2 for size in (np.full_like(swing, span.size), swing)])
+    known = (ERRORS * span.size) ** 2
     if span.let_go:
         power = np.convolve(shift**2, np.ones(lag) / lag, "same") - law.noise**2
         before = np.concatenate((np.zeros(4 * lag), np.maximum.accumulate(power)))[: len(power)]
@@ -149,7 +149,7 @@ def _free(
     small, large = law.noise**2 + np.minimum(known, swing**2) + 1e-300, law.noise**2 + swing**2 + 1e-300
     own, hand = (-0.5 * shift[:, None] ** 2 / power - 0.5 * np.log(power) for power in (small, large))
     gains, price = (own - hand) / lag, math.log(max(len(shift) / lag, 2.0))
-    lead, best = np.full(len(gains[0]), price), np.full(len(gains[0]), hand.sum() / lag)
+    lead, best = np.full(len(ERRORS), price), np.full(len(ERRORS), hand.sum() / lag)
     leads = np.empty_like(gains)
     for i, gain in enumerate(gains):
         best += np.maximum(lead - price, 0)

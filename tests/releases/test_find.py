@@ -204,15 +204,15 @@ def test_offset_mirror_and_size_change_nothing(offset, side, scale, seed):
 
 
 REAL = {
-    "kvlcc2_roll_decay/run_21337.csv": (24.9, 2.53, "log"),
-    "kvlcc2_roll_decay/run_21338.csv": (8.0, 2.53, "log"),
-    "servo_passive_drop/drop_kp100.csv": (2.0, 0.2, "rest"),
-    "servo_passive_drop/drop_kp200.csv": (2.0, 0.2, "rest"),
-    "servo_passive_drop/drop_kp400.csv": (2.0, 0.2, "rest"),
-    "servo_passive_drop/drop_kp800.csv": (2.0, 0.2, "rest"),
-    "rotary_pendulum_freeswing/swing_01.csv": (0.35, 0.65, "log"),
+    "kvlcc2_roll_decay/run_21337.csv": (24.9, "log"),
+    "kvlcc2_roll_decay/run_21338.csv": (8.0, "log"),
+    "servo_passive_drop/drop_kp100.csv": (2.0, "rest"),
+    "servo_passive_drop/drop_kp200.csv": (2.0, "rest"),
+    "servo_passive_drop/drop_kp400.csv": (2.0, "rest"),
+    "servo_passive_drop/drop_kp800.csv": (2.0, "rest"),
+    "rotary_pendulum_freeswing/swing_01.csv": (0.35, "log"),
 }
-"""The earliest free motion [s], the period [s] and the end. The hand lets the pendulum go at 0.35 s: its trace has a kink there."""
+"""The earliest free motion [s], and the end. The trace of the pendulum has a kink where the hand lets it go."""
 
 
 @pytest.mark.parametrize("name", REAL)
@@ -220,8 +220,9 @@ def test_real_logs(real_logs, name):
     from sysid.logs import read_roll
 
     (release,) = find_releases(read_roll(real_logs / name))
-    free, period, end = REAL[name]
-    assert free - 0.1 < release.start < free + 2 * period
+    free, end = REAL[name]
+    # A joint of another law than a cubic spring's may lose its widest swings.
+    assert free - 0.1 < release.start < free + (release.time[-1] - free) / 8
     assert release.end == end
 
 
