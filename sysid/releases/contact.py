@@ -1,15 +1,17 @@
-"""Free stretches of a decay: where the torque that a law with a cubic spring misses stays small.
+"""Free stretches of a decay: where the torque that a law with a cubic spring and drag misses stays small.
 
 A linear decay obeys `x(t + s) = α x(t) - β x(t - s) + c` for any s, and so does any moving average of it. With s a quarter of a period,
 the misfit over `1 - α + β` is a weighted mean of the missing torque, as a shift of the rest angle. A stiffness that changes with the
-square of the swing adds `γ A² x(t)`. A free joint misses a torque for the rest of its law, of one size for the whole decay. A hand or
-a motor acts with as much torque as the joint's own at its swing then.
+square of the swing adds `γ A² x(t)`; drag, a damping that grows with the swing, adds `κ A x(t - s)`. A is the root of the sum of both
+squares. A free joint misses a torque for the rest of its law, of one size for the whole decay. A hand or a motor acts with as much torque
+as the joint's own at its swing then.
 The likeliest sequence of the two states counts (Viterbi, 1967). A change adds a parameter, with its BIC penalty.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 import numpy.typing as npt
@@ -46,7 +48,7 @@ class _Law:
     """A law between three angles a quarter of a period apart, in units of the widest swing."""
 
     gains: Array
-    """α, -β and γ, shape (3,)."""
+    """α, -β, γ and κ, shape (4,)."""
     noise: float
     """Noise of the missing torque, as a shift of the rest angle."""
 
@@ -56,9 +58,10 @@ class _Law:
 
 
 def _causes(angles: Array) -> Array:
-    """Return x(t), x(t - s) and A² x(t) of three angles a quarter of a period apart, shape (n, 3)."""
-    ahead, here, back = angles.T
-    return np.column_stack((here, back, (here**2 + (ahead - back) ** 2 / 4) * here))
+    """Return x(t), x(t - s), A² x(t) and A x(t - s) of three angles a quarter of a period apart, shape (n, 4)."""
+    _, here, back = angles.T
+    swing = np.hypot(here, back)
+    return np.column_stack((here, back, swing**2 * here, swing * back))
 
 
 def free_stretches(
@@ -86,7 +89,7 @@ def free_stretches(
     free = {i: np.ones(len(table), dtype=bool) for i, table in tables.items()}
     late: dict[int, Array] = {}
     for _ in range(3):  # each pass improves law and stretches
-        law = _learned([(table, free[i], spans[i].size) for i, table in tables.items()], noise)
+        law = _learned([(table, free[i], spans[i].size) for i, table in tables.items()], noise, lag)
         if law is None:
             return [[(span.begin, span.end)] for span in spans]
         for i, table in tables.items():
@@ -105,7 +108,9 @@ def _table(time: Array, roll: Array, span: Span, step: float, lag: int) -> Array
     return np.column_stack((mean[2 * lag :], mean[lag : -lag or None], mean[: -2 * lag]))
 
 
-def _learned(decays: Sequence[tuple[Array, npt.NDArray[np.bool_], float]], noise: float) -> _Law | None:
+def _learned(
+    decays: Sequence[tuple[Array, npt.NDArray[np.bool_], float]], noise: float, lag: int
+) -> _Law | None:
     """Return the law of the free samples of all decays by least squares; None if they are too few, or show no restoring torque."""
     known: list[Array] = []
     for table, free, size in decays:
@@ -115,12 +120,18 @@ def _learned(decays: Sequence[tuple[Array, npt.NDArray[np.bool_], float]], noise
     if sum(map(len, known)) < 2 * (2 + len(known)):
         return None
     rows = np.vstack(known)
-    weights = np.ones(len(rows))
-    gains = np.zeros(3)
-    for _ in range(4):  # Cauchy weights: little for samples with a hand
-        gains = np.linalg.lstsq(rows[:, 1:] * weights[:, None], rows[:, 0] * weights)[0]
-        left = rows[:, 0] - rows[:, 1:] @ gains
-        weights = 1 / np.hypot(1, left / (4.5 * float(np.median(np.abs(left))) or 1e-300))
+    laws: list[tuple[float, Array]] = []
+    for causes in range(2, rows.shape[1]):
+        weights, gains, middle = np.ones(len(rows)), np.zeros(rows.shape[1] - 1), 0.0
+        for _ in range(4):  # Cauchy weights: little for samples with a hand
+            weighted = rows * weights[:, None]
+            gains[:causes] = np.linalg.lstsq(weighted[:, 1 : 1 + causes], weighted[:, 0])[0]
+            left = np.abs(rows[:, 0] - rows[:, 1:] @ gains)
+            middle = float(np.median(left)) or 1e-300
+            weights = 1 / np.hypot(1, left / (4.5 * middle))
+        count = len(rows) / lag  # neighbouring means share most of their noise
+        laws.append((2 * count * math.log(middle) + causes * math.log(max(count, 2.0)), gains))
+    gains = min(laws, key=itemgetter(0))[1]  # by BIC
     alpha, minus = gains[:2].tolist()
     spring = 1 - alpha - minus
     return _Law(gains, noise * math.hypot(1, alpha, minus) / spring) if minus < 0 < spring else None
