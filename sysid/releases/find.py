@@ -129,7 +129,11 @@ def _found(roll: Roll, *, begins_free: bool = False) -> list[Release]:
         segments[0] = replace(
             segments[0], swings=(swings[0], *segments[0].swings)
         )  # a swing that a late time cuts
-    found = [one for one in _free(roll, signal, segments) if len(one.time) >= FEWEST_SAMPLES]
+    found = [
+        one
+        for one in _free(roll, signal, segments, begins_free=begins_free)
+        if len(one.time) >= FEWEST_SAMPLES
+    ]
     if not found:
         raise SysidError(
             f"{roll.log}: it moves, but no stretch swings freely to rest. Give the times at which the deck "
@@ -138,8 +142,14 @@ def _found(roll: Roll, *, begins_free: bool = False) -> list[Release]:
     return found
 
 
-def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> list[Release]:
-    """Return the decays of all segments, in order of time."""
+def _free(
+    roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment], *, begins_free: bool
+) -> list[Release]:
+    """Return the decays of all segments, in order of time.
+
+    Args:
+        begins_free: Whether no hand acts in the first decay if none holds it.
+    """
     if not segments:
         return []
     # A push makes the first swing longer.
@@ -158,7 +168,7 @@ def _free(roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment]) -> li
             last = segment.after.reached if caught else segment.after.left
         stop = float(signal.time[last if other is None else min(last, other.swings[0].left)])
         end = max(begin, _rested(signal, segment, begin, stop))
-        let_go = hold > 0 and _pulled(signal, segment, begin, period)
+        let_go = _pulled(signal, segment, begin, period) if hold else begins_free and not decays
         if hold > 0 and not let_go and len(segment.swings) == 1:
             continue  # a hand moves it from one stay to another
         decays.append(segment)

@@ -204,8 +204,8 @@ def test_offset_mirror_and_size_change_nothing(offset, side, scale, seed):
 
 
 REAL = {
-    "kvlcc2_roll_decay/run_21337.csv": (24.9, "log"),
-    "kvlcc2_roll_decay/run_21338.csv": (8.0, "log"),
+    "kvlcc2_roll_decay/run_21337.csv": (24.95, "log"),
+    "kvlcc2_roll_decay/run_21338.csv": (8.1, "log"),
     "servo_passive_drop/drop_kp100.csv": (2.0, "rest"),
     "servo_passive_drop/drop_kp200.csv": (2.0, "rest"),
     "servo_passive_drop/drop_kp400.csv": (2.0, "rest"),
@@ -224,6 +224,16 @@ def test_real_logs(real_logs, name):
     # A joint of another law than a cubic spring's may lose its widest swings.
     assert free - 0.1 < release.start < free + (release.time[-1] - free) / 8
     assert release.end == end
+
+
+@pytest.mark.parametrize("name", [name for name, (_, end) in REAL.items() if end == "log"])
+def test_a_joint_without_a_hold_is_free_from_the_time_that_the_user_gives(real_logs, name):
+    from sysid.logs import read_roll
+
+    free = REAL[name][0]
+    assert find_releases(read_roll(real_logs / name), releases=[free])[0].start == pytest.approx(
+        free, abs=0.02
+    )
 
 
 # What a hand did, and what it did not
