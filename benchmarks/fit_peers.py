@@ -20,14 +20,13 @@ import casadi as ca
 import mujoco
 import numpy as np
 from mujoco import rollout
-from mujoco_rollout import rollout_function
 from mujoco_sysid import fit_hinge, hinge
 from pages import table, write_result
 from scipy.optimize import least_squares
 
 from sysid.board import load_board
 from sysid.fitting.joint import fit_joint
-from sysid.joint.mujoco_step import Hinge
+from sysid.joint.mujoco_step import step
 from sysid.quantity import Quantity
 from sysid.roll import Release
 from sysid.workspace import shipped_data
@@ -78,11 +77,11 @@ def ours(start: np.ndarray, roll: np.ndarray) -> Fitted:
 
 def make_mujoco_step() -> Callable[[np.ndarray, np.ndarray], Fitted]:
     """MuJoCo's own implicitfast step in CasADi: k, d, start angle and rate, exact sensitivities."""
-    symbols = ca.SX.sym("p", 2)
-    hinge = Hinge(inertia=INERTIA, stiffness=(symbols[0], 0.0, 0.0), damping=(symbols[1], 0.0, 0.0))
-    states = rollout_function(hinge, symbols, len(TIME) - 1, timestep=1 / RATE)
+    p, y = ca.SX.sym("p", 2), ca.SX.sym("y", 2)
+    after = step(INERTIA, lambda q, v: -p[0] * q - p[1] * v, y[0], y[1], timestep=1 / RATE)
+    states = ca.Function("step", [y, p], [ca.vertcat(*after)]).mapaccum("rollout", len(TIME) - 1)
     x, measured = ca.MX.sym("x", 4), ca.MX.sym("measured", len(TIME))
-    rolls = ca.vertcat(x[2], states(x[2:], x[:2])[0, :].T)
+    rolls = ca.vertcat(x[2], states(x[2:], ca.repmat(x[:2], 1, len(TIME) - 1))[0, :].T)
     forward = ca.Function("r", [x, measured], [rolls - measured, ca.jacobian(rolls, x)])
 
     def fit(start: np.ndarray, roll: np.ndarray) -> Fitted:

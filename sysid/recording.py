@@ -1,10 +1,11 @@
 """A recording: the roll of one log, its releases, and the notes and warnings of its reader."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +34,29 @@ FOREIGN_ZERO_RATIO = 3.0
 through a large part of its range."""
 
 
+class PartOptions(TypedDict, total=False):
+    """The part of a log that is used, as `Recording.read` explains it."""
+
+    start: float | None
+    stop: float | None
+    release: Sequence[float]
+    keep_zero: bool
+    keep_outliers: bool
+
+
+class ReadOptions(PartOptions, total=False):
+    """Options of a log, as `Recording.read` explains them."""
+
+    column: str | None
+    unit: str | None
+    axis: str | None
+    rate: float | None
+    time_column: str | None
+    source: str
+    lever_arm: tuple[float, float, float] | None
+    video: VideoOptions | None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Recording(Shown):
     """A log or film with the releases of a joint."""
@@ -43,51 +67,30 @@ class Recording(Shown):
     """The free decays in it, in order of time, at least one."""
 
     @classmethod
-    def read(
-        cls,
-        path: str | Path,
-        *,
-        column: str | None = None,
-        unit: str | None = None,
-        axis: str | None = None,
-        rate: float | None = None,
-        time_column: str | None = None,
-        source: str = "auto",
-        lever_arm: tuple[float, float, float] | None = None,
-        keep_outliers: bool = False,
-        video: VideoOptions | None = None,
-        start: float | None = None,
-        stop: float | None = None,
-        release: Sequence[float] = (),
-        keep_zero: bool = False,
-    ) -> Self:
+    def read(cls, path: str | Path, **options: Unpack[ReadOptions]) -> Self:
         """Read a log or film and find its releases; options left out are inferred.
 
         Args:
             path: CSV, Parquet, MCAP, phone export (zip or folder) or video.
-            column: Column with the roll angle or rate: its name, or its number counted from 1.
-            unit: Its unit ('deg', 'rad/s', ...), or the size of one count in rad or rad/s.
-            axis: Sensor axis that points forward ('x', '-y', ...), or the angle to take ('roll', ...).
-            rate: Sampling or film frame rate [Hz], if that of the file is missing or wrong.
-            time_column: Column with the time: its name, or its number counted from 1.
-            source: Sensor to use, if a log has several.
-            lever_arm: From the tilt axis to the accelerometer, along the sensor's axes [m].
-            keep_outliers: Keep isolated outliers.
-            video: Options for a film.
-            start: Ignore the log before this time [s].
-            stop: Ignore the log after this time [s].
-            release: Times at which the deck was let go [s], instead of finding them.
-            keep_zero: Keep the log's own zero, even far from the rest of the joint.
+            **options: By name:
+                column: Column with the roll angle or rate: its name, or its number counted from 1.
+                unit: Its unit ('deg', 'rad/s', ...), or the size of one count in rad or rad/s.
+                axis: Sensor axis that points forward ('x', '-y', ...), or the angle to take ('roll', ...).
+                rate: Sampling or film frame rate [Hz], if that of the file is missing or wrong.
+                time_column: Column with the time: its name, or its number counted from 1.
+                source: Sensor to use, if a log has several.
+                lever_arm: From the tilt axis to the accelerometer, along the sensor's axes [m].
+                keep_outliers: Keep isolated outliers.
+                video: Options for a film.
+                start: Ignore the log before this time [s].
+                stop: Ignore the log after this time [s].
+                release: Times at which the deck was let go [s], instead of finding them.
+                keep_zero: Keep the log's own zero, even far from the rest of the joint.
 
         Raises:
             SysidError: The file cannot be read as roll, or contains no free decay.
         """
-        options = LogOptions(
-            column=column, unit=unit, axis=axis, rate=rate, time_column=time_column, source=source,
-            lever_arm=lever_arm, keep_outliers=keep_outliers, start=start, stop=stop, video=video,
-        )  # fmt: skip
-        roll = read_roll(Path(path), options)
-        return cls.of(roll, start=start, stop=stop, release=release, keep_zero=keep_zero)
+        return cls._found(partial(read_roll, Path(path)), options)
 
     @classmethod
     def from_arrays(
@@ -98,11 +101,7 @@ class Recording(Shown):
         rate: npt.ArrayLike | None = None,
         unit: str | None = None,
         name: str = "",
-        keep_outliers: bool = False,
-        start: float | None = None,
-        stop: float | None = None,
-        release: Sequence[float] = (),
-        keep_zero: bool = False,
+        **options: Unpack[PartOptions],
     ) -> Self:
         """Take a log from arrays and find the releases in it.
 
@@ -112,60 +111,36 @@ class Recording(Shown):
             rate: Its rate in `unit`, shape (n,), of a gyro, instead of the angle.
             unit: 'rad', 'deg', 'm' or 'mm'; of a rate 'rad/s', 'deg/s' or 'm/s'. SI if left out.
             name: Name of the log, for tables and messages.
-            keep_outliers: Keep isolated outliers.
-            start: Ignore the log before this time [s].
-            stop: Ignore the log after this time [s].
-            release: Times at which the joint was let go [s], instead of finding them.
-            keep_zero: Keep the log's own zero, even far from the rest of the joint.
+            **options: `start`, `stop`, `release`, `keep_zero` and `keep_outliers`, as of `read`.
 
         Raises:
             SysidError: The arrays do not fit together, or contain no free decay.
         """
         table = table_of_arrays(time, angle=angle, rate=rate, unit=unit, name=name)
-        roll = roll_of_table(table, LogOptions(keep_outliers=keep_outliers, start=start, stop=stop))
-        return cls.of(roll, start=start, stop=stop, release=release, keep_zero=keep_zero)
+        return cls._found(partial(roll_of_table, table), options)
 
     @classmethod
-    def from_dataframe(
-        cls,
-        frame: "pd.DataFrame",
-        *,
-        column: str | None = None,
-        unit: str | None = None,
-        axis: str | None = None,
-        rate: float | None = None,
-        time_column: str | None = None,
-        source: str = "auto",
-        name: str = "",
-        start: float | None = None,
-        stop: float | None = None,
-        release: Sequence[float] = (),
-        keep_zero: bool = False,
-    ) -> Self:
+    def from_dataframe(cls, frame: "pd.DataFrame", *, name: str = "", **options: Unpack[ReadOptions]) -> Self:
         """Take a log from a data frame; columns, units and axes are inferred as those of a file.
 
         Args:
             frame: Columns of numbers; an index other than the row numbers is a column too.
-            column: Column with the angle or rate.
-            unit: Its unit ('deg', 'rad/s', ...).
-            axis: Sensor axis that points forward ('x', '-y', ...), or the angle to take ('roll', ...).
-            rate: Sampling rate [Hz], without a column of time.
-            time_column: Column with the time.
-            source: Sensor to use, if the frame has several.
             name: Name of the log, for tables and messages.
-            start: Ignore the log before this time [s].
-            stop: Ignore the log after this time [s].
-            release: Times at which the joint was let go [s], instead of finding them.
-            keep_zero: Keep the log's own zero, even far from the rest of the joint.
+            **options: As of `read`.
 
         Raises:
             SysidError: It is not a data frame, or contains no motion or no free decay.
         """
-        options = LogOptions(
-            column=column, unit=unit, axis=axis, rate=rate, time_column=time_column, source=source, start=start, stop=stop,
-        )  # fmt: skip
-        roll = roll_of_table(table_of_frame(frame, name), options)
-        return cls.of(roll, start=start, stop=stop, release=release, keep_zero=keep_zero)
+        return cls._found(partial(roll_of_table, table_of_frame(frame, name)), options)
+
+    @classmethod
+    def _found(cls, read: Callable[[LogOptions], Roll], options: Mapping[str, Any]) -> Self:
+        """Return what a reader makes of a log, with its releases."""
+        of_log = {name: value for name, value in options.items() if name not in ("release", "keep_zero")}
+        of_part = {
+            name: options[name] for name in ("start", "stop", "release", "keep_zero") if name in options
+        }
+        return cls.of(read(LogOptions(**of_log)), **of_part)
 
     @classmethod
     def of(

@@ -7,7 +7,7 @@ import numpy as np
 
 from sysid.joint.equations import EquationsOfMotion
 from sysid.joint.law import JointLaw
-from sysid.joint.mujoco_step import Hinge, step
+from sysid.joint.mujoco_step import step
 from sysid.quantity import slide_unit
 from sysid.roll import Array, Release
 from sysid.text import display
@@ -91,14 +91,11 @@ def _moves(law: JointLaw, release: Release) -> Any:
     joint = equations.joint
 
     def torque(q: Any, v: Any) -> Any:
-        own, deck = equations.torques(ca.vertcat(q, v))
-        return own + deck + joint.damping * v
+        return sum(equations.torques(ca.vertcat(q, v)))
 
-    hinge = Hinge(
-        inertia=joint.inertia, damping=(joint.damping, 0.0, 0.0), torque=torque,
-        frictionloss=equations.friction(y[0] - joint.rest_angle, 0.0),
-    )  # fmt: skip
-    move = ca.Function("move", [y, p], [ca.vertcat(*step(hinge, y[0], y[1], timestep=STEP))])
+    friction = equations.friction(y[0] - joint.rest_angle, 0.0)
+    after = step(joint.inertia, torque, y[0], y[1], timestep=STEP, frictionloss=friction)
+    move = ca.Function("move", [y, p], [ca.vertcat(*after)])
     time = release.time - release.time[0]
     count = int(time[-1] / STEP) + 2
     moves, grid = move.mapaccum("moves", count), STEP * np.arange(count + 1)

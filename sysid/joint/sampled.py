@@ -13,7 +13,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.joint.equations import EquationsOfMotion
 from sysid.joint.law import JointLaw
-from sysid.joint.mujoco_step import Hinge, step
+from sysid.joint.mujoco_step import step
 from sysid.roll import Array
 
 
@@ -90,18 +90,13 @@ def stepped(law: JointLaw, time: Array, angle: float, rate: float) -> tuple[Arra
             "laws without memory only. Simulate the MJCF instead (husky-sysid mjcf)."
         )
     equations = EquationsOfMotion(plain.structure, ca.DM(plain.vector))
-    linear = equations.joint
 
-    def others(q: Any, v: Any) -> Any:
-        joint, deck = equations.torques(ca.vertcat(q, v))
-        return joint + deck + linear.stiffness * (q - linear.rest_angle) + linear.damping * v
+    def torque(q: Any, v: Any) -> Any:
+        return sum(equations.torques(ca.vertcat(q, v)))
 
-    hinge = Hinge(
-        inertia=linear.inertia, stiffness=(linear.stiffness, 0.0, 0.0), damping=(linear.damping, 0.0, 0.0),
-        springref=linear.rest_angle, damper=others,
-    )  # fmt: skip
     y = ca.SX.sym("y", 2)
-    move = ca.Function("move", [y], [ca.vertcat(*step(hinge, y[0], y[1], timestep=h))])
+    after = step(equations.joint.inertia, torque, y[0], y[1], timestep=h)
+    move = ca.Function("move", [y], [ca.vertcat(*after)])
     count = int(float(time[-1]) / h) + 2
     path = np.column_stack([[angle, rate], np.asarray(move.mapaccum("moves", count)([angle, rate]))])
     grid = h * np.arange(count + 1)
