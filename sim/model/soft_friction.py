@@ -59,7 +59,7 @@ def soft_friction_warning(fit: Any, *, slides: bool) -> list[str]:
     """
     law, noise = fit.law, fit.noise
     if (
-        not any(part.slides for part in law.structure.torques)
+        not any(part.friction for part in law.structure.torques)
         or law.structure.states
         or fit.records[0].is_rate
     ):

@@ -3,12 +3,9 @@
 Only roll and rate at each release are fitted here; the law is that of the board's record.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from sysid.board import Board, require_record
 from sysid.comparison import report as comparison_report
@@ -19,10 +16,11 @@ from sysid.decay.plausibility import amplitude_warnings
 from sysid.diagnosis.demand import Demand, demand_of
 from sysid.errors import SysidError
 from sysid.files import sha256
+from sysid.fitting.cross_validation import rms
 from sysid.fitting.initial_state import fit_initial_states
 from sysid.fitting.joint import FitOptions, held_parameters
-from sysid.fitting.records import Bias, Record, make_records, read_at_rest, signal_of
-from sysid.fitting.result import TOLERANCE
+from sysid.fitting.records import Record, make_records, signal_of
+from sysid.fitting.result import TOLERANCE, motion_rms
 from sysid.joint import JointLaw, simulate
 from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.progress import stage
@@ -160,8 +158,8 @@ def compare(
     with stage(0.0, 1.0):
         residuals, starts = fit_initial_states(law, records, bias=bias)
     compared = tuple(map(partial(_compared, law), records, residuals, starts))
-    rmse = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
-    size = _motion(law, records, bias)
+    rmse = rms(residuals)
+    size = motion_rms(law, records, bias)
     least, excess, most = (part / size for part in noise.excess(rmse))
     where = locate_error(compared, law, noise, board)
     return Comparison(
@@ -184,13 +182,6 @@ def compare(
         warnings=(*reading_warnings(recordings), *weak, *odd),
         recordings=recordings,
     )
-
-
-def _motion(law: JointLaw, records: Sequence[Record], bias: Bias) -> float:
-    """Return the RMS of the measurements about rest [rad or rad/s]."""
-    rests = [read_at_rest(record, law.posed(record.release.known).rest_angle, bias) for record in records]
-    about_rest = [record.signal - rest for record, rest in zip(records, rests, strict=True)]
-    return float(np.sqrt(np.mean(np.concatenate(about_rest) ** 2)))
 
 
 def _require_restoring(board: Board) -> list[str]:

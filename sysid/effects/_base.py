@@ -123,15 +123,15 @@ class Parameter:
     assumed: float = 0.0
     """Relative standard deviation of a held parameter if the record has none; 0 if it is exact."""
 
-    def bounds(self, scales: Scales) -> tuple[float, float]:
-        """Return the bounds in `unit`."""
-        size = self.size(scales)
-        return self.low * size, self.high * size
-
 
 def at_zero(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
     """Return 0."""
     return 0 * tilt
+
+
+def at_tilt(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
+    """Return the angle of the joint."""
+    return tilt
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,8 +234,8 @@ Family = Literal[
 ]  # fmt: skip
 """Everyday kinds of effects; effects of one family are variants of one another."""
 Role = Literal["torque", "learned", "support", "shift", "record", "measurement", "drive"]
-"""Changed part: the joint's torque, by a formula or a learned table; its support; its rest angle; numbers of the record that a free decay
-leaves open; the sensor; the actuator."""
+"""The part that it changes: the joint's torque by a formula or by a table, its support, its rest angle, numbers of the record that a
+free decay leaves open, the sensor, or the actuator."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -305,16 +305,6 @@ class Effect:
     def is_known(self) -> bool:
         """Whether all its parameters are held: a joint that has it always keeps it."""
         return bool(self.parameters) and all(parameter.held for parameter in self.parameters)
-
-    @property
-    def slides(self) -> bool:
-        """Whether it is dry friction."""
-        return False
-
-    @property
-    def part_of_joint(self) -> bool:
-        """Whether it is in the board, and not in the log or in a simulator."""
-        return True
 
     def named(self, values: Sequence[Value]) -> dict[str, Value]:
         """Return values in the parameters' order by name."""
@@ -407,16 +397,6 @@ class TorqueEffect(Effect):
         states = [state.start(NUMPY, tilt, 0.0, stiffness, parameters) for state in self.states]
         return -float(self.torque(NUMPY, JointState(tilt, 0.0, tilt, stiffness), parameters, states)) / tilt
 
-    @property
-    def slides(self) -> bool:
-        """Whether it is dry friction."""
-        return self.friction is not None
-
-    @property
-    def part_of_joint(self) -> bool:
-        """Whether it is in the board, and not in the log or in a simulator."""
-        return not self.timestep
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorEffect(Effect):
@@ -433,11 +413,6 @@ class SensorEffect(Effect):
     """`observe(m, reading, parameters, states)`: the reading after this effect."""
     clock_ratio: str = ""
     """Parameter that is the ratio of the log's time to true time, if the effect is a clock; else ''."""
-
-    @property
-    def part_of_joint(self) -> bool:
-        """Whether it is in the board, and not in the log or in a simulator."""
-        return False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,8 +4,6 @@ The table holds the torque at `2 n` knots, n on each side of zero. At zero it is
 passes through every value, has a continuous slope and is local. Beyond the last knot the curve is constant.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from sysid.effects._algebra import Algebra, Value
@@ -67,11 +65,6 @@ def bending(n: int) -> Array:
     second = np.diff(np.eye(2 * n + 1), 2, axis=0)
     second = np.delete(second, n, axis=1)
     return second.T @ second + (np.pi / n) ** 4 * np.eye(2 * n)
-
-
-def interpolate(m: Algebra, s: Value, values: Sequence[Value]) -> Value:
-    """Return the curve through a table's values, shape (2n,), at a position from -1 to 1."""
-    return sum(value * one for value, one in zip(values, cardinals(m, s, len(values) // 2), strict=True))
 
 
 def table_value(name: str) -> Parameter:

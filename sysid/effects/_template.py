@@ -45,8 +45,7 @@ EFFECT = TorqueEffect(
     name="{name}",
     title="{title}",
     family="hardening",  # or friction, drag, asymmetry, stop, freeplay, ...
-    # A parameter of its size shows clearly on a joint of s.stiffness [N*m/rad], s.amplitude [rad], s.rate [rad/s] and
-    # s.torque [N*m]. Bounds and starts are in units of it.
+    # Sizes are made of s.stiffness, s.amplitude, s.rate and s.torque of the joint. Bounds and starts are in units of the size.
     parameters=(
 {table}
     ),

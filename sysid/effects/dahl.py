@@ -11,9 +11,6 @@ from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Par
 from sysid.effects._mjcf import add_passive_motor
 from sysid.effects.stribeck import bristle_stiffness
 
-_SPEED = 1.0
-"""Stribeck speed of MuJoCo's element [rad/s]: without effect, as static and sliding friction are equal."""
-
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -F z [N*m]; z between -1 and 1 is the current share of the sliding torque."""
@@ -44,7 +41,8 @@ def write_bristles(
         return ()
     wanted = torque / reach
     stiffness = min(wanted, bristle_stiffness(spec, joint))
-    add_passive_motor(spec, joint, name, native=native, lugre=[stiffness, 0.0, torque, torque, _SPEED])
+    # Static and sliding friction are equal, so any Stribeck speed does.
+    add_passive_motor(spec, joint, name, native=native, lugre=[stiffness, 0.0, torque, torque, reach])
     softer = f", softer than its {wanted:.6g}, the limit at this time step" if stiffness < wanted else ""
     return (f"{name}: LuGre element {torque:.6g} N*m on bristles of {stiffness:.6g} N*m/rad{softer}",)
 

@@ -24,15 +24,19 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
 
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Write a spring tendon with a dead band of ±a; MuJoCo has no damper that acts on one side only."""
-    rest = rest_of(spec, joint)
-    slack = (rest - parameters["angle"], rest + parameters["angle"])
-    add_tendon(spec, joint, "end_stop", parameters["stiffness"], slack)
-    lines = [
-        f"end-stop: tendon of {parameters['stiffness']:.6g} N*m/rad beyond ±{parameters['angle']:.6g} rad"
-    ]
-    if parameters["damping"]:
-        lines.append(f"end-stop: its damping {parameters['damping']:.6g} N*m*s/rad is left out")
-    return tuple(lines)
+    angle = parameters["angle"]
+    return write_stop(spec, joint, "end-stop", parameters, (-angle, angle), f"±{angle:.6g}")
+
+
+def write_stop(
+    spec: MjSpec, joint: MjsJoint, name: str, parameters: Numbers, slack: tuple[float, float], beyond: str
+) -> tuple[str, ...]:
+    """Write a spring tendon that is slack between two tilts [rad]; `beyond` names the angle of the stop."""
+    low, high = (rest_of(spec, joint) + tilt for tilt in slack)
+    add_tendon(spec, joint, name.replace("-", "_"), parameters["stiffness"], (low, high))
+    line = f"{name}: tendon of {parameters['stiffness']:.6g} N*m/rad beyond {beyond} rad"
+    lost = f"{name}: its damping {parameters['damping']:.6g} N*m*s/rad is left out"
+    return (line, lost) if parameters["damping"] else (line,)
 
 
 EFFECT = TorqueEffect(

@@ -3,11 +3,20 @@
 from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
-from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
+from sysid.effects._base import (
+    JointState,
+    MjsJoint,
+    MjSpec,
+    MujocoSupport,
+    Parameter,
+    State,
+    TorqueEffect,
+    at_tilt,
+)
 from sysid.effects._mjcf import add_hinged_body
 
 
-def coupling(motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
+def acceleration(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
     """Return the body's angular acceleration ω² (x - ψ) + 2 ζ ω (v - ψ̇) [rad/s^2]."""
     frequency = parameters["frequency"]
     behind, slower = motion.tilt - states[0], motion.rate - states[1]
@@ -16,22 +25,12 @@ def coupling(motion: JointState, states: Sequence[Value], parameters: Values) ->
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return the reaction of the body on the deck [N*m]."""
-    return -parameters["inertia"] * coupling(motion, states, parameters)
+    return -parameters["inertia"] * acceleration(m, motion, states, parameters)
 
 
 def own_rate(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
     """Return ψ̇ [rad/s]."""
     return states[1]
-
-
-def own_acceleration(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
-    """Return ψ̈ [rad/s^2]."""
-    return coupling(motion, states, parameters)
-
-
-def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
-    """Return the body's roll after a hold: the deck's [rad]."""
-    return tilt
 
 
 def settles(parameters: Numbers) -> float:
@@ -82,8 +81,10 @@ EFFECT = TorqueEffect(
     torque=torque,
     stepped=("frequency", "damping_ratio"),
     states=(
-        State(name="roll", start=held, size=lambda s: s.amplitude, most=4.0, rate=own_rate, settles=settles),
-        State(name="rate", size=lambda s: s.rate, most=4.0, rate=own_acceleration, settles=settles),
+        State(
+            name="roll", start=at_tilt, size=lambda s: s.amplitude, most=4.0, rate=own_rate, settles=settles
+        ),
+        State(name="rate", size=lambda s: s.rate, most=4.0, rate=acceleration, settles=settles),
     ),
     sharpness=1.5,
 )

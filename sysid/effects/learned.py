@@ -24,7 +24,7 @@ from sysid.effects._base import (
     TorqueEffect,
 )
 from sysid.effects._mjcf import UNREACHABLE_TILT, add_tendon, rest_of
-from sysid.effects._table import bending, cardinals, interpolate, knots, position, table_value
+from sysid.effects._table import bending, cardinals, knots, position, table_value
 from sysid.errors import SysidError
 from sysid.roll import Array
 
@@ -46,37 +46,34 @@ def _numbers(n: int) -> list[int]:
 TILT = tuple(f"tilt_{j}" for j in _numbers(TILT_KNOTS))
 RATE = tuple(f"rate_{j}" for j in _numbers(RATE_KNOTS))
 BOTH = tuple(f"both_{i}_{j}" for i in _numbers(BOTH_KNOTS) for j in _numbers(BOTH_KNOTS))
+TABLES = (*TILT, *RATE, *BOTH)
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return f(x) + g(v) + h(x, v) [N*m]."""
-    x, v = _shares(m, motion.tilt, motion.rate, parameters)
-    total = interpolate(m, position(m, x, TILT_GRADING), [parameters[n] for n in TILT])
-    total = total + interpolate(m, position(m, v, RATE_GRADING), [parameters[n] for n in RATE])
-    rows, columns = cardinals(m, x, BOTH_KNOTS), cardinals(m, v, BOTH_KNOTS)
-    values = iter(parameters[n] for n in BOTH)
-    return total + sum(row * sum(column * next(values) for column in columns) for row in rows)
+    weights = _weights(m, motion.tilt, motion.rate, parameters)
+    return sum(parameters[name] * weight for name, weight in zip(TABLES, weights, strict=True))
 
 
-def _shares(m: Algebra, tilt: Value, rate: Value, parameters: Values) -> tuple[Value, Value]:
-    """Return tilt and rate, clipped to the support, over its larger side."""
+def _weights(m: Algebra, tilt: Value, rate: Value, support: Values) -> list[Value]:
+    """Return how much each table value counts at a tilt [rad] and a rate [rad/s], both clipped to the support."""
 
     def share(value: Value, name: str) -> Value:
-        low, high = parameters[f"{name}_low"], parameters[f"{name}_high"]
+        low, high = support[f"{name}_low"], support[f"{name}_high"]
         return m.maximum(low, m.minimum(high, value)) / m.maximum(-low, high)
 
-    return share(tilt, "tilt"), share(rate, "rate")
+    x, v = share(tilt, "tilt"), share(rate, "rate")
+    rows, columns = cardinals(m, x, BOTH_KNOTS), cardinals(m, v, BOTH_KNOTS)
+    return [
+        *cardinals(m, position(m, x, TILT_GRADING), TILT_KNOTS),
+        *cardinals(m, position(m, v, RATE_GRADING), RATE_KNOTS),
+        *(row * column for row in rows for column in columns),
+    ]
 
 
 def basis(tilt: Array, rate: Array, support: Values) -> Array:
     """Return how much each table value counts at tilts [rad] and rates [rad/s], shape (n,) each, as shape (n, p)."""
-    x, v = _shares(NUMPY, tilt, rate, support)
-    curves = [
-        *cardinals(NUMPY, position(NUMPY, x, TILT_GRADING), TILT_KNOTS),
-        *cardinals(NUMPY, position(NUMPY, v, RATE_GRADING), RATE_KNOTS),
-    ]
-    rows, columns = cardinals(NUMPY, x, BOTH_KNOTS), cardinals(NUMPY, v, BOTH_KNOTS)
-    return np.column_stack([*curves, *(row * column for row in rows for column in columns)])
+    return np.column_stack(_weights(NUMPY, tilt, rate, support))
 
 
 @cache
@@ -105,7 +102,7 @@ def smoothness() -> Smoothness:
         spaces.append(np.column_stack(own))
     part = np.repeat(np.arange(len(values)), [len(v) for v in values])
     return Smoothness(
-        names=(*TILT, *RATE, *BOTH),
+        names=TABLES,
         space=np.asarray(block_diag(*spaces)),
         roughness=np.concatenate(values),
         part=part,
@@ -280,22 +277,16 @@ def _edge(name: str) -> Parameter:
     return Parameter(name, unit, attrgetter(size), low=-4.0, high=4.0, starts=(start,), neutral=None)
 
 
-_EXAMPLE: dict[str, float] = dict(zip(SUPPORT, (-0.2, 0.2, -8.0, 8.0), strict=True))
+_RANGE: dict[str, float] = dict(zip(SUPPORT, (-0.2, 0.2, -8.0, 8.0), strict=True))
+_EXAMPLE = tabulated(lambda x, v: -12 * x / (1 + (x / 0.02) ** 2) ** 2 + 0.0 * v, _RANGE)
 """A magnet in the middle of the `pink` board [rad, rad/s, N*m]."""
-_EXAMPLE.update(
-    zip(
-        (*TILT, *RATE, *BOTH),
-        tabulated(lambda x, v: -12 * x / (1 + (x / 0.02) ** 2) ** 2 + 0.0 * v, _EXAMPLE).tolist(),
-        strict=True,
-    )
-)
 
 EFFECT = TorqueEffect(
     name="learned",
     title="a learned torque",
     family="learned",
     role="learned",
-    parameters=(*map(_edge, SUPPORT), *map(table_value, (*TILT, *RATE, *BOTH))),
+    parameters=(*map(_edge, SUPPORT), *map(table_value, TABLES)),
     law="τ = f(x) + g(v) + h(x, v): smooth tables, zero at rest, constant beyond the measured range",
     source="smoothing splines, Wahba (1990); knots joined by Keys' cubic, IEEE Trans. ASSP 29 (1981)",
     does="Any torque of tilt and rate beyond the formulas of the catalogue.",
@@ -303,7 +294,7 @@ EFFECT = TorqueEffect(
     experiment="Release from more angles, to both sides: a table knows only where the joint has been.",
     mujoco=AS_TABLE,
     to_mjcf=to_mjcf,
-    example=tuple(_EXAMPLE.values()),
+    example=(*_RANGE.values(), *_EXAMPLE.tolist()),
     torque=torque,
     sharpness=3.0,
     smoothness=smoothness,

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
-from sysid.effects._base import JointState, LinearJoint, Parameter, Reading, SensorEffect, State
+from sysid.effects._base import JointState, LinearJoint, Parameter, Reading, SensorEffect, State, at_tilt
 
 
 def reading_rate(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
@@ -15,11 +15,6 @@ def observe(m: Algebra, reading: Reading, parameters: Values, states: Sequence[V
     """Return the filter's output and its rate."""
     time_constant = m.maximum(parameters["time_constant"], 1e-6)
     return Reading(states[0], (reading.angle - states[0]) / time_constant, reading.time)
-
-
-def settled(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
-    """Return the reading after a hold: the angle itself [rad]."""
-    return tilt
 
 
 def at_release(
@@ -66,7 +61,7 @@ EFFECT = SensorEffect(
     states=(
         State(
             name="reading",
-            start=settled,
+            start=at_tilt,
             size=lambda s: s.amplitude,
             rate=reading_rate,
             sensed=at_release,

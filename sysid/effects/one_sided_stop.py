@@ -6,7 +6,7 @@ from dataclasses import replace
 from sysid.effects import end_stop
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
-from sysid.effects._mjcf import UNREACHABLE_TILT, add_tendon, rest_of
+from sysid.effects._mjcf import UNREACHABLE_TILT
 
 NEAREST = 1e-6
 """Least angle of a stop [rad]: the ramp of the damper is a share of it."""
@@ -25,13 +25,9 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
 
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Write a spring tendon that is slack up to the stop; MuJoCo has no damper that acts on one side only."""
-    angle, rest = parameters["angle"], rest_of(spec, joint)
-    slack = (rest - UNREACHABLE_TILT, rest + angle) if angle > 0 else (rest + angle, rest + UNREACHABLE_TILT)
-    add_tendon(spec, joint, "one_sided_stop", parameters["stiffness"], slack)
-    lines = [f"one-sided-stop: tendon of {parameters['stiffness']:.6g} N*m/rad beyond {angle:+.6g} rad"]
-    if parameters["damping"]:
-        lines.append(f"one-sided-stop: its damping {parameters['damping']:.6g} N*m*s/rad is left out")
-    return tuple(lines)
+    angle = parameters["angle"]
+    slack = (-UNREACHABLE_TILT, angle) if angle > 0 else (angle, UNREACHABLE_TILT)
+    return end_stop.write_stop(spec, joint, "one-sided-stop", parameters, slack, f"{angle:+.6g}")
 
 
 def other_side(parameters: Numbers) -> list[dict[str, float]]:

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid.board import Board
 from sysid.effects._base import Scales
 from sysid.errors import SysidError
 from sysid.fitting.problem import Problem, starts_unknown
@@ -14,18 +13,10 @@ from sysid.progress import steps
 from sysid.roll import Array
 
 
-def residuals_of_law(board: Board, records: Sequence[Record], *, bias: Bias = "shared") -> list[Array]:
-    """Return how a record's law misses, with only roll and rate at each release fitted, and with 'per-release' the sensor's zero.
-
-    Model minus measurement of each record [rad or rad/s], shape (n,) each.
-    """
-    return fit_initial_states(JointLaw.from_board(board), records, bias=bias)[0]
-
-
 def fit_initial_states(
     law: JointLaw, records: Sequence[Record], *, bias: Bias = "shared"
 ) -> tuple[list[Array], list[tuple[float, float]]]:
-    """Fit roll and rate at each release to a given law.
+    """Fit roll and rate at each release to a given law, and with 'per-release' the sensor's zero.
 
     Returns:
         Residuals of each record [rad or rad/s], shape (n,) each, and (roll [rad], rate [rad/s]) at each release.

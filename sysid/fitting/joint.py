@@ -311,7 +311,7 @@ def finished(
     """
     free = {*problem.names} - {*problem.bounded}
     if "damping" in free and problem.parameters(minimum.point)["damping"] <= 0:
-        problem, minimum = _without_damper(problem, minimum)
+        problem, minimum = _held(problem, minimum, "damping", 0.0)  # other effects take all of the loss
     if not np.isfinite(minimum.normal.cost):
         raise SysidError("the fit found no parameters with a bounded motion. Check the unit of the log.")
     found = summarise(problem, minimum, board, noise, evaluations)
@@ -328,13 +328,12 @@ def _bounded_below(fit: JointFit, name: str) -> JointFit:
     are free, make up for more of it.
     """
     problem, minimum, value = fit.problem, fit.minimum, fit.quantities[name].value
-    scale = max(2 * minimum.normal.cost / max(1, problem.samples - len(minimum.point)), 1.0)
+    scale = _scatter(problem, minimum)
 
     def explains(held: float) -> bool:
-        other = problem.with_(fixed={**problem.fixed, name: held})
-        known = {**problem.parameters(minimum.point), name: held}
-        starts = (np.delete(minimum.point, problem.names.index(name)), other.start(known))
-        cost = min(other.fitted(start, tolerance=1e-7).normal.cost for start in starts)
+        other, near = _held(problem, minimum, name, held)
+        begun = other.fitted(other.start(problem.parameters(minimum.point)), tolerance=1e-7)
+        cost = min(near.normal.cost, begun.normal.cost)
         return 2 * (cost - minimum.normal.cost) < Z95**2 * scale
 
     if not value > 0 or not explains(2 * value):
@@ -375,12 +374,10 @@ def _plainest(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum, int
             name = f"{part.name}.{parameter.name}"
             if parameter.default is None or name not in problem.names:
                 continue
-            simpler = problem.with_(fixed={**problem.fixed, name: parameter.default})
-            start = np.delete(minimum.point, problem.names.index(name))
-            without = simpler.fitted(start, tolerance=1e-7)
+            simpler, without = _held(problem, minimum, name, parameter.default)
             evaluations += without.evaluations
-            noise = 2 * minimum.normal.cost / max(1, problem.samples - len(minimum.point))
-            if 2 * (without.normal.cost - minimum.normal.cost) < np.log(problem.samples) * max(noise, 1.0):
+            price = np.log(problem.samples) * _scatter(problem, minimum)
+            if 2 * (without.normal.cost - minimum.normal.cost) < price:
                 problem, minimum = simpler, without
     return problem, minimum, evaluations
 
@@ -405,8 +402,7 @@ def _springless(problem: Problem, minimum: Minimum, board: Board) -> tuple[Probl
     start = simpler.start({**known, added[0]: known[added[0]] + known["stiffness"]})
     without = simpler.fitted(start, tolerance=1e-7)
     # Residuals that follow the motion count once in their correlation length.
-    noise = 2 * minimum.normal.cost / max(1, problem.samples - len(minimum.point))
-    unit = max(noise, 1.0) * max(correlation_length(problem.residuals(minimum.point)), 1.0)
+    unit = _scatter(problem, minimum) * max(correlation_length(problem.residuals(minimum.point)), 1.0)
     worth = 2 * (without.normal.cost - minimum.normal.cost) / unit
     if not np.isfinite(without.normal.cost) or (known["stiffness"] > 0 and worth > np.log(problem.samples)):
         return problem, minimum, []
@@ -417,8 +413,13 @@ def _springless(problem: Problem, minimum: Minimum, board: Board) -> tuple[Probl
     return simpler, without, [text]
 
 
-def _without_damper(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum]:
-    """Hold the damper at zero where it came out driving: other effects take all of the loss."""
-    simpler = problem.with_(fixed={**problem.fixed, "damping": 0.0})
-    start = np.delete(minimum.point, problem.names.index("damping"))
+def _held(problem: Problem, minimum: Minimum, name: str, value: float) -> tuple[Problem, Minimum]:
+    """Hold a free parameter at a value, and fit the others again from where they are."""
+    simpler = problem.with_(fixed={**problem.fixed, name: value})
+    start = np.delete(minimum.point, problem.names.index(name))
     return simpler, simpler.fitted(start, tolerance=1e-7)
+
+
+def _scatter(problem: Problem, minimum: Minimum) -> float:
+    """Return the variance of the residuals over that of the noise, at least 1."""
+    return max(2 * minimum.normal.cost / max(1, problem.samples - len(minimum.point)), 1.0)

@@ -9,7 +9,7 @@ this parameter (Chandler and Bate, Biometrika 2007). Of a parabola both interval
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,10 +27,11 @@ _FARTHEST = 40.0
 """Of the Jacobian's deviations: beyond, the data leave the parameter open."""
 
 
-@dataclass(frozen=True, slots=True)
-class Shape:
-    """The cost along one unknown."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Profile:
+    """The cost along one parameter, in its unit."""
 
+    name: str = ""
     best: float
     """Value with the lowest cost of all points."""
     values: Array
@@ -43,13 +44,6 @@ class Shape:
     """Whether an end is the unknown's own bound (a friction is not negative) and not the data's."""
     deeper: float
     """By how much the deviance fell below the fit's own minimum; 0 where the fit was right."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Profile(Shape):
-    """The profile of one parameter in its unit, its interval with the inertia's uncertainty."""
-
-    name: str
 
     def to_json(self) -> dict[str, object]:
         """Return the profile for machines."""
@@ -76,15 +70,13 @@ def profiles(fit: JointFit, board: Board) -> Iterator[Profile]:
         best = float(minimum.point[index])
         beyond = Z95 * float(np.sqrt(common[index, index])) / size
         below, above = (float(np.hypot(end - best, beyond)) for end in shape.interval)
-        yield Profile(
-            size * shape.best, size * shape.values, shape.rise, (size * (best - below), size * (best + above)),
-            shape.at_bound, shape.deeper, name=name,
-        )  # fmt: skip
+        ends = size * (best - below), size * (best + above)
+        yield replace(shape, name=name, best=size * shape.best, values=size * shape.values, interval=ends)
 
 
 def profile(
     normal: Callable[[Array], Normal], minimum: Minimum, low: Array, high: Array, index: int, deviation: float
-) -> Shape:
+) -> Profile:
     """Walk away from a minimum to both sides along one unknown.
 
     Args:
@@ -106,9 +98,9 @@ def profile(
     ]
     points = sorted([*sides[0].points, (here, 0.0), *sides[1].points])
     values, rises = (np.array(column) for column in zip(*points, strict=True))
-    return Shape(
-        float(values[np.argmin(rises)]), values, rises, (sides[0].end, sides[1].end),
-        (sides[0].at_bound, sides[1].at_bound), float(max(0.0, -rises.min())),
+    return Profile(
+        best=float(values[np.argmin(rises)]), values=values, rise=rises, interval=(sides[0].end, sides[1].end),
+        at_bound=(sides[0].at_bound, sides[1].at_bound), deeper=float(max(0.0, -rises.min())),
     )  # fmt: skip
 
 

@@ -7,16 +7,16 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from sysid.board import Board, BoardEffect
 from sysid.effects import effect, origin
 from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.fitting.covariance import table_values
-from sysid.fitting.initial_state import residuals_of_law
+from sysid.fitting.cross_validation import rms
+from sysid.fitting.initial_state import fit_initial_states
 from sysid.fitting.problem import ZERO_TABLE_WEIGHT
 from sysid.fitting.result import JointFit
+from sysid.joint.law import JointLaw
 from sysid.quantity import Quantity, slide_unit
 
 
@@ -150,5 +150,4 @@ def _parameters(
 
 def error_of(board: Board, fit: JointFit) -> float:
     """Return the RMSE of the record as it stands on the fitted releases, roll and rate at release free."""
-    residuals = residuals_of_law(board, fit.records, bias=fit.problem.bias)
-    return float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))
+    return rms(fit_initial_states(JointLaw.from_board(board), fit.records, bias=fit.problem.bias)[0])

@@ -1,9 +1,7 @@
 """A fitted joint: its law, its parameters with their uncertainty, and the residual."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-
-import numpy as np
 
 from sysid.board import Board
 from sysid.fitting.covariance import (
@@ -15,7 +13,7 @@ from sysid.fitting.covariance import (
 )
 from sysid.fitting.cross_validation import heldout_residuals, rms
 from sysid.fitting.problem import Problem
-from sysid.fitting.records import Record, read_at_rest
+from sysid.fitting.records import Bias, Record, read_at_rest
 from sysid.joint.law import JointLaw
 from sysid.least_squares import Minimum
 from sysid.noise.floor import NoiseFloor
@@ -69,12 +67,7 @@ class JointFit:
     @property
     def measured_rms(self) -> float:
         """RMS of the measured signal about rest, of all records together."""
-        total, count = 0.0, 0
-        for record in self.records:
-            rest = read_at_rest(record, self.law.posed(record.release.known).rest_angle, self.problem.bias)
-            total += float(np.sum((record.signal - rest) ** 2))
-            count += len(record.signal)
-        return float(np.sqrt(total / count))
+        return motion_rms(self.law, self.records, self.problem.bias)
 
     def heldout_rmse(self) -> float:
         """Return the error on releases that were left out, one after another [rad or rad/s].
@@ -94,23 +87,28 @@ class JointFit:
         return self.noise.excess(self.rmse)[0] / self.measured_rms
 
 
+def motion_rms(law: JointLaw, records: Sequence[Record], bias: Bias) -> float:
+    """Return the RMS of the measurements about the rest of a law [rad or rad/s]."""
+    rests = (read_at_rest(record, law.posed(record.release.known).rest_angle, bias) for record in records)
+    return rms([record.signal - rest for record, rest in zip(records, rests, strict=True)])
+
+
 def summarise(
     problem: Problem, minimum: Minimum, board: Board, noise: NoiseFloor, evaluations: int
 ) -> JointFit:
     """Turn a minimum into quantities with uncertainty."""
     residuals = problem.residuals(minimum.point)
-    parameters = problem.parameters(minimum.point)
     own = parameter_covariance(problem, minimum, residuals)
     covariance = own + common_covariance(problem, minimum, board)
     quantities = parameter_quantities(problem, minimum, covariance, slides=board.slides)
-    vector = problem.vector_of(parameters)
-    squares = sum(float(r @ r) for r in residuals)
     return JointFit(
-        law=JointLaw.from_vector(problem.structure, vector),
+        law=JointLaw.from_vector(
+            problem.structure, problem.vector_of(problem.parameters(minimum.point))
+        ),
         quantities=quantities,
         covariance=covariance,
         own_covariance=own,
-        rmse=float(np.sqrt(squares / problem.samples)),
+        rmse=rms(residuals),
         noise=noise,
         records=tuple(problem.records),
         starts=tuple(problem.starts(minimum.point)),

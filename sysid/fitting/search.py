@@ -10,7 +10,7 @@ from sysid.board import Board
 from sysid.effects._base import Scales
 from sysid.errors import SysidError
 from sysid.fitting.problem import Problem
-from sysid.fitting.records import Bias, Record, measured_rest
+from sysid.fitting.records import Record, measured_rest
 from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, Normal, minimise
 from sysid.progress import stage, steps
@@ -26,31 +26,20 @@ _BEHIND = 2.0
 best start was below it, except for three laws at thirty times the noise."""
 _SCOUTS = 3
 """Releases from which the sizes of a problem are found, and in whose first swings starts are ranked: a choice of time."""
-_ASTRAY = 1.5
-"""Ratio of stiffnesses, with one rest angle for all releases and with one each, from which the former errs."""
 
 
 def scales_of(records: Sequence[Record], board: Board) -> Scales:
-    """Return the sizes of the problem from a linear fit, started from the data and from the board."""
+    """Return the sizes of the problem: stiffness and damping are those of the linear joint that fits the widest releases best.
+
+    Each release has a zero of its own, so a sensor that drifts from one to the next does not change the stiffness.
+    """
     spans = [float(np.ptp(r.release.roll)) for r in records]
-    amplitude = max(max(spans) / 1.6, 1e-4)
-    duration = max(float(r.time[-1]) for r in records)
-    rough = Scales(
+    known = Scales(
         inertia=board.inertia.value, stiffness=board.stiffness, damping=board.damping,
-        amplitude=amplitude, duration=duration,
+        amplitude=max(max(spans) / 1.6, 1e-4), duration=max(float(r.time[-1]) for r in records),
     )  # fmt: skip
     records = [records[i] for i in sorted(np.argsort(spans)[-_SCOUTS:])]
-    together = _linear_scales(records, rough, "shared")
-    if records[0].is_rate or len(records) == 1:
-        return together
-    apart = _linear_scales(records, together, "per-release")
-    # One rest angle for all is right, unless the sensor drifts so far that the stiffness has to pay for it.
-    return together if 1 / _ASTRAY < together.stiffness / apart.stiffness < _ASTRAY else apart
-
-
-def _linear_scales(records: Sequence[Record], known: Scales, bias: Bias) -> Scales:
-    """Return the sizes with the linear joint's stiffness and damping that fit best, from several starts."""
-    rest = measured_rest(records)
+    fixed = {"rest_angle": measured_rest(records)}
     guesses = (
         [(known.stiffness / known.inertia, known.damping / known.inertia)] if known.stiffness > 0 else []
     )
@@ -60,9 +49,8 @@ def _linear_scales(records: Sequence[Record], known: Scales, bias: Bias) -> Scal
     best: tuple[float, Scales] | None = None
     for square, decay in guesses:
         rough = replace(known, stiffness=known.inertia * square, damping=known.inertia * decay)
-        fixed = {"rest_angle": rest} if bias == "per-release" else {}
-        problem = Problem(Structure(), records, rough, bias=bias, fixed=fixed, steps_per_period=30)
-        start = problem.start({"stiffness": rough.stiffness, "damping": rough.damping, "rest_angle": rest})
+        problem = Problem(Structure(), records, rough, bias="per-release", fixed=fixed, steps_per_period=30)
+        start = problem.start({"stiffness": rough.stiffness, "damping": rough.damping})
         minimum = problem.fitted(start, 25, 1e-7)
         found = problem.parameters(minimum.point)
         if found["stiffness"] <= 0:

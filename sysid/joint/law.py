@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.effects import effect
-from sysid.effects._base import LinearJoint, TorqueEffect
+from sysid.effects._base import LinearJoint, SensorEffect, TorqueEffect
 from sysid.joint.structure import LINEAR, Structure, structure_of
 from sysid.roll import Array
 from sysid.text import linear_law
@@ -106,7 +106,9 @@ class JointLaw:
 
     def of_joint(self) -> Self:
         """Return the law without effects of the sensor or of a simulator."""
-        return replace(self, effects=tuple(item for item in self.effects if effect(item[0]).part_of_joint))
+        outside = {part.name for part, _ in self._torques() if part.timestep}
+        outside |= {part.name for part in self.structure.parts if isinstance(part, SensorEffect)}
+        return replace(self, effects=tuple(item for item in self.effects if item[0] not in outside))
 
     def _torques(self) -> list[tuple[TorqueEffect, dict[str, float]]]:
         parts = ((effect(name), values) for name, values in self.effects)

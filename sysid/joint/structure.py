@@ -15,13 +15,11 @@ class Structure:
     """Which effects a joint has: all that the shape of its equations depends on."""
 
     effects: tuple[str, ...] = ()
-    extra: tuple[Effect, ...] = ()
-    """Effects that are in no catalogue, such as the probes of a test."""
 
     @property
     def parts(self) -> tuple[Effect, ...]:
         """The effects themselves."""
-        return (*(effect(name) for name in self.effects), *self.extra)
+        return tuple(effect(name) for name in self.effects)
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -43,8 +41,8 @@ class Structure:
     @property
     def has_dry_friction(self) -> bool:
         """Whether something changes its branch when the rate passes through zero."""
-        slides = any(part.slides for part in self.parts)
-        return slides or any(state.return_map is not None for state in self.states)
+        friction = any(part.friction is not None for part in self.torques)
+        return friction or any(state.return_map is not None for state in self.states)
 
     @property
     def nonsmooth(self) -> bool:

@@ -78,7 +78,9 @@ def complete_effects(effects: Mapping[str, Sequence[float]]) -> dict[str, tuple[
 def steps(name: str) -> bool:
     """Return whether an effect may go with a simulator's step: no kinks, no memory."""
     part = effect(name)
-    return isinstance(part, SensorEffect) or not (part.nonsmooth or part.slides or part.states)
+    if isinstance(part, TorqueEffect):
+        return not (part.nonsmooth or part.friction or part.states)
+    return isinstance(part, SensorEffect)
 
 
 def true_law(board: Board, effects: Mapping[str, Sequence[float]]) -> TrueLaw:

@@ -49,9 +49,9 @@ def catalogue_law(effect: Effect, values: Sequence[float], stiffness: float) -> 
     """Return the law of an effect that is a torque.
 
     Raises:
-        SysidError: It is another kind of effect, or slides.
+        SysidError: It is another kind of effect, or dry friction.
     """
-    if not isinstance(effect, TorqueEffect) or effect.slides:
+    if not isinstance(effect, TorqueEffect) or effect.friction is not None:
         raise SysidError(
             f"effect '{effect.name}' cannot be made: synth integrates torques and their states. Friction, sensors and "
             "supports need a formula in sysid/synth/."
