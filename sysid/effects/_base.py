@@ -152,8 +152,6 @@ class State:
     """Of a sensor, where a fit begins: `sensed(m, roll, rate, hold, joint, parameters)`, with that roll and rate of the joint."""
     detection_delay: Callable[[float, float, Numbers], float] | None = None
     """Of a sensor: `detection_delay(acceleration, noise, parameters)`, the time until a release shows in its reading [s]."""
-    settles: Callable[[Numbers], float] | None = None
-    """`settles(parameters)`: the rate at which it settles while the deck is held [1/s]; None if it does not change in a hold."""
     return_map: Callable[[Algebra, Value, Value, Values], Value] | None = None
     """For rate-independent states: `return_map(m, z, moved, parameters)`, z after a tilt by `moved` in one direction."""
 
@@ -164,8 +162,6 @@ class MujocoSupport:
 
     means: str
     """MJCF elements or attributes."""
-    since: str
-    """First MuJoCo version that runs it exactly; '' if MuJoCo has no exact form, or the effect belongs to the log."""
     substitute: str = ""
     """Nearest form if MuJoCo has no exact one, else ''."""
     leaves_out: str = ""
@@ -270,9 +266,6 @@ class Effect:
     states: tuple[State, ...] = ()
     nonsmooth: bool = False
     """Whether its torque has kinks besides turning points: a search then needs finer steps and shorter first windows."""
-    sharpness: float = 1.0
-    """Its integration steps over those of a smooth joint, for kinks or a mode of its own. With a sensor of 0.04° at 1 kHz the
-    integration then changes χ² by less than one; by less than ten if nonsmooth."""
     identifiable_from_decay: bool = True
     """Whether a free decay separates it from another stiffness and damping."""
     identifiable_with: tuple[str, ...] = ()
@@ -408,7 +401,7 @@ class SensorEffect(Effect):
 
     role: Role = "measurement"
     to_mjcf: ToMjcf = BELONGS_TO_LOG
-    mujoco: MujocoSupport = MujocoSupport(means="nothing: it belongs to the log", since="")
+    mujoco: MujocoSupport = MujocoSupport(means="nothing: it belongs to the log")
     observe: Callable[[Algebra, Reading, Values, Sequence[Value]], Reading] = unchanged
     """`observe(m, reading, parameters, states)`: the reading after this effect."""
     clock_ratio: str = ""

@@ -91,7 +91,7 @@ def polynomial(effect: str, of: Literal["stiffness", "damping"], power: int, **l
     return {
         "parameters": (Parameter("coefficient", unit, size, **limits),),
         "torque": torque,
-        "mujoco": MujocoSupport(means=means, since="3.7"),
+        "mujoco": MujocoSupport(means=means),
         "to_mjcf": write,
         "from_mjcf": read,
     }

@@ -30,7 +30,7 @@ EFFECT = TorqueEffect(
     does="The joint swings slower and loses less for each swing, as if all its torques were smaller.",
     look_alikes=("inertia", "clock", "weight"),
     experiment="Swing a known weight, or the same joint with a known mass added: both give the inertia itself.",
-    mujoco=MujocoSupport(means="armature of the joint", since="3.0"),
+    mujoco=MujocoSupport(means="armature of the joint"),
     to_mjcf=to_mjcf,
     example=(0.003,),
     modifies=added,

@@ -40,11 +40,8 @@ EFFECT = TorqueEffect(
         "Release from {3°} and {12°} to either side. Two springs: half swings differ by the same share at both angles. "
         "One bent spring: they differ by more at {12°}."
     ),
-    mujoco=MujocoSupport(
-        means="softer spring in the joint, the rest as a tendon slack on one side", since="3.0"
-    ),
+    mujoco=MujocoSupport(means="softer spring in the joint, the rest as a tendon slack on one side"),
     to_mjcf=to_mjcf,
     example=(3.0,),
     torque=torque,
-    sharpness=2.0,
 )

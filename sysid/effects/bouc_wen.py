@@ -58,12 +58,11 @@ EFFECT = TorqueEffect(
     look_alikes=("hysteresis", "dahl", "coulomb", "viscoelastic"),
     experiment="Release from {1°}, {3°} and {10°}: the loss a swing, over its amplitude, is largest in the middle.",
     mujoco=MujocoSupport(
-        means="nothing that unloads so", since="",
+        means="nothing that unloads so",
         substitute="LuGre bristles of the same torque and loss of a wide swing",
     ),
     to_mjcf=to_mjcf,
     example=(0.3, 0.02, 0.5),
     torque=torque,
     states=(State(name="share", start=held, size=lambda s: 0.3, most=1 / 0.3, rate=share_rate),),
-    sharpness=2.0,
 )  # fmt: skip

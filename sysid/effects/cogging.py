@@ -24,7 +24,7 @@ EFFECT = DriveEffect(
     does="The joint runs unevenly, with one ripple for each pole or tooth, and likes to rest at some angles.",
     look_alikes=("coulomb", "gravity"),
     experiment="Drive it slowly through a full turn both ways: the ripple stays with the angle.",
-    mujoco=MujocoSupport(means="nothing that repeats with the angle", since=""),
+    mujoco=MujocoSupport(means="nothing that repeats with the angle"),
     to_mjcf=left_out("cogging is not written: MuJoCo has no torque that repeats with the angle of a joint"),
     example=(0.05, 0.02, 12.0),
     stage=2,

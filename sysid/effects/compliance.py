@@ -23,7 +23,7 @@ EFFECT = DriveEffect(
     look_alikes=("backlash", "delay", "second-mode"),
     experiment="Lock the output and drive the motor: what still turns is the gear.",
     mujoco=MujocoSupport(
-        means="nothing of one joint", since="", substitute="a joint of its own between motor and link, with stiffness and damping"
+        means="nothing of one joint", substitute="a joint of its own between motor and link, with stiffness and damping"
     ),
     to_mjcf=left_out("compliance is not written: it needs a second joint between motor and link; build it in with its stiffness and damping"),
     example=(200.0, 0.5),

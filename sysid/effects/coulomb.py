@@ -40,9 +40,7 @@ EFFECT = TorqueEffect(
     does="Amplitude falls by the same amount 4F/k each period, then the joint stops, not always at rest.",
     look_alikes=("hysteresis", "stribeck", "dahl"),
     experiment="Release from {1°} and from {10°}: dry friction stops the small one at once, within ±F/k of rest.",
-    mujoco=MujocoSupport(
-        means="frictionloss with solreffriction 0.002 and solimpfriction 0.9999", since="3.0"
-    ),
+    mujoco=MujocoSupport(means="frictionloss with solreffriction 0.002 and solimpfriction 0.9999"),
     to_mjcf=to_mjcf,
     from_mjcf=from_mjcf,
     example=(0.15,),

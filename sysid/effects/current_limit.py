@@ -32,7 +32,7 @@ EFFECT = DriveEffect(
     does="Large commands move the joint no faster than middling ones.",
     look_alikes=("servo-gains", "quadratic-damping"),
     experiment="Command steps of growing size: from some size on the first acceleration stays the same.",
-    mujoco=MujocoSupport(means="forcerange of the actuator", since="3.0"),
+    mujoco=MujocoSupport(means="forcerange of the actuator"),
     to_mjcf=on_actuators(change),
     example=(2.0,),
     stage=1,

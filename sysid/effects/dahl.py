@@ -61,14 +61,10 @@ EFFECT = TorqueEffect(
     does="Amplitude falls as with dry friction, but the joint ends in small swings on the friction's own spring.",
     look_alikes=("coulomb", "bouc-wen", "hysteresis"),
     experiment="Release from {0.5°} and {1°}: dry friction stops there at once, friction that gives way swings on.",
-    mujoco=MujocoSupport(
-        means="dcmotor without power, with LuGre friction that is the same at all speeds",
-        since="3.11",
-    ),
+    mujoco=MujocoSupport(means="dcmotor without power, with LuGre friction that is the same at all speeds"),
     to_mjcf=to_mjcf,
     example=(0.15, 0.01),
     torque=torque,
     states=(State(name="share", start=held, size=lambda s: 0.3, most=1 / 0.3, return_map=dragged),),
     excludes=("coulomb", "stribeck"),
-    sharpness=1.5,
 )

@@ -31,7 +31,7 @@ EFFECT = DriveEffect(
     does="The joint follows late by the same time at every speed; under feedback it also rings.",
     look_alikes=("armature", "lowpass"),
     experiment="Command a step and look at the first milliseconds: nothing moves until the delay is over.",
-    mujoco=MujocoSupport(means="delay and nsample of the actuator", since="3.11"),
+    mujoco=MujocoSupport(means="delay and nsample of the actuator"),
     to_mjcf=on_actuators(change),
     example=(0.01,),
     stage=-1,

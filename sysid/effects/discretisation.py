@@ -25,7 +25,7 @@ EFFECT = TorqueEffect(
     does="A heavily damped decay loses damping (8 % of ζ at 5 ms on a stiff board); a light one hardly any.",
     look_alikes=("stiffness and damping of the record",),
     experiment="Halve the simulator's step: the difference halves too.",
-    mujoco=MujocoSupport(means="option timestep, integrator implicitfast", since="3.0"),
+    mujoco=MujocoSupport(means="option timestep, integrator implicitfast"),
     to_mjcf=to_mjcf,
     example=(0.005,),
     timestep="timestep",

@@ -73,7 +73,6 @@ EFFECT = TorqueEffect(
     experiment="Release from below and above the angle of the stop: below it the period is constant.",
     mujoco=MujocoSupport(
         means="fixed tendon with a dead band (springlength) and a stiffness (its loss is left out)",
-        since="3.0",
         leaves_out="damping",
     ),
     to_mjcf=to_mjcf,
@@ -81,5 +80,4 @@ EFFECT = TorqueEffect(
     torque=torque,
     acts_during_hold=True,
     nonsmooth=True,
-    sharpness=4.0,
 )

@@ -35,10 +35,9 @@ EFFECT = TorqueEffect(
     does="Small swings are slow and the joint may rest anywhere in the gap; wide ones are nearly normal.",
     look_alikes=("cubic-stiffness", "coulomb"),
     experiment="Release from {1°} and from {10°}, and push the joint by hand: it moves freely within the gap.",
-    mujoco=MujocoSupport(means="fixed tendon with a dead band (springlength)", since="3.0"),
+    mujoco=MujocoSupport(means="fixed tendon with a dead band (springlength)"),
     to_mjcf=to_mjcf,
     example=(0.02,),
     torque=torque,
     nonsmooth=True,
-    sharpness=4.0,
 )

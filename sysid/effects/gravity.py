@@ -50,7 +50,7 @@ EFFECT = TorqueEffect(
     does="Adds M to the stiffness; only wide swings (beyond 30°) show the sine by a longer period.",
     look_alikes=("cubic-stiffness", "stiffness of the record"),
     experiment="Turn the board over, or tilt the floor by 2°: only weight pulls towards the vertical.",
-    mujoco=MujocoSupport(means="position of the body's centre of mass", since="3.0"),
+    mujoco=MujocoSupport(means="position of the body's centre of mass"),
     to_mjcf=to_mjcf,
     example=(1.0,),
     torque=torque,

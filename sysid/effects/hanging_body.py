@@ -33,11 +33,6 @@ def own_rate(m: Algebra, motion: JointState, states: Sequence[Value], parameters
     return states[1]
 
 
-def settles(parameters: Numbers) -> float:
-    """Return ζ ω [1/s]: while the deck is held, the body's own damper stops it."""
-    return parameters["damping_ratio"] * parameters["frequency"]
-
-
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Add the body to the deck, on a hinge of the same axis with its spring and damper."""
     inertia, frequency = parameters["inertia"], parameters["frequency"]
@@ -75,16 +70,13 @@ EFFECT = TorqueEffect(
     does="The swing is passed to the body and comes back: the amplitude beats instead of falling steadily.",
     look_alikes=("second-mode", "viscoelastic"),
     experiment="Take off or hold what hangs on the joint and release again: the beat disappears.",
-    mujoco=MujocoSupport(means="a body on the joint with a hinge, a spring and a damper", since="3.0"),
+    mujoco=MujocoSupport(means="a body on the joint with a hinge, a spring and a damper"),
     to_mjcf=to_mjcf,
     example=(0.001, 30.0, 0.03),
     torque=torque,
     stepped=("frequency", "damping_ratio"),
     states=(
-        State(
-            name="roll", start=at_tilt, size=lambda s: s.amplitude, most=4.0, rate=own_rate, settles=settles
-        ),
-        State(name="rate", size=lambda s: s.rate, most=4.0, rate=acceleration, settles=settles),
+        State(name="roll", start=at_tilt, size=lambda s: s.amplitude, most=4.0, rate=own_rate),
+        State(name="rate", size=lambda s: s.rate, most=4.0, rate=acceleration),
     ),
-    sharpness=1.5,
 )

@@ -71,13 +71,10 @@ EFFECT = TorqueEffect(
     does="Wide swings lose a fixed torque like dry friction; small ones only see a stiffer spring.",
     look_alikes=("coulomb", "stribeck"),
     experiment="Release from {1°}: a slider behind a spring swings on, dry friction stops.",
-    mujoco=MujocoSupport(
-        means="a small body on a spring, dragged along by a tendon's dry friction", since="3.11"
-    ),
+    mujoco=MujocoSupport(means="a small body on a spring, dragged along by a tendon's dry friction"),
     to_mjcf=to_mjcf,
     example=(8.0, 0.2),
     torque=torque,
     states=(State(name="stretch", start=held, size=lambda s: 0.1 * s.amplitude, return_map=slip),),
     nonsmooth=True,
-    sharpness=1.5,
 )

@@ -29,7 +29,7 @@ EFFECT = TorqueEffect(
     does="Period and damping both change as if stiffness and damping were divided by the same number.",
     look_alikes=("clock", "stiffness and damping of the record"),
     experiment="Add 1 kg at a known distance and repeat: two decays give the inertia itself.",
-    mujoco=MujocoSupport(means="diagonal inertia of the body", since="3.0"),
+    mujoco=MujocoSupport(means="diagonal inertia of the body"),
     to_mjcf=to_mjcf,
     example=(1.3,),
     modifies=scaled,

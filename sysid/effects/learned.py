@@ -266,7 +266,6 @@ AS_TABLE = MujocoSupport(
         "of the tilt: slack tendons, straight between knots; of the rate: the nearest damper's polynomial; the rest by a "
         "callback (sim.board.learned)"
     ),
-    since="3.7",
 )
 """Form of a table in MuJoCo."""
 
@@ -296,7 +295,6 @@ EFFECT = TorqueEffect(
     to_mjcf=to_mjcf,
     example=(*_RANGE.values(), *_EXAMPLE.tolist()),
     torque=torque,
-    sharpness=3.0,
     smoothness=smoothness,
     support=SUPPORT,
 )

@@ -22,7 +22,7 @@ EFFECT = TorqueEffect(
     does="The joint is slower where it moves more mass, so its period changes with the amplitude.",
     look_alikes=("cubic-stiffness", "gravity"),
     experiment="Open the loop: without it the inertia is the same everywhere.",
-    mujoco=MujocoSupport(means="the loop of the model (equality constraints)", since="3.0"),
+    mujoco=MujocoSupport(means="the loop of the model (equality constraints)"),
     to_mjcf=refusing(
         "a bench of one body has one inertia, and this joint's changes along its way. Release it in its own model "
         "(--model, --joint)."

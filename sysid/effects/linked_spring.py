@@ -42,7 +42,7 @@ EFFECT = TorqueEffect(
     does="Adds a known stiffness, which gives the other torques a scale.",
     look_alikes=("stiffness of the record",),
     experiment="Take the tendon off: the change is its own spring.",
-    mujoco=MujocoSupport(means="fixed tendon with a stiffness", since="3.0"),
+    mujoco=MujocoSupport(means="fixed tendon with a stiffness"),
     to_mjcf=to_mjcf,
     example=(4.0, -0.02, 0.05),
     torque=torque,

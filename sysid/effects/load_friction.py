@@ -57,7 +57,7 @@ EFFECT = TorqueEffect(
     look_alikes=("coulomb", "hysteresis"),
     experiment="Pull the joint slowly to {3°} and to {12°} and back: the force there and back differs by more at {12°}.",
     mujoco=MujocoSupport(
-        means="nothing that grows with the tilt", since="",
+        means="nothing that grows with the tilt",
         substitute="frictionloss, and a damper with the loss of the growing part",
     ),
     to_mjcf=to_mjcf,

@@ -30,7 +30,7 @@ EFFECT = TorqueEffect(
     does="The whole decay moves up or down by a constant; its shape stays.",
     look_alikes=("preload", "sensor-bias"),
     experiment="Turn the sensor round on the joint and repeat: a sensor bias changes sign, a real offset not.",
-    mujoco=MujocoSupport(means="joint springref", since="3.0"),
+    mujoco=MujocoSupport(means="joint springref"),
     to_mjcf=to_mjcf,
     example=(0.02,),
     modifies=moved,

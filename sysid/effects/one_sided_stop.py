@@ -55,7 +55,6 @@ EFFECT = TorqueEffect(
     experiment="Release from below and above the angle of the stop, to either side: only one side turns round early.",
     mujoco=MujocoSupport(
         means="fixed tendon with a stiffness, slack up to the stop (its loss is left out)",
-        since="3.0",
         leaves_out="damping",
     ),
     to_mjcf=to_mjcf,
@@ -65,5 +64,4 @@ EFFECT = TorqueEffect(
     excludes=("end-stop",),
     nonsmooth=True,
     restarts=other_side,
-    sharpness=4.0,
 )

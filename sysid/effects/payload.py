@@ -16,7 +16,7 @@ EFFECT = TorqueEffect(
     does="Adds a torque and an inertia that are known, which gives those of the joint a scale.",
     look_alikes=("gravity", "weight"),
     experiment="Take it off: the change is known in kg and m.",
-    mujoco=MujocoSupport(means="nothing: it was there for the measurement", since=""),
+    mujoco=MujocoSupport(means="nothing: it was there for the measurement"),
     to_mjcf=refusing(
         "a payload belongs to a measurement, not to a bench. Release the joint in its own model (--model, --joint, --payload)."
     ),

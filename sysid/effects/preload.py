@@ -34,7 +34,7 @@ EFFECT = TorqueEffect(
     does="The joint rests at T/k instead of at zero; with a linear spring the decay only moves.",
     look_alikes=("offset", "sensor-bias"),
     experiment="Tilt the floor by 2° or change the spring: a preload moves the rest angle by T/k, a bias not.",
-    mujoco=MujocoSupport(means="fixed tendon, very soft and very long", since="3.0"),
+    mujoco=MujocoSupport(means="fixed tendon, very soft and very long"),
     to_mjcf=to_mjcf,
     example=(0.3,),
     torque=torque,

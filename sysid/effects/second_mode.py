@@ -16,12 +16,6 @@ def acceleration(m: Algebra, angle: Value, rate: Value, torque: Value, parameter
     return (own - torque) / parameters["inertia"]
 
 
-def settles(parameters: Numbers) -> float:
-    """Return the rate at which the support settles while the deck is held [1/s]: it swings out, or creeps back."""
-    damping = max(parameters["damping"], 1e-12)
-    return min(0.5 * damping / parameters["inertia"], parameters["stiffness"] / damping)
-
-
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Add the support as a body of its own, tied to the deck by a tendon of their difference.
 
@@ -71,7 +65,7 @@ EFFECT = SupportEffect(
     does="A second frequency rides on the decay, or, if it is damped, the decay looks viscoelastic.",
     look_alikes=("viscoelastic", "hanging-body"),
     experiment="Block the trucks or stand the board on concrete: a compliant support then disappears.",
-    mujoco=MujocoSupport(means="a second hinge and a tendon of the difference", since="3.7"),
+    mujoco=MujocoSupport(means="a second hinge and a tendon of the difference"),
     to_mjcf=to_mjcf,
     example=(0.004, 60.0, 0.1),
     states=(
@@ -80,11 +74,9 @@ EFFECT = SupportEffect(
             start=support_at_release,
             size=lambda s: 0.2 * s.amplitude,
             most=4.0,
-            settles=settles,
         ),
-        State(name="support_rate", size=lambda s: 0.2 * s.rate, most=4.0, settles=settles),
+        State(name="support_rate", size=lambda s: 0.2 * s.rate, most=4.0),
     ),
-    sharpness=1.5,
     acceleration=acceleration,
     series_stiffness="stiffness",
     stepped=("inertia", "damping"),

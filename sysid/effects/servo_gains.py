@@ -34,7 +34,7 @@ EFFECT = DriveEffect(
     does="The joint follows its command faster or slower, and overshoots more or less.",
     look_alikes=("torque-constant", "armature"),
     experiment="Hold the joint against a known weight: its droop is weight over kp.",
-    mujoco=MujocoSupport(means="kp and kv of the position actuator", since="3.0"),
+    mujoco=MujocoSupport(means="kp and kv of the position actuator"),
     to_mjcf=on_actuators(change),
     example=(20.0, 0.5),
     stage=0,

@@ -103,11 +103,10 @@ EFFECT = TorqueEffect(
     does="Slow swings lose more than dry friction alone would take, and the joint stops early and off rest.",
     look_alikes=("coulomb", "hysteresis"),
     experiment="Pull the joint slowly with a spring balance: stiction shows as a jerk when it lets go.",
-    mujoco=MujocoSupport(means="dcmotor without power, with LuGre friction", since="3.11"),
+    mujoco=MujocoSupport(means="dcmotor without power, with LuGre friction"),
     to_mjcf=to_mjcf,
     example=(0.08, 0.25, 0.5),
     friction=friction,
     excludes=("coulomb",),
     restarts=part_again,
-    sharpness=2.0,
 )

@@ -28,7 +28,7 @@ EFFECT = DriveEffect(
     does="All motion is larger or smaller, as if inertia, damping and friction were all wrong by one factor.",
     look_alikes=("armature", "inertia"),
     experiment="Hold a known weight still: its moment over the input is the constant.",
-    mujoco=MujocoSupport(means="gain of the motor", since="3.0"),
+    mujoco=MujocoSupport(means="gain of the motor"),
     to_mjcf=on_actuators(change),
     example=(1.2,),
     stage=0,

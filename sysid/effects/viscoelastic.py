@@ -22,11 +22,6 @@ def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Val
     return tilt * m.exp(-hold / parameters["time_constant"])
 
 
-def settles(parameters: Numbers) -> float:
-    """Return 1/T: a hold lets the arm relax [1/s]."""
-    return 1.0 / parameters["time_constant"]
-
-
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Write a passive motor winding: K²/L is the arm's stiffness, L/R its time constant."""
     stiffness, time_constant = parameters["stiffness"], parameters["time_constant"]
@@ -65,7 +60,7 @@ EFFECT = TorqueEffect(
         "separate two arms with a tenth of the spring's torque (χ² below 15 for three releases with 0.1° of noise). "
         "Compare the creep after holds of 0.1, 1 and 10 s."
     ),
-    mujoco=MujocoSupport(means="dcmotor without power: shorted R-L winding", since="3.11"),
+    mujoco=MujocoSupport(means="dcmotor without power: shorted R-L winding"),
     to_mjcf=to_mjcf,
     example=(5.0, 0.05),
     torque=torque,
@@ -76,7 +71,6 @@ EFFECT = TorqueEffect(
             size=lambda s: s.amplitude,
             most=2.0,
             rate=stretch_rate,
-            settles=settles,
         ),
     ),
 )

@@ -73,7 +73,7 @@ EFFECT = TorqueEffect(
     does="Pulls the joint to where its weight hangs, with a torque known in N·m that gives the others a scale.",
     look_alikes=("gravity", "stiffness of the record"),
     experiment="Measure in another pose or with a known mass added: weight changes as the model says, a spring does not.",
-    mujoco=MujocoSupport(means="the masses of the model", since="3.0"),
+    mujoco=MujocoSupport(means="the masses of the model"),
     to_mjcf=to_mjcf,
     example=(1.0, 0.0, -1.0, 0.15, 0.0, 0.0, 0.0, 0.0),
     torque=torque,

@@ -18,8 +18,6 @@ from sysid.noise.lasting import kept_after, own_std
 from sysid.quantity import Quantity, slide_unit
 from sysid.roll import Array
 
-UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad"}
-
 
 def common_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
     """Return the covariance of the free parameters from errors common to all releases, shape (free, free), in their units.
@@ -66,14 +64,14 @@ def torque_shifts(problem: Problem, minimum: Minimum, board: Board) -> tuple[Arr
 
 def torque_like(problem: Problem, name: str) -> bool:
     """Whether a parameter scales with the roll inertia: a decay fixes only its ratio to it."""
-    return {**UNITS, **_effect_units(problem.structure)}[name][:3] in ("N*m", "kg*")
+    return _units(problem.structure)[name][:3] in ("N*m", "kg*")
 
 
 def parameter_quantities(
     problem: Problem, minimum: Minimum, covariance: Array, *, slides: bool
 ) -> dict[str, Quantity]:
     """Return the free parameters with their covariance, shape (free, free), in their units, as quantities."""
-    units = {**UNITS, **_effect_units(problem.structure)}
+    units = _units(problem.structure)
     if slides:
         units = {name: slide_unit(unit) for name, unit in units.items()}
     parameters = problem.parameters(minimum.point)
@@ -94,8 +92,13 @@ def table_values(structure: Structure) -> frozenset[str]:
     )
 
 
-def _effect_units(structure: Structure) -> dict[str, str]:
-    return {f"{part.name}.{p.name}": p.unit for part in structure.parts for p in part.parameters}
+def _units(structure: Structure) -> dict[str, str]:
+    """Return the units of the parameters that a fit may free."""
+    linear = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad"}
+    return {
+        **linear,
+        **{f"{part.name}.{p.name}": p.unit for part in structure.parts for p in part.parameters},
+    }
 
 
 def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence[Array]) -> Array:

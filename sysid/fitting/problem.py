@@ -16,7 +16,7 @@ from sysid.effects._algebra import Numbers
 from sysid.effects._base import Effect, Scales, SensorEffect, Smoothness
 from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record, first_from, measured_rest
 from sysid.joint.hermite import hermite_matrix
-from sysid.joint.integrator import Buffered, Rollout, block_of, build_initial, build_stepper, steps_for
+from sysid.joint.integrator import Buffered, Rollout, build_block, build_initial, build_stepper, steps_for
 from sysid.joint.sensor import at_samples, clock_ratio, reader
 from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, Normal, minimise
@@ -142,7 +142,7 @@ class Problem:
     def _shootings(self) -> list[_Shooting]:
         """Grids, functions and buffers: made when first needed."""
         stepper = build_stepper(self.structure, free_states=self.free_states, sensitivities=True)
-        begin, block = Buffered(stepper.initial), block_of(stepper)
+        begin, block = Buffered(stepper.initial), Buffered(build_block(stepper))
         shootings: list[_Shooting] = []
         sensed = bool(at_samples(self.structure))
         ratio = clock_ratio(self.structure, self.fixed)

@@ -69,21 +69,6 @@ def _symbols(structure: Structure, *, free_states: bool) -> tuple[Any, Any, Any]
     return parameters, unknowns, fitted
 
 
-def _by_column(by_state: Any, by_fitted: Any, state: Any, own: int) -> Any:
-    """Return the derivatives of a value by parameters and `own` unknowns, from its slopes with a state and with the parameters."""
-    import casadi
-
-    ca: Any = casadi
-    return by_state @ state + ca.horzcat(by_fitted, ca.SX(by_fitted.shape[0], own))
-
-
-def _together(state: Any, columns: Any) -> Any:
-    import casadi
-
-    ca: Any = casadi
-    return ca.vertcat(state, ca.vec(columns))
-
-
 @cache
 def build_stepper(structure: Structure, *, free_states: bool, sensitivities: bool) -> Stepper:
     """Build the functions of one structure; kept for the life of the process.
@@ -107,9 +92,10 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     given = ca.vertcat(parameters, h)
 
     def by_column(by_state: Any, by_fitted: Any, state: Any = carried) -> Any:
-        return _by_column(by_state, by_fitted, state, own)
+        """Return the derivatives of a value by parameters and own unknowns, from its slopes with state and parameters."""
+        return by_state @ state + ca.horzcat(by_fitted, ca.SX(by_fitted.shape[0], own))
 
-    accumulated, read = _together(y, carried), ca.vertcat(*filtered(equations, y))
+    accumulated, read = ca.veccat(y, carried), ca.vertcat(*filtered(equations, y))
     columns = by_column(ca.jacobian(read, y), ca.jacobian(read, fitted))
     output = ca.densify(ca.vec(ca.horzcat(read, columns).T))
     slide = ca.SX.sym("slide") if structure.has_dry_friction else None
@@ -117,7 +103,7 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
 
     if slide is None:
         whole, by_state, by_fitted, _ = stepped
-        moved = _together(whole, by_column(by_state, by_fitted))
+        moved = ca.veccat(whole, by_column(by_state, by_fitted))
         step = ca.Function("step", [accumulated, given], ca.cse([moved, output]))
         return Stepper(structure, free_states, sensitivities, initial, step)
 
@@ -126,7 +112,7 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     whole, by_state, by_fitted, _ = sliding(y, given, direction)
     # A cut costs two steps more and is rare: it is computed only where the joint turns.
     turns = equations.turned(y, whole, direction)
-    moved, output, turns = ca.cse([_together(whole, by_column(by_state, by_fitted)), output, turns])
+    moved, output, turns = ca.cse([ca.veccat(whole, by_column(by_state, by_fitted)), output, turns])
     uncut, follows = ca.SX.sym("uncut", *y.shape), ca.SX.sym("follows", *carried.shape)
     share = equations.turning_share(y, uncut, h)
     first = ca.vertcat(parameters, share * h), ca.sign(equations.motion(y).rate)
@@ -137,8 +123,8 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     at_top = halts @ (by_column(by_state, by_fitted) + by_step @ earlier)
     top, left = equations.halted(top), ca.vertcat(parameters, (1 - share) * h)
     rest, by_state, by_fitted, by_step = sliding(top, left, equations.direction(top))
-    after = _together(rest, by_column(by_state, by_fitted, at_top) - by_step @ earlier)
-    cut = ca.Function("cut", [accumulated, given, _together(uncut, follows)], [after])
+    after = ca.veccat(rest, by_column(by_state, by_fitted, at_top) - by_step @ earlier)
+    cut = ca.Function("cut", [accumulated, given, ca.veccat(uncut, follows)], [after])
     state, numbers, slid = (ca.MX.sym("given", *value.shape) for value in (accumulated, given, moved))
     turned = ca.MX.sym("turned")
     met = ca.if_else(turned, cut(state, numbers, slid), slid, True)
@@ -226,7 +212,7 @@ def _first_state(equations: EquationsOfMotion, unknowns: Any, hold: Any, *, free
 
 
 @cache
-def _block(stepper: Stepper) -> Any:
+def build_block(stepper: Stepper) -> Any:
     """Return (start, parameters and step) → (the same after `BLOCK` steps, outputs at the start of each).
 
     The steps are unrolled: a call costs as much as a small step, and values of the parameters alone are computed once.
@@ -259,17 +245,12 @@ class Buffered:
             self._buffer.set_res(index, values.data)
 
 
-def block_of(stepper: Stepper) -> Buffered:
-    """Return (start, parameters and step) → (the same after `BLOCK` steps, outputs at the start of each), with its own memory."""
-    return Buffered(_block(stepper))
-
-
 class Rollout:
     """Steps of a joint, block by block: one function serves every length."""
 
     def __init__(self, stepper: Stepper, steps: int, block: Buffered | None = None) -> None:
         """Allocate the buffers for a multiple of `BLOCK` steps; rollouts of one joint may share the block."""
-        self._block = block or block_of(stepper)
+        self._block = block or Buffered(build_block(stepper))
         self._rows = stepper.step.size1_out(1)
         self._seen = np.zeros((steps // BLOCK, BLOCK * self._rows))
 

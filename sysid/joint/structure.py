@@ -50,11 +50,6 @@ class Structure:
         return any(part.nonsmooth for part in self.parts)
 
     @property
-    def sharpness(self) -> float:
-        """Factor of integration steps against a smooth joint."""
-        return max((part.sharpness for part in self.parts), default=1.0)
-
-    @property
     def internal_states(self) -> tuple[State, ...]:
         """Internal states of the joint itself, which may be unknown at release; a filter starts settled."""
         return tuple(

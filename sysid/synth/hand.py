@@ -4,9 +4,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from sysid.roll import Array
 
 _GRID = 0.01
 """Spacing of the spline's knots [s]: nine in a period of the fastest tremor."""

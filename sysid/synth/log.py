@@ -7,17 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.files import write_json
 from sysid.quantity import slide_unit
-from sysid.roll import Roll
+from sysid.roll import Array, Roll
 from sysid.synth.law import TrueLaw
 from sysid.synth.sensors import Dialect, Sensor, write_log
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

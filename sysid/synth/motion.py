@@ -22,13 +22,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from sysid.errors import SysidError
+from sysid.roll import Array
 from sysid.synth.hand import HandMotion
 from sysid.synth.law import CatalogueLaw, Modes, TrueLaw
-
-Array = npt.NDArray[np.float64]
 
 RTOL = 1e-8
 ATOL = 1e-10

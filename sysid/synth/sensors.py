@@ -10,13 +10,11 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.files import write_atomically
 from sysid.quantity import GRAVITY
-
-Array = npt.NDArray[np.float64]
+from sysid.roll import Array
 
 Dialect = Literal["angle", "angle-deg", "position", "gyro", "imu", "phyphox", "sensor-logger"]
 """Channels and format of a log: an angle in rad or in degrees, a slide's position, a roll rate, or six IMU channels. These are in

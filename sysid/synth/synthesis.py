@@ -13,14 +13,13 @@ import numpy.typing as npt
 
 from sysid.board import Board
 from sysid.errors import SysidError
+from sysid.roll import Array
 from sysid.synth.effects import SENSOR_FIELDS, complete_effects, steps, true_law
 from sysid.synth.hand import HandMotion, hand_motion
 from sysid.synth.law import Modes, TrueLaw
 from sysid.synth.log import SyntheticLog, SynthOptions, TrueRelease
 from sysid.synth.motion import Condition, simulate
 from sysid.synth.sensors import ANGLES, measure
-
-Array = npt.NDArray[np.float64]
 
 MOST_SAMPLES = 2e7
 """Largest log [samples]: five and a half hours at 1 kHz."""

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from command_line import called
-from made import release
+from made import decays, release
 from scipy.integrate import solve_ivp
 
 from sysid.comparison.compare import compare
 from sysid.fitting.joint import fit_joint
-from sysid.joint import JointLaw, simulate
+from sysid.joint import JointLaw
 from sysid.quantity import Quantity
 from sysid.workspace import shipped_data
 
@@ -20,11 +20,7 @@ LIGHT = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.06)
 
 
 def releases_of(law, *, noise=NOISE, seed=0, seconds=1.2):
-    rng, time = np.random.default_rng(seed), np.arange(0.0, seconds, 1e-3)
-    return [
-        release(time, simulate(law, time, angle).roll, noise, rng=rng, number=number)
-        for number, angle in enumerate((0.18, -0.15), start=1)
-    ]
+    return decays(law, (0.18, -0.15), np.arange(0.0, seconds, 1e-3), noise, seed=seed)
 
 
 def test_the_right_law_is_at_the_noise_floor(pink):
@@ -85,15 +81,8 @@ def test_command_line_writes_json_and_picture(tmp_path):
 
 def few_samples(seed):
     """Two releases of 140 samples together, 0.1° of noise."""
-    rng = np.random.default_rng(seed)
     law = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.402)
-    time = np.arange(0.0, 0.28, 4e-3)
-    noise = np.radians(0.1)
-    releases = [
-        release(time, simulate(law, time, angle).roll, noise, rng=rng, number=number)
-        for number, angle in enumerate((0.12, -0.1), start=1)
-    ]
-    return law, releases
+    return law, decays(law, (0.12, -0.1), np.arange(0.0, 0.28, 4e-3), np.radians(0.1), seed=seed)
 
 
 def test_the_right_law_is_not_blamed_for_a_floor_that_few_samples_tell(pink):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made import release
+from made import decays, release
 from scipy.integrate import solve_ivp
 
 from sysid.effects import effect
@@ -81,11 +81,7 @@ def test_a_soft_stop_that_shows_after_many_swings_is_found_on_its_own_side():
     law = JointLaw(inertia=INERTIA, stiffness=K, damping=0.0089).with_effect(
         "one-sided-stop", -0.0885, 0.84, 0.0
     )
-    rng, time = np.random.default_rng(1), np.arange(0.0, 3.5, 2e-3)
-    made = [
-        release(time, simulate(law, time, angle).roll, 7e-4, rng=rng, number=number)
-        for number, angle in enumerate((0.132, -0.106), start=1)
-    ]
+    made = decays(law, (0.132, -0.106), np.arange(0.0, 3.5, 2e-3), 7e-4, seed=1)
     fit = fit_joint(made, Workspace(Path()).load_board("pink"), ["one-sided-stop"])
     assert fit.quantities["one-sided-stop.angle"].value == pytest.approx(-0.0885, abs=0.004)
 

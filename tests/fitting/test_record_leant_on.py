@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made import release
+from made import decays
 
 from sysid.errors import SysidError
 from sysid.fit_mjcf import fit
-from sysid.joint import JointLaw, simulate
+from sysid.joint import JointLaw
 from sysid.quantity import Quantity
 from sysid.workspace import Workspace
 
@@ -19,11 +19,7 @@ STOP = LAW.with_effect("end-stop", 0.12, 60.0, 0.0)
 
 
 def releases_of(law, angles):
-    time, rng = np.arange(0.0, 1.5, 2e-3), np.random.default_rng(4)
-    return [
-        release(time, simulate(law, time, angle).roll, NOISE, rng=rng, number=number)
-        for number, angle in enumerate(angles, start=1)
-    ]
+    return decays(law, angles, np.arange(0.0, 1.5, 2e-3), NOISE, seed=4)
 
 
 @pytest.fixture(scope="module")

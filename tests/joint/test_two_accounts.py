@@ -24,14 +24,24 @@ STEPPED_OVER = {"end-stop": 3e-4, "one-sided-stop": 3e-5, "freeplay": 2e-5}
 """Roll error [rad] of a fixed step that goes over a kink instead of stopping at it."""
 
 
-@pytest.mark.parametrize("name", VALUES)
+TOGETHER = {
+    "support and friction": {"second-mode": (0.02, 200.0, 0.1), "coulomb": (0.06,)},
+    "arm and friction": {"viscoelastic": (5.0, 0.03), "coulomb": (0.06,)},
+    "stop, gap and slider": {"end-stop": (0.1, 120.0, 0.0), "freeplay": (0.01,), "hysteresis": (6.0, 0.15)},
+}
+CASES = {name: {name: values} for name, values in VALUES.items()} | TOGETHER
+
+
+@pytest.mark.parametrize("name", CASES)
 def test_same_motion(pink: Board, name: str) -> None:
+    effects = CASES[name]
     board = pink.with_tilt(damping=replace(pink.tilt["damping"], value=0.15))
     options = SynthOptions(
         angles=(0.17,), rate=200.0 if name == "discretisation" else 1000.0, tremor=0.0, hold=12.0, hand=False,
         duration=1.0, sensor=Sensor(),
     )  # fmt: skip
-    truth = synthesise(board, {name: VALUES[name]}, options)
-    law = joint.JointLaw.from_board(board).with_effect(name, *VALUES[name])
+    truth = synthesise(board, effects, options)
+    law = replace(joint.JointLaw.from_board(board), effects=tuple(effects.items()))
     model = joint.simulate(law, truth.time, 0.17, 0.0, hold=12.0)
-    assert np.abs(model.roll - truth.channels[:, 0]).max() < STEPPED_OVER.get(name, 5e-6)
+    error = max(STEPPED_OVER.get(part, 5e-6) for part in effects)
+    assert np.abs(model.roll - truth.channels[:, 0]).max() < error

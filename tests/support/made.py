@@ -1,5 +1,6 @@
 """Releases and records as tests make them: what matters is given, the rest is as of a faultless log."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from sysid.board import Board, BoardEffect
 from sysid.effects import effect
+from sysid.joint import JointLaw, simulate
 from sysid.quantity import Quantity
 from sysid.roll import Array, Release
 
@@ -33,6 +35,17 @@ def release(
         "end": "log",
     }
     return Release(**(usual | {"time": time, "roll": noisy, "std": np.full(len(time), noise)} | given))
+
+
+def decays(
+    law: JointLaw, angles: Iterable[float], time: Array, noise: float, *, seed: int = 0, **given: Any
+) -> list[Release]:
+    """Return simulated decays from some angles [rad], shape (n,) each, with white noise [rad]; further fields as of `release`."""
+    rng = np.random.default_rng(seed)
+    return [
+        release(time, simulate(law, time, angle).roll, noise, rng=rng, number=number, **given)
+        for number, angle in enumerate(angles, start=1)
+    ]
 
 
 def with_effect(board: Board, name: str, *values: float) -> Board:

@@ -17,20 +17,6 @@ def read(path, **options):
     return roll_from_video(path, VideoOptions(method="marker", readout=0.0, **options))
 
 
-@pytest.fixture(scope="module")
-def wide(tmp_path_factory):
-    """A small marker on a wide deck with texture, in front of a plain wall: nothing else has texture."""
-    body = marked(plate(520, 90, contrast=35.0), 42)
-    return draw_film(tmp_path_factory.mktemp("shake") / "wide.mp4", body, ROLL, background=PLAIN)
-
-
-@pytest.mark.slow
-def test_a_wide_deck_is_not_taken_for_background(wide):
-    roll = read(wide)
-    assert not any("shake" in note for note in roll.notes)
-    assert rmse(roll, ROLL) < 0.15
-
-
 @pytest.mark.slow
 def test_shake_before_a_wall_is_taken_out(tmp_path):
     rng = np.random.default_rng(3)
