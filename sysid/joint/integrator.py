@@ -91,8 +91,7 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     carried = ca.SX.sym("carried", 2 + states, fitted.shape[0] + own)
     given = ca.vertcat(parameters, h)
 
-    def by_column(by_state: Any, by_fitted: Any, state: Any = carried) -> Any:
-        """Return the derivatives of a value by parameters and own unknowns, from its slopes with state and parameters."""
+    def by_column(by_state: Any, by_fitted: Any, state: Any = carried) -> Any:  # by parameters and unknowns
         return by_state @ state + ca.horzcat(by_fitted, ca.SX(by_fitted.shape[0], own))
 
     accumulated, read = ca.veccat(y, carried), ca.vertcat(*filtered(equations, y))

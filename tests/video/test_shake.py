@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 from backgrounds import light, people, soft
-from drawn_films import SIZE, decay, draw_film, marked, plate, rmse, wall
+from drawn_films import decay, draw_film, marked, plate, rmse, wall
 
 from sysid.errors import SysidError
 from sysid.video_roll import VideoOptions, roll_from_video
 
 TIME = np.arange(72) / 60
 ROLL = decay(TIME)
-PLAIN = np.full((SIZE[1], SIZE[0], 3), 160, np.uint8)
 
 
 def read(path, **options):
