@@ -2,12 +2,8 @@
 # (MuJoCo ships no type stubs.)
 """One folder that runs by itself: scene with meshes, policy, board record; neither mjlab nor torch needed.
 
-| file | content |
-|---|---|
-| `scene.xml`, `assets/` | robot on board on the ground, as compiled for the runtime |
-| `policy.onnx` | the policy, if given |
-| `<board>.toml` | the record of the board that the scene holds |
-| `folder.json` | names, SHA-256, versions, start configuration |
+`scene.xml` and `assets/` hold robot, board and ground, `BOARD.toml` the board's record, `policy.onnx` the policy, if given.
+`folder.json` has names, SHA-256, versions and the start configuration.
 """
 
 import json
@@ -71,8 +67,6 @@ def export_folder(
 
     Args:
         folder: Folder to write; an existing one is replaced only if it is an exported folder.
-        policy: ONNX policy to put in; checked against robot and board.
-        force: See `policy_file.open_policy`.
     """
     if policy is not None:
         open_policy(policy, board, force=force)

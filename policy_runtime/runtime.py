@@ -8,7 +8,7 @@ import gc
 import time
 from array import array
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,12 +18,10 @@ from policy_runtime.loop.course import Course
 from policy_runtime.loop.policy import Policy
 from policy_runtime.loop.preparation import Delay, Preparation, StoppedError, prepare
 from policy_runtime.loop.safety import Guard, Limits
-from policy_runtime.robots import BEGIN, PD_PERIOD, STAND, JointCommand, Robot, RobotState
+from policy_runtime.robots import BEGIN, PD_PERIOD, SERVO_STEPS, STAND, JointCommand, Robot, RobotState
 from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED, Clock
 from sysid.roll import Array
 
-SERVO_STEPS = round(CONTROL_PERIOD / PD_PERIOD)
-"""Servo periods in one policy step."""
 STOP_TIME = 1.5
 """How long the servos brake after a stop [s]."""
 INTERRUPTED = "interrupted"
@@ -117,7 +115,6 @@ class Runtime:
     """Called once a tick, after the decision."""
     on_event: Callable[[Event], None] | None = None
     """Called for every line of the log as it is written."""
-    clock: Clock = field(default_factory=Clock)
     stop_time: float = STOP_TIME
     """How long the servos brake after a stop [s]."""
     hold_heading: bool = False
@@ -140,7 +137,7 @@ class _Run:
         self._events: list[Event] = []
         self._times = array("d")
         self._ticks = self._step = 0
-        self._course = Course(runtime.clock, hold=runtime.hold_heading)
+        self._course = Course(hold=runtime.hold_heading)
         self._turn, self._stands = 0.0, False
         self._slept = 0.0
         self._delay: Delay | None = None
@@ -237,7 +234,7 @@ class _Run:
             raise StoppedError(stopped)
         self.robot.send(JointCommand.hold(target if self._dry is None else self._dry))
         tick = Tick(now, self._step, state, command, target, runtime.policy.action, self._course.asked)
-        self._step = int(runtime.clock.after(self._step, command.speed < STILL_SPEED))
+        self._step = int(Clock().after(self._step, command.speed < STILL_SPEED))
         return tick
 
     def _latch(self, state: RobotState, wanted: Command) -> Command:

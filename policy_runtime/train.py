@@ -71,7 +71,6 @@ def train(
     iterations: int | None = None,
     minutes: float = math.inf,
     report: Report | None = None,
-    keep_all: bool = False,
 ) -> int:
     """Train from the folder's newest checkpoint, or from the start, and return the iterations done in all.
 
@@ -79,7 +78,6 @@ def train(
         iterations: Iterations in all; the configuration's if None.
         minutes: Stop, with a checkpoint, after so much time.
         report: Called by the leading process with every iteration's numbers.
-        keep_all: Save what every process holds at the end, to compare them.
     """
     import torch
 
@@ -98,8 +96,6 @@ def train(
         done = int(numbers["iteration"])
         if report is not None and process.leads:
             report(numbers)
-    if keep_all:
-        torch.save(algorithm.save(), folder.path / "checkpoints" / f"process_{process.rank}.pt")
     env.close()
     if process.count > 1:
         torch.distributed.barrier()
@@ -126,7 +122,7 @@ def build(folder: RunFolder, config: RunConfig, process: Process) -> tuple["RslR
         seed=seed,
         clips=push_clips(folder.motions()) if config.task.pushing == "tracking" else (),
     )
-    env = RslRlVecEnvWrapper(SkateEnv(env_cfg, process.device, graphs=config.learn.graphs))
+    env = RslRlVecEnvWrapper(SkateEnv(env_cfg, process.device))
     return env, build_learner(env, config, process, load_motions(folder.motions()))
 
 
@@ -432,7 +428,6 @@ def main() -> None:
     parser.add_argument("--device", default="cuda", choices=("cpu", "cuda"))
     parser.add_argument("--iterations", type=int)
     parser.add_argument("--minutes", type=float, default=math.inf)
-    parser.add_argument("--keep-all", action="store_true", help="save what every process holds at the end")
     arguments = parser.parse_args()
     try:
         train(
@@ -440,7 +435,6 @@ def main() -> None:
             device=arguments.device,
             iterations=arguments.iterations,
             minutes=arguments.minutes,
-            keep_all=arguments.keep_all,
             report=lambda numbers: print(one_line(numbers), file=sys.stderr),  # noqa: T201
         )
     except SysidError as error:

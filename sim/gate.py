@@ -55,8 +55,6 @@ def check_joint(
     joint without geometry.
 
     Args:
-        record: The joint.
-        releases: Measured decays.
         tolerance: Largest accepted NRMSE: RMS error over RMS of the measured motion about rest, sensor noise taken out [1].
 
     Raises:

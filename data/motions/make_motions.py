@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 from inverse_kinematics import BalanceTask, FrameTask, PostureTask, Task, rotation_matrix, solve
 
-from policy_runtime.motion.motions import FRAME_RATE, Motion, save_motion
+from policy_runtime.motion.motions import Motion, save_motion
+from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.robot.g1 import FOOT_BODIES, JOINTS, SOLE_HEIGHT, g1_spec, pose_vector
 
+FRAME_RATE = 1 / CONTROL_PERIOD
 AXIS_HEIGHT = 0.10
 DECK_TOP = 0.11
 PUSHES = 4

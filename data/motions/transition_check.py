@@ -11,12 +11,13 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from policy_runtime.motion.motion_check import RADIUS
 from policy_runtime.motion.motions import Motion
+from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.robot.g1 import JOINTS, sole_points
 from sysid.roll import Array
 
-AXIS_HEIGHT, DECK_TOP = 0.10, 0.11
+AXIS_HEIGHT, DECK_TOP, RADIUS = 0.10, 0.11, 0.01
+"""Of tilt axis, deck and the capsules of a sole [m]."""
 HALF_LENGTH, HALF_WIDTH = 0.40, 0.10
 STANDING = 0.003
 """A sole that is closer than this to the deck everywhere stands on it [m]."""
@@ -73,9 +74,9 @@ def transition_facts(motion: Motion, model: mujoco.MjModel) -> TransitionFacts:
     points = np.array(soles)
     left, right = points[:, 0], points[:, 1]
     stands = np.array([_stands(sole) for sole in left])
-    speeds = np.abs(np.diff(motion.joints, axis=0)) * motion.rate
+    speeds = np.abs(np.diff(motion.joints, axis=0)) / CONTROL_PERIOD
     worst = np.unravel_index(np.argmax(speeds), speeds.shape)
-    moved = np.linalg.norm(np.diff(left[..., :2], axis=0), axis=-1).max(axis=-1) * motion.rate
+    moved = np.linalg.norm(np.diff(left[..., :2], axis=0), axis=-1).max(axis=-1) / CONTROL_PERIOD
     low, high = model.jnt_range[1:].T
     return TransitionFacts(
         duration=motion.duration,

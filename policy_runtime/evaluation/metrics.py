@@ -1,30 +1,10 @@
-"""The paper's five metrics of a policy, and the project's own, from recorded rides.
+"""The paper's five metrics of a policy, and the project's own, from recorded rides. `docs/runtime.md` defines them.
 
-| name | here | the paper |
-|---|---|---|
-| E_succ | share of episodes that reach their time limit | success rate, criteria not given |
-| E_vel | mean of abs(v_cmd - v) over the pushing steps, v along the board [m/s] | "velocity tracking error" |
-| E_yaw | mean of abs(ψ_target - ψ) over the steering steps, ψ of the board [rad] | "heading error" |
-| E_smth | mean of abs(Δq) over joints and steps [rad] | "smoothness", formula not given |
-| E_contact | share of pushing and steering steps with the wrong feet down | "contact error" |
+The paper gives no formulas: E_succ, E_vel, E_yaw, E_smth and E_contact are one reading. Other readings are E_vel_mean_speed,
+of each pushing phase's mean speed, and E_yaw_final, at the last step of each steering phase. E_contact is also given for
+pushing and for steering alone. An episode that ends early counts with its steps.
 
-The paper's definitions leave choices. Other readings are E_vel_mean_speed, of each pushing phase's mean speed, and
-E_yaw_final, at the last step of each steering phase. E_contact is also given for pushing and for steering alone.
-An episode that ends early counts with its steps. Wrong feet in pushing: the right foot off the deck or the left foot on
-it. In steering: a foot off the deck or on the ground.
-
-The project's own:
-
-| name | here |
-|---|---|
-| E_course | heading at the end of each steering phase less the start's and all turns asked for since [rad] |
-| E_tilt | largest tilt against the turn in a steering phase [rad] |
-| E_still | mean of abs(v) while the robot is told to stand and the cycle waits [m/s] |
-| E_stop | share of the stops after which the board rolls faster than 0.1 m/s, or the robot has fallen, 8 s later |
-| side_slip | mean of abs(speed of the board's middle to the side): 0 where both trucks roll without slipping [m/s] |
-| transport | mechanical work of the motors over the robot's weight and the way: cost of transport |
-
-How a rider pushes is in `policy_runtime.evaluation.strides`.
+`policy_runtime.evaluation.strides` measures how a rider pushes.
 """
 
 from collections.abc import Callable

@@ -39,11 +39,7 @@ class BatchPolicy:
     """An ONNX policy of batch size 1 that answers many observations at once; 'zero' answers zero."""
 
     def __init__(self, policy: str, board: Board, *, force: bool = False) -> None:
-        """Open the policy.
-
-        Args:
-            policy: Path of an ONNX file, or 'zero'.
-        """
+        """Open the policy."""
         self.name = Path(policy).stem
         self.turn_feedback = False
         self._session: Any = None
@@ -88,7 +84,6 @@ def evaluate_in_parallel(
     """Measure a policy in mjlab; arguments and result as in `evaluate.evaluate_policy`.
 
     Args:
-        policy: Path of an ONNX file, or 'zero'.
         device: 'cuda:0' or 'cpu'; the first GPU if there is one.
     """
     protocol = protocol or Protocol()
@@ -116,14 +111,14 @@ def _worlds(
         import torch
         from mjlab.envs import ManagerBasedRlEnv
     from sim.skate.cycle.start import AT_REST
-    from sim.skate.options import SkateOptions, Variation
+    from sim.skate.options import SkateOptions
     from sim.skate.task import skate_env_cfg
 
     drawn = {
         "start": AT_REST,
         "foot_place": SkateOptions().foot_place,
         "boards": 64,
-        "variation": Variation(),
+        "strength": 1.0,
     }
     options = SkateOptions.nominal(
         speed=protocol.speed,
@@ -138,10 +133,6 @@ def _worlds(
     torch.manual_seed(seed)
     device = device or ("cuda:0" if torch.cuda.is_available() else "cpu")
     cfg = skate_env_cfg(scaled_board(board, protocol.board_scale), options, environments=count, seed=seed)
-    if not protocol.randomised:
-        cfg.events = {
-            name: event for name, event in cfg.events.items() if event.mode != "startup" or name == "worlds"
-        }
     return ManagerBasedRlEnv(cfg, device=device), torch
 
 

@@ -30,17 +30,14 @@ from policy_runtime.runtime import INTERRUPTED, Runtime
 from sim.board.scaled import scaled_board
 from sim.board.scene import Coupling
 from sim.skate.cycle.clock import CONTROL_PERIOD, Clock
+from sim.skate.mdp.terminations import FALLEN_INCLINATION, SETTLING_STEPS
 from sim.skate.world.terrain import Terrain
 from sysid.board import Board
 from sysid.errors import SysidError
 from sysid.roll import Array
 
-FALLEN_INCLINATION = math.radians(70)
-"""Inclination of the pelvis that ends an episode [rad]."""
 STOP_TIME = 9.0
 """Duration of a commanded stop [s]; the robot must be at rest after 8 s."""
-SETTLING = 0.1
-"""Time after the start during which the feet may be unloaded [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,9 +114,6 @@ class _Episode:
         stands = self._stop <= time < self._stop + STOP_TIME
         return Command(0.0 if stands else self._speed, self._turn)
 
-    def close(self) -> None:
-        """Do nothing."""
-
     def _over(self, time: float) -> str | None:
         truth = self._world.robot.truth()
         if truth.upright < math.cos(FALLEN_INCLINATION):
@@ -128,7 +122,7 @@ class _Episode:
             return "body contact"
         unloaded = not truth.foot_on_deck.any()
         before, self._unloaded = self._unloaded, unloaded
-        return "off the board" if unloaded and before and time > SETTLING else None
+        return "off the board" if unloaded and before and time > SETTLING_STEPS * CONTROL_PERIOD else None
 
 
 def run_episode(
@@ -214,10 +208,8 @@ def evaluate_policy(
     """Measure a policy.
 
     Args:
-        policy: Name of a scripted policy or path of an ONNX file.
         seeds: Seeds; an episode is drawn from its seed and its number, whatever the processes.
         pool: Processes to ride in, of `riders`; this one alone if None.
-        force: See `policy_file.open_policy`.
     """
     protocol = protocol or Protocol()
     if protocol.randomised:

@@ -50,7 +50,6 @@ class Recording:
     """Of the robot [N]."""
     truth: tuple[Truth, ...]
     """(t,)."""
-    clock: Clock
 
     def column(self, name: str) -> Any:
         """Return one number or vector of the truth over time, shape (t,) or (t, k)."""
@@ -59,12 +58,13 @@ class Recording:
     def rides(self, *, succeeded: bool) -> Rides:
         """Return the recording as a single episode, for `metrics.episode_errors`."""
         stands, step = self.command[:, 0] < STILL_SPEED, self.step.astype(int)
+        clock = Clock()
         power = np.abs(self.torque * self.rates).sum(axis=1) / self.weight
         return Rides(
             alive=np.ones((len(step), 1), dtype=bool),
-            pushing=(self.clock.pushing(step) & ~stands)[:, None],
-            steering=self.clock.steering(step)[:, None],
-            still=self.clock.waiting(step, stands)[:, None],
+            pushing=(clock.pushing(step) & ~stands)[:, None],
+            steering=clock.steering(step)[:, None],
+            still=clock.waiting(step, stands)[:, None],
             commanded_speed=self.command[:, :1],
             target_heading=self.target_heading[:, None],
             course=self.course[:, None],
@@ -79,7 +79,7 @@ class Recording:
     def save(self, path: Path) -> None:
         """Write the numbers as a NumPy archive."""
         with atomic_path(path) as temporary, temporary.open("wb") as file:
-            own = {field.name for field in fields(self)} - {"truth", "clock", "weight"}
+            own = {field.name for field in fields(self)} - {"truth", "weight"}
             columns: dict[str, Any] = {name: getattr(self, name) for name in own}
             columns |= {field.name: self.column(field.name) for field in fields(Truth)}
             np.savez_compressed(file, **columns)
@@ -90,7 +90,6 @@ class Recorder:
     """Collects ticks of a simulated robot: give `add` to the runtime as `on_tick`."""
 
     robot: SimulatedRobot
-    clock: Clock = field(default_factory=Clock)
     _ticks: list[Tick] = field(default_factory=list[Tick])
     _truth: list[Truth] = field(default_factory=list[Truth])
     _qpos: list[Array] = field(default_factory=list[Array])
@@ -99,8 +98,7 @@ class Recorder:
     def add(self, tick: Tick) -> None:
         """Record the moment of one decision, before its consequences."""
         truth = self.robot.truth()
-        begins = tick.step % self.clock.period == self.clock.push + self.clock.mount
-        if not self._headings or begins:
+        if not self._headings or Clock().begins_steering(tick.step):
             heading = truth.board_heading + tick.command.turn
         else:
             heading = self._headings[-1]
@@ -130,5 +128,4 @@ class Recorder:
             rates=np.array([tick.state.joint_velocity for tick in ticks]),
             weight=self.robot.ids.weight,
             truth=tuple(self._truth),
-            clock=self.clock,
         )

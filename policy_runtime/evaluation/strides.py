@@ -1,16 +1,6 @@
 """Pushing of a rider: strides, stance, travel and slip of the pushing foot, and the distance to the reference clips.
 
-| name | here |
-|---|---|
-| strides | touchdowns of the left foot in a pushing phase |
-| stride_period | median time between two touchdowns of one pushing phase [s] |
-| stance_time | median time on the ground [s] |
-| foot_travel | median range of the left foot along the board between two touchdowns [m] |
-| slip | speed of the left sole over the ground while pushing, weighted by its load [m/s] |
-| impact | median of the largest load within 0.1 s of a touchdown, in weights of the robot |
-| style_distance | RMS distance of five joint frames of pushing to the nearest five of the reference clips [rad] |
-
-Each is a number per episode; NaN if undefined.
+Each metric is a number per episode; NaN if undefined. `docs/runtime.md` defines them.
 """
 
 from collections.abc import Iterator

@@ -1,24 +1,14 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
-"""Checkpoints: counters and the state of all random number generators, besides the learner.
+"""Checkpoints: the learner (`AmpPPO.save`), counters, the curriculum's level and random states.
 
-| key | content |
-|---|---|
-| actor_state_dict, critic_state_dict | networks with their normalisers |
-| mean_actor | mean of the actor's weights on their way, with its count |
-| optimizer_state_dict | PPO's optimiser, its adaptive rate included |
-| discriminator, amp_optimiser | of the style reward |
-| iteration, samples, step_counter | done so far: iterations, steps of all worlds, steps of each |
-| curriculum | patience and strength, see `policy_runtime.learning.curriculum` |
-| random | for each process: states of torch on CPU and GPU, NumPy and Python |
+Without the optimisers it has a sixth of the size: shipped weights are such checkpoints.
 """
 
 import pickle
-import random
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 import torch.distributed
 
@@ -79,17 +69,10 @@ def grow_critic(kept: dict[str, Any], size: int) -> None:
 
 
 def random_states(device: str) -> list[dict[str, Any]]:
-    """Return the state of everything random in all processes, in order, in types that are safe to load.
-
-    Every process has to call it.
-    """
-    numbers: Any = np.random.get_state(legacy=True)  # noqa: NPY002 (mjlab seeds it)
-    kind, keys, position, has_gauss, gauss = numbers
+    """Return the random states of all processes in order. Every process has to call it; all that is drawn is PyTorch's."""
     here = {
         "torch": torch.get_rng_state(),
         "cuda": torch.cuda.get_rng_state(device) if device != "cpu" else None,
-        "numpy": [kind, torch.tensor(keys.astype(np.int64)), position, has_gauss, gauss],
-        "python": list(random.getstate()),
     }
     if not torch.distributed.is_initialized():
         return [here]
@@ -103,7 +86,3 @@ def set_random_state(state: dict[str, Any], device: str) -> None:
     torch.set_rng_state(state["torch"].cpu())
     if device != "cpu" and state["cuda"] is not None:
         torch.cuda.set_rng_state(state["cuda"].cpu(), device)
-    kind, keys, position, has_gauss, gauss = state["numpy"]
-    np.random.set_state((kind, keys.cpu().numpy().astype(np.uint32), position, has_gauss, gauss))  # noqa: NPY002
-    version, inner, gauss_next = state["python"]
-    random.setstate((version, tuple(inner), gauss_next))

@@ -5,16 +5,11 @@ gets harder, with many it gets easier. A step is proportional to the logarithm o
 task always changes.
 
 First comes the patience with a wrong stance (policy steps). If 0.4 s of wrong stance end an episode, a beginner never learns
-to ride. If they never do, it learns to ride on one leg. So the patience starts at its longest and shrinks to the task's own:
+to ride. If they never do, it learns to ride on one leg. So the patience starts at its longest and shrinks to the task's own.
+The idle patience shrinks in proportion, and the weight of `push/left_foot` grows in inverse proportion.
 
-| what | at patience p; P is the task's own |
-|---|---|
-| wrong stance that ends an episode | p policy steps |
-| pushing without a step that ends an episode | the task's idle patience · p/P |
-| weight of `push/left_foot` | the task's · P/p |
-
-Then comes the strength by which worlds differ (`sim.skate.mdp.worlds`), from 0 to 1, and with it, up to a quarter, the weights
-of rewards that a rider needs and a beginner does not (`Reward.beginner`).
+Then comes the strength by which worlds differ (`sim.skate.mdp.worlds`), from 0 to 1. Up to a strength of a quarter the weights
+of some rewards grow, which a rider needs and a beginner does not (`Reward.beginner`).
 
 The weight of the actions' entropy falls geometrically with the early ends, between the two set points. So a learner that
 falls explores.
@@ -46,12 +41,7 @@ HARDER, EASIER = 0.03, 0.01
 
 
 def step(ends: float, set_point: float) -> float:
-    """Return the step towards a harder task, negative towards an easier one.
-
-    Args:
-        ends: Episodes that ended early, a minute of riding.
-        set_point: Early ends a minute of riding that leave the difficulty as it is.
-    """
+    """Return the step towards a harder task, negative towards an easier one."""
     return min(max(GAIN * math.log(set_point / max(ends, 1e-6)), -EASIER), HARDER)
 
 
@@ -67,12 +57,7 @@ class Level:
     """Episodes that ended early in the iteration before, a minute of riding."""
 
     def after(self, ends: float, own: float) -> Self:
-        """Return the level after an iteration.
-
-        Args:
-            ends: Episodes that ended early, a minute of riding.
-            own: The task's own patience, where its way down ends.
-        """
+        """Return the level after an iteration."""
         if self.patience <= own:
             strength = min(self.strength + step(ends, STRENGTH_ENDS), 1.0)
             if strength >= 0:
@@ -99,14 +84,7 @@ class Curriculum:
     def __init__(
         self, env: Any, algorithm: "AmpPPO", last_entropy: float, level: Level | None = None
     ) -> None:
-        """Read the task's own numbers.
-
-        Args:
-            env: The unwrapped worlds; an episode must end for a wrong stance in them.
-            algorithm: The learner, with its first entropy.
-            last_entropy: Its last.
-            level: First level; a beginner's if None.
-        """
+        """Read the task's own numbers."""
         import torch
 
         from sim.skate.mdp.worlds import worlds

@@ -30,7 +30,6 @@ def draw_curves(rows: Sequence[dict[str, float]], path: Path, title: str) -> Pat
 
     Args:
         rows: Rows of `RunFolder.read_curves`, at least one.
-        path: File to write; the suffix chooses the format.
     """
     from matplotlib.figure import Figure
 

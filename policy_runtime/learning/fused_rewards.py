@@ -1,7 +1,9 @@
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
 # pyright: reportPrivateUsage=false
 # (mjlab keeps histories and the sensors' cache in private places.)
-"""mjlab's environment with fewer launches: all reward terms in one array; rewards, terminations and observations as CUDA graphs.
+"""mjlab's environment with fewer launches.
+
+All reward terms are in one array; rewards, terminations and observations are CUDA graphs.
 
 mjlab weighs, cleans, sums and logs each reward term separately. With 30 terms this is 200 launches on the GPU in every step,
 and 84 more in a step in which an episode ends. It also asks the device eight times for the causes of the ends. Here all terms
@@ -9,8 +11,8 @@ are weighed at once and added in mjlab's order, so that even the last bit is the
 `policy_runtime.learning.progress` are logged.
 
 A step has four parts. It acts and simulates. It judges (terminations, rewards) in one graph. It restarts ended episodes. It
-observes (commands, observations) in one graph. mjlab computes all quantities again between the last two, constraint forces included, and once more at
-the beginning of the next step. Here the first half of that step (`mujoco_warp.step1`: places, contacts, velocities) serves the
+observes (commands, observations) in one graph. mjlab computes all quantities, constraint forces included, between the last two
+and again in the next step. Here the first half of the next step (`mujoco_warp.step1`: places, contacts, velocities) serves the
 observations. Only its second half follows the action: four solves a policy step instead of five. Contact forces are those of
 the last substep, and zero in an episode's first step.
 """
@@ -59,9 +61,7 @@ class FusedRewards(RewardManager):
         return self._reward_buf
 
     def reset(self, env_ids: torch.Tensor | slice | None = None) -> dict[str, torch.Tensor]:
-        """Let the terms that remember begin anew."""
-        for term in self._class_term_cfgs:
-            term.func.reset(env_ids=slice(None) if env_ids is None else env_ids)
+        """Do nothing: mjlab's logs the sums of an episode, and no term remembers."""
         return {}
 
 
@@ -134,12 +134,7 @@ class HalfStep:
     """Half of a step of all worlds, as a CUDA graph where mjlab uses those for whole steps."""
 
     def __init__(self, sim: Any, function: Any) -> None:
-        """Record it; arrays of the model must stay in their places from now on.
-
-        Args:
-            sim: mjlab's simulation.
-            function: `mujoco_warp.step1` or `step2`.
-        """
+        """Record it; arrays of the model must stay in their places from now on."""
         self._sim, self._function, self._graph = sim, function, None
         if sim.use_cuda_graph:
             with _suspend_gc(), warp.ScopedDevice(sim.wp_device), warp.ScopedCapture() as capture:
@@ -159,13 +154,8 @@ class HalfStep:
 class SkateEnv(ManagerBasedRlEnv):
     """mjlab's environment, stepped in two graphs."""
 
-    def __init__(self, cfg: Any, device: str, *, graphs: bool = True) -> None:
-        """Build the worlds.
-
-        Args:
-            device: 'cpu' or 'cuda:N'.
-            graphs: Whether to record CUDA graphs where there is a GPU.
-        """
+    def __init__(self, cfg: Any, device: str) -> None:
+        """Build the worlds; on a GPU it records CUDA graphs."""
         super().__init__(cfg, device)
         model = self.sim.mj_model
         felt = model.sensor_needstage == mujoco.mjtStage.mjSTAGE_ACC
@@ -178,7 +168,7 @@ class SkateEnv(ManagerBasedRlEnv):
         # mjlab's own array writes on Warp's stream, outside the graphs of PyTorch.
         self._sensordata = self.sim.data.sensordata[:]
         self._felt = self._sensordata[:, self._felt_columns]
-        graphs = graphs and device != "cpu"
+        graphs = device != "cpu"
         begin: Any = self.event_manager.get_term_cfg("begin").func
         for term in (begin, skate_command(self)):
             term.draw = Graphed(term.draw, enabled=graphs)

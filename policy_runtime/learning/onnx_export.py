@@ -38,12 +38,7 @@ def policy_metadata(board: Board, board_hash: str, run: str, *, turn_feedback: b
 
 
 def export_policy(actor: Any, path: Path, metadata: dict[str, str]) -> None:
-    """Write an rsl_rl actor, its normaliser included.
-
-    Args:
-        actor: The model; left as it is.
-        metadata: See `policy_metadata`.
-    """
+    """Write an rsl_rl actor, its normaliser included."""
     import onnx
     import torch
 

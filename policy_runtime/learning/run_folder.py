@@ -1,16 +1,9 @@
 """Folder of a training run, with all data to understand and to resume it.
 
-| file | content |
-|---|---|
-| config.toml | every option, resolved |
-| board.toml | the record of the trained board |
-| motions/ | the reference motions of pushing, if not the shipped ones |
-| origin.json | hashes of record and motions, versions, host, seed, GPUs, start, whether the board had passed |
-| curves.jsonl | one line an iteration, see `policy_runtime.learning.progress` |
-| curves.png | the same as a picture |
-| events.out.tfevents… | the same for TensorBoard, where that is installed |
-| checkpoints/model_N.pt | the learner after iteration N, see `policy_runtime.learning.checkpoint` |
-| policy.onnx | the last checkpoint's policy with its metadata |
+`config.toml`: Every option. `board.toml`: The record of the board. `motions/`: The run's own reference motions of pushing.
+`origin.json`: Hashes of record and motions, versions, host, seed, GPUs, start, whether the board had passed.
+`curves.jsonl`, `curves.png`, TensorBoard's file: A line of numbers an iteration (`policy_runtime.learning.progress`).
+`checkpoints/model_N.pt`: The learner after iteration N. `policy.onnx`: The last checkpoint's policy with its metadata.
 """
 
 import contextlib
@@ -66,8 +59,6 @@ class LearnOptions:
     """Weight of the actions' entropy at the end of the curriculum."""
     curriculum: bool = True
     """Whether the task becomes harder as the learner does better; see `policy_runtime.learning.curriculum`."""
-    graphs: bool = True
-    """Whether to launch many small operations as one CUDA graph where there is a GPU."""
     learning_rate: float = 1e-3
     """First learning rate of a new run; it adapts."""
     desired_kl: float = 0.015
@@ -81,7 +72,7 @@ class LearnOptions:
     """Weight of the style reward per second."""
 
 
-SIGNED = ("pose_offset", "lift")
+SIGNED = ("pose_offset",)
 """Options that may be negative."""
 POSITIVE = ("mount_steps", "bezier_order", "speed_tolerance", "learning_rate", "desired_kl", "save_every")
 """Options that must be larger than 0."""

@@ -29,7 +29,6 @@ def style_reference(options: SkateOptions, pushing: Sequence[Motion] = ()) -> Ar
     Args:
         options: The variant. Nothing taught by style still gets the pushing windows: the discriminator is
             built, and left alone.
-        pushing: Reference motions of pushing; by default the shipped clips.
 
     Returns:
         Windows [rad], shape (m, 5 · 23), or (m, 5 · 23 + 3) with phases, grouped by phase.

@@ -39,10 +39,6 @@ class CommandSource(Protocol):
         """Return the command at a time since the start of the run [s]."""
         ...
 
-    def close(self) -> None:
-        """Let go of terminal and files."""
-        ...
-
 
 @dataclass(frozen=True, slots=True)
 class Script:
@@ -55,9 +51,6 @@ class Script:
     def at(self, time: float) -> Command:
         """Return the last command whose time has come."""
         return self.commands[bisect_right(self.times, time + 1e-9) - 1]
-
-    def close(self) -> None:
-        """Do nothing."""
 
 
 def constant(command: Command) -> Script:

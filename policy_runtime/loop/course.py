@@ -17,9 +17,9 @@ from sim.skate.cycle.clock import Clock
 class Course:
     """Adds up the turns asked for; with `hold`, asks for those that keep to the sum."""
 
-    def __init__(self, clock: Clock, *, hold: bool = False) -> None:
+    def __init__(self, *, hold: bool = False) -> None:
         """Start straight on; `hold` corrects the heading errors of earlier turns."""
-        self._clock, self._hold = clock, hold
+        self._hold = hold
         self.asked = 0.0
         """Sum of the turns asked for since the start [rad]."""
         self._cosine = self._sine = 0.0
@@ -28,7 +28,8 @@ class Course:
 
     def follow(self, state: RobotState, step: int, turn: float) -> float | None:
         """Take one policy step; return the turn for the policy where steering begins, else None [rad]."""
-        clock, position = self._clock, step % self._clock.period
+        clock = Clock()
+        position = step % clock.period
         if step == self._last_step:
             return None  # the cycle stands still
         self._last_step = step
@@ -38,7 +39,7 @@ class Course:
             yaw = float(rotation.yaw(state.quaternion))
             self._cosine += math.cos(yaw)
             self._sine += math.sin(yaw)
-        if position != clock.push + clock.mount:
+        if not clock.begins_steering(step):
             return None
         self.asked += turn
         if not self._hold or not (self._cosine or self._sine):

@@ -84,8 +84,7 @@ class FeedbackObservation(PaperObservation):
     def frame(self, state: RobotState, command: Command, last_action: Array, step: int) -> Array:
         """Return the newest frame, scaled, shape (78,)."""
         yaw = float(rotation.yaw(state.quaternion))
-        clock = self._clock
-        if self._yaw_then is None or step % clock.period == clock.push + clock.mount:
+        if self._yaw_then is None or self._clock.begins_steering(step):
             self._yaw_then = yaw
         turn = float(still_to_turn(command.turn, yaw, self._yaw_then))
         return super().frame(state, Command(command.speed, turn), last_action, step)

@@ -82,9 +82,6 @@ class Delay:
 def prepare(options: Preparation, loop: Ticks, log: Callable[[str, str], None]) -> Delay:
     """Bring the robot to the start pose and return its delay.
 
-    Args:
-        log: Takes kind and text of an event.
-
     Raises:
         StoppedError: The robot is not well, does not reach the pose, or does not answer.
     """

@@ -6,44 +6,18 @@ import os
 import sys
 from collections.abc import Generator
 from contextlib import contextmanager
-from typing import Any
+from itertools import count
 
-from policy_runtime.robots import PD_PERIOD, JointCommand, Robot, RobotState
+from policy_runtime.robots import SERVO_STEPS
 from policy_runtime.robots.simulated import SimulatedRobot
-from sim.skate.cycle.clock import CONTROL_PERIOD
 from sysid.errors import SysidError
-
-FRAME_STEPS = round(CONTROL_PERIOD / PD_PERIOD)
-"""Servo steps between two pictures: one a policy step."""
-
-
-class _Viewed:
-    """A simulated robot that is drawn while it moves."""
-
-    def __init__(self, robot: SimulatedRobot, viewer: Any) -> None:
-        self._robot, self._viewer, self._steps = robot, viewer, 0
-
-    def read(self) -> RobotState:
-        return self._robot.read()
-
-    def send(self, command: JointCommand) -> None:
-        self._robot.send(command)
-
-    def step(self) -> None:
-        self._robot.step()
-        self._steps += 1
-        if self._steps % FRAME_STEPS == 0 and self._viewer.is_running():
-            self._viewer.sync()
-
-    def close(self) -> None:
-        self._robot.close()
 
 
 @contextmanager
-def viewed(robot: SimulatedRobot, wanted: bool) -> Generator[Robot]:
-    """Yield the robot, drawn in MuJoCo's viewer if wanted."""
+def viewed(robot: SimulatedRobot, wanted: bool) -> Generator[None]:
+    """Draw the robot in MuJoCo's viewer once a policy step, if wanted."""
     if not wanted:
-        yield robot
+        yield
         return
     import mujoco.viewer
 
@@ -56,5 +30,12 @@ def viewed(robot: SimulatedRobot, wanted: bool) -> Generator[Robot]:
         raise SysidError(
             f"the MuJoCo viewer cannot open a window here ({error}). Run without --viewer."
         ) from error
+    steps = count(1)
+
+    def draw() -> None:
+        if next(steps) % SERVO_STEPS == 0 and viewer.is_running():
+            viewer.sync()
+
+    robot.after_step = draw
     with viewer:
-        yield _Viewed(robot, viewer)
+        yield

@@ -11,6 +11,7 @@ from policy_runtime.loop.safety import Limits
 from policy_runtime.robots import PD_PERIOD
 from policy_runtime.robots.simulated import Gantry, SimulatedRobot
 from sim.board.scene import Coupling
+from sim.skate.cycle.start import Start
 from sim.skate.robot.g1 import JOINTS
 from sim.skate.robot.poses import load_poses
 from sim.skate.world.scene import ROBOT, SceneOptions, skate_spec, standing_state
@@ -19,8 +20,6 @@ from sysid.board import Board
 from sysid.errors import SysidError
 from sysid.roll import Array
 
-DEVIATION = 0.01
-"""Half-width of the joints' deviations from the start [rad], as `sim.skate.cycle.start.Start` has them in training."""
 STARTS = ("stand", "push", "steer")
 """Starts of a ride: one foot on the ground, or a canonical pose on the rolling board."""
 
@@ -40,11 +39,12 @@ class World:
         return self.start[joints : joints + len(JOINTS)]
 
     def reset(self, *, speed: float = 0.0, rng: np.random.Generator | None = None) -> None:
-        """Put robot and board back to the start, all rolling at a speed [m/s]; `rng` draws the joints' deviations, if given."""
+        """Put robot and board back to the start, all rolling at a speed [m/s]; `rng` draws the joints' deviations, as in training."""
         qpos = self.start.copy()
         if rng is not None:
             joints = slice(self.robot.base_q + 7, self.robot.base_q + 7 + len(JOINTS))
-            qpos[joints] += rng.uniform(-DEVIATION, DEVIATION, len(JOINTS))
+            most = Start().joint_noise
+            qpos[joints] += rng.uniform(-most, most, len(JOINTS))
         self.robot.reset(qpos, speed)
 
 
@@ -58,13 +58,7 @@ def make_world(
     gantry: Gantry | None = None,
     visuals: bool = False,
 ) -> World:
-    """Build the world for a board from the installed G1 model.
-
-    Args:
-        steered: Whether it does; else they are held straight.
-        start: One of `STARTS`.
-        gantry: Holds the robot; None lets it fall.
-    """
+    """Build the world for a board from the installed G1 model."""
     options = SceneOptions(coupling=coupling, steered=steered, terrain=terrain, timestep=PD_PERIOD)
     model = skate_spec(board, options, visuals=visuals).compile()
     return world_of(model, start=start, direct_rake=direct_rake(board, coupling), gantry=gantry)
@@ -85,10 +79,7 @@ def world_of(
     """Return the world of a compiled scene.
 
     Args:
-        model: Compiled from `skate_spec`, or read from an exported folder.
-        start: One of `STARTS`.
         direct_rake: λ [rad] where the scene's trucks are set directly.
-        gantry: Holds the robot; None lets it fall.
     """
     robot = SimulatedRobot(model, direct_rake=direct_rake, gantry=gantry)
     if start not in STARTS:

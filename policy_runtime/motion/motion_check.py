@@ -14,11 +14,10 @@ import numpy.typing as npt
 
 from policy_runtime.motion.contact import Stance, find_stance
 from policy_runtime.motion.motions import Motion
+from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.robot.g1 import JOINTS, sole_points
 from sysid.roll import Array
 
-RADIUS = 0.01
-"""Radius of the sole's capsules [m]; their end points lie that far inside its outline."""
 LEFT_LEG = slice(0, 6)
 
 
@@ -70,17 +69,17 @@ def motion_facts(motion: Motion, model: mujoco.MjModel) -> MotionFacts:
     """Measure a clip on the G1 without a board (`sim.skate.robot.g1.g1_spec`)."""
     soles, com, touching = _forward(model, motion)
     left, right = soles[:, 0], soles[:, 1]
-    stance = find_stance(left, motion.rate)
-    speeds = np.abs(np.diff(motion.joints, axis=0)) * motion.rate
+    stance = find_stance(left)
+    speeds = np.abs(np.diff(motion.joints, axis=0)) / CONTROL_PERIOD
     worst = np.unravel_index(np.argmax(speeds), speeds.shape)
     low, high = model.jnt_range[1:].T
     tilt = np.arcsin(np.clip(np.ptp(right[..., 2], axis=1) / _length(right), -1, 1))
-    margin = _inside(com, right)
+    margin = _inside(com, right) + float(model.geom("right_foot1_collision").size[0])  # the capsules' radius
     return MotionFacts(
         frames=len(motion.joints),
         duration=motion.duration,
         speed=motion.speed,
-        period=_period(motion.joints[:, LEFT_LEG], motion.rate),
+        period=_period(motion.joints[:, LEFT_LEG]),
         planted=stance.planted,
         travel=float(np.ptp((left.mean(axis=1) - right.mean(axis=1)) @ _ahead(motion))),
         slide=stance.slide,
@@ -99,7 +98,7 @@ def motion_facts(motion: Motion, model: mujoco.MjModel) -> MotionFacts:
 
 def left_stance(motion: Motion, model: mujoco.MjModel) -> Stance:
     """Return when the left foot of a clip stands on the ground; arguments as in `motion_facts`."""
-    return find_stance(_forward(model, motion)[0][:, 0], motion.rate)
+    return find_stance(_forward(model, motion)[0][:, 0])
 
 
 def _forward(model: mujoco.MjModel, motion: Motion) -> tuple[Array, Array, Array]:
@@ -127,12 +126,12 @@ def _length(points: Array) -> Array:
 
 
 def _inside(com: Array, sole: Array) -> Array:
-    """Return how far inside the sole's bounding box (seen from above) the centre of mass is [m]."""
-    low, high = sole[..., :2].min(axis=1) - RADIUS, sole[..., :2].max(axis=1) + RADIUS
+    """Return how far inside the bounding box of a sole's points (seen from above) the centre of mass is [m]."""
+    low, high = sole[..., :2].min(axis=1), sole[..., :2].max(axis=1)
     return np.minimum(com[:, :2] - low, high - com[:, :2]).min(axis=1)
 
 
-def _period(joints: Array, rate: float) -> float:
+def _period(joints: Array) -> float:
     """Return the lag of the highest peak of the legs' autocorrelation [s], refined by a parabola."""
     centred = joints - joints.mean(axis=0)
     count = len(centred)
@@ -149,4 +148,4 @@ def _period(joints: Array, rate: float) -> float:
     best = max(values[i] for i in peaks)
     i = next(i for i in peaks if values[i] > best - 0.05)  # the first of equals: one period, not two
     before, here, after = values[i - 1 : i + 2]
-    return float((lags[i] + 0.5 * (before - after) / (before - 2 * here + after)) / rate)
+    return float((lags[i] + 0.5 * (before - after) / (before - 2 * here + after)) * CONTROL_PERIOD)

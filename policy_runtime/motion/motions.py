@@ -1,15 +1,9 @@
 """Reference motions for the style reward: pelvis and joints at 50 frames a second.
 
-A motion is an array of shape (frames, 36), the layout that the HUSKY release uses:
-
-| columns | content |
-|---|---|
-| 0–2 | pelvis position in the world [m] |
-| 3–6 | pelvis orientation, unit quaternion wxyz |
-| 7–35 | 29 joint angles [rad] in the order of the full G1: legs 12, waist 3, left arm 7, right arm 7 |
-
-The six wrist joints (the last three of each arm) are fixed here and skipped on reading; our own clips
-hold zeros there.
+A motion is an array of shape (frames, 36), the layout that the HUSKY release uses. Columns 0 to 2 are the pelvis position in
+the world [m]. Columns 3 to 6 are its orientation, a unit quaternion wxyz. Columns 7 to 35 are the 29 joint angles [rad] in
+the order of the full G1. Those are 12 of the legs, 3 of the waist and 7 of each arm. The six wrist joints (the last three of each arm) are
+fixed here and skipped on reading. Our own clips hold zeros there.
 """
 
 from collections.abc import Sequence
@@ -26,15 +20,13 @@ from sysid.errors import SysidError, did_you_mean
 from sysid.files import atomic_path, regular, shipped_data
 from sysid.roll import Array
 
-FRAME_RATE = 1 / CONTROL_PERIOD
-"""Frames a second [Hz]: one a policy step."""
 COLUMNS = 7 + len(MOTORS)
 """Of a stored motion: pose of the pelvis, and joints."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """One clip."""
+    """One clip; a frame a policy step."""
 
     name: str
     position: Array
@@ -43,13 +35,11 @@ class Motion:
     """Pelvis orientation wxyz, shape (frames, 4)."""
     joints: Array
     """Joint angles in policy order [rad], shape (frames, 23)."""
-    rate: float = FRAME_RATE
-    """Frames a second [Hz]."""
 
     @property
     def duration(self) -> float:
         """Time from the first to the last frame [s]."""
-        return (len(self.joints) - 1) / self.rate
+        return (len(self.joints) - 1) * CONTROL_PERIOD
 
     @property
     def speed(self) -> float:

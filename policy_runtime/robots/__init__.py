@@ -6,11 +6,14 @@ from typing import Protocol, Self
 
 import numpy as np
 
+from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.robot.g1 import JOINTS, servos
 from sysid.roll import Array
 
 PD_PERIOD = 0.002
 """Time between two steps of the joint servos [s]: 500 Hz."""
+SERVO_STEPS = round(CONTROL_PERIOD / PD_PERIOD)
+"""Servo periods in one policy step."""
 ARM, BEGIN = "start", "A"
 """Buttons of the handset that let the robot move to the start pose, and the policy begin."""
 STAND = "X"
@@ -83,8 +86,4 @@ class Robot(Protocol):
 
     def step(self) -> None:
         """Let one period of the servos (`PD_PERIOD`) pass."""
-        ...
-
-    def close(self) -> None:
-        """Let go of the robot."""
         ...

@@ -41,19 +41,11 @@ class SimulatedG1:
         self._robot = robot
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
-        self.silent = False
-        """Send no states, as when the cable is pulled."""
-        self.frozen = False
-        """Repeat the same state, as when the sensors hang."""
-        self.corrupt = False
-        """Send wrong check sums."""
         self.pressed: frozenset[str] = frozenset()
         """Buttons of the handset that are held down."""
         self.hoisted = hoisted
         self.wrists = np.zeros(len(WRIST_MOTORS))
         """[rad], shape (6,). Massless: they reach their targets as soon as their servos hold."""
-        self.commands = self.rejected = 0
-        """Commands obeyed, and commands thrown away for a wrong check sum."""
 
     def __enter__(self) -> "SimulatedG1":
         """Start to move."""
@@ -74,29 +66,26 @@ class SimulatedG1:
         self.hoisted = self.hoisted and kind not in ("ready", "start")
 
     def _run(self) -> None:
-        state, due = self._state(), time.monotonic()
+        due = time.monotonic()
         while not self._stop.is_set():
             self._obey()
             self._robot.step()
             if self.hoisted:
                 self._robot.hang()
-            if not self.frozen:
-                state = self._state()
-            if not self.silent:
-                self._writer.write(state)
+            self.publish()
             due = max(due + PD_PERIOD, time.monotonic() - 0.1)  # do not race after a long pause
             time.sleep(max(0.0, due - time.monotonic()))
+
+    def publish(self) -> None:
+        """Send the state."""
+        self._writer.write(self._state())
 
     def _obey(self) -> None:
         newest = next(
             (c for c in reversed(self._reader.take(N=50)) if isinstance(c, self._messages.LowCmd)), None
         )
-        if newest is None:
+        if newest is None or newest.crc != self._messages.command_crc(newest):
             return
-        if newest.crc != self._messages.command_crc(newest):
-            self.rejected += 1
-            return
-        self.commands += 1
         if all(newest.motor_cmd[slot].kp > 0 for slot in WRIST_MOTORS):
             self.wrists = np.array([newest.motor_cmd[slot].q for slot in WRIST_MOTORS])
         motors = [newest.motor_cmd[slot] for slot in POLICY_MOTORS]
@@ -122,5 +111,5 @@ class SimulatedG1:
             message.motor_state[slot].q = angle
         message.wireless_remote = self._messages.handset_bytes(self.pressed)
         # The sum runs over single precision, as the message travels.
-        message.crc = self._messages.state_crc(message) ^ int(self.corrupt)
+        message.crc = self._messages.state_crc(message)
         return message

@@ -3,6 +3,7 @@
 """The robot on its board in plain MuJoCo: the reports of a real robot, and the truth."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -84,12 +85,12 @@ class SimulatedRobot:
         """Take over a compiled scene.
 
         Args:
-            model: Compiled from `skate_spec`; its step must divide the servos' period.
             direct_rake: λ [rad] of a scene with coupling='direct'. The trucks are then set after every step.
-            gantry: Holds the robot; None lets it fall.
         """
         self.model, self.data = model, mujoco.MjData(model)
         self._rake, self._gantry, self._left = direct_rake, gantry, left_out(model)
+        self.after_step: Callable[[], None] | None = None
+        """Called after each servo period."""
         self._substeps = round(PD_PERIOD / model.opt.timestep)
         if not math.isclose(self._substeps * model.opt.timestep, PD_PERIOD, rel_tol=1e-6):
             raise SysidError(
@@ -164,12 +165,14 @@ class SimulatedRobot:
             self._hold(self._gantry)
         if self._rake is None and not self._left:
             mujoco.mj_step(self.model, self.data, self._substeps)
-            return
-        for _ in range(self._substeps):
-            apply(self._left, self.data)
-            mujoco.mj_step(self.model, self.data)
-            if self._rake is not None:
-                set_trucks(self.model, self.data, self._rake, BOARD)
+        else:
+            for _ in range(self._substeps):
+                apply(self._left, self.data)
+                mujoco.mj_step(self.model, self.data)
+                if self._rake is not None:
+                    set_trucks(self.model, self.data, self._rake, BOARD)
+        if self.after_step is not None:
+            self.after_step()
 
     def _in_board_frame(self) -> tuple[Array, float]:
         """Return where the pelvis is over the board, forward and left [m], and how it is turned [rad]."""
@@ -194,9 +197,6 @@ class SimulatedRobot:
         torque = gantry.turning * towards - gantry.turning_damping * spin
         data.xfrc_applied[pelvis, 3:] = torque
         data.xfrc_applied[board, 5] = -torque[2]
-
-    def close(self) -> None:
-        """Do nothing: a simulation has no connection."""
 
     def truth(self) -> Truth:
         """Return the ground truth of the present moment."""

@@ -25,8 +25,8 @@ POLICY_MOTORS = tuple(MOTORS.index(joint) for joint in JOINTS)
 WRIST_MOTORS = tuple(i for i in range(len(MOTORS)) if i not in POLICY_MOTORS)
 WRIST_STIFFNESS, WRIST_DAMPING = 20.0, 1.0
 """Gains that hold the wrists [N*m/rad], [N*m*s/rad]."""
-WRIST_ANGLE, WRIST_SPEED = 0.0, 0.5
-"""Angle at which all wrist joints are held [rad], and their speed on the way there [rad/s]."""
+WRIST_SPEED = 0.5
+"""Speed of the wrist joints on their way to 0, where the policy's model has them fixed [rad/s]."""
 PITCH_ROLL = 0
 """Mode in which ankles and waist take pitch and roll instead of the two motors of their linkage."""
 CONNECT_TIMEOUT = 3.0
@@ -43,8 +43,6 @@ class UnitreeG1:
 
         Args:
             interface: Network interface towards the robot, e.g. 'eth0'; CycloneDDS chooses one if None.
-            domain: DDS domain; the robot is in domain 0.
-            timeout: Longest time to wait for the robot [s].
         """
         self._messages = messages = load_messages()
         command, state = (messages.COMMAND_TOPIC, messages.LowCmd), (messages.STATE_TOPIC, messages.LowState)
@@ -57,8 +55,6 @@ class UnitreeG1:
         self._received = -np.inf
         self._wrists: Array | None = None
         self._sent = 0.0
-        self.rejected = 0
-        """Messages thrown away for a wrong check sum."""
         self._next = time.monotonic()
         end = time.monotonic() + timeout
         while self._state is None:
@@ -110,7 +106,7 @@ class UnitreeG1:
             self._wrists = np.array([self._state.motor_state[slot].q for slot in WRIST_MOTORS])
         else:
             step = WRIST_SPEED * (now - self._sent)
-            self._wrists = self._wrists + np.clip(WRIST_ANGLE - self._wrists, -step, step)
+            self._wrists = self._wrists + np.clip(-self._wrists, -step, step)
         self._sent = now
         return self._wrists
 
@@ -126,15 +122,13 @@ class UnitreeG1:
         self._reader = self._writer = self._participant = None
 
     def _receive(self) -> None:
-        """Read all messages; the newest whole state counts."""
+        """Read all messages; the newest with the right check sum counts."""
         for state in reversed(self._reader.take(N=50)):
             if not isinstance(state, self._messages.LowState):
                 continue  # the writer went away: not a state
-            if state.crc not in (0, self._messages.state_crc(state)):  # 0: a firmware that does not sum
-                self.rejected += 1
-                continue
-            self._state, self._received = state, time.monotonic()
-            return
+            if state.crc in (0, self._messages.state_crc(state)):  # 0: a firmware that does not sum
+                self._state, self._received = state, time.monotonic()
+                return
 
 
 def load_messages() -> Any:

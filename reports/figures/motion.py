@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from policy_runtime.motion.motions import Motion
 from reports.figures.style import styled
+from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.robot.g1 import JOINTS
 from sysid.files import write_figure
 
@@ -26,7 +27,7 @@ def motion_figure(motions: Sequence[Motion], planted: Sequence[npt.NDArray[np.bo
     with styled(1.5 + 3.2 * len(motions), 8) as figure:
         grid = figure.subplots(len(ROWS), len(motions), sharex="col", sharey="row", squeeze=False)
         for column, (motion, down) in enumerate(zip(motions, planted, strict=True)):
-            time = np.arange(len(motion.joints)) / motion.rate
+            time = CONTROL_PERIOD * np.arange(len(motion.joints))
             grid[0, column].set_title(motion.name)
             for axes, (title, names) in zip(grid[:, column], ROWS, strict=True):
                 above = axes.get_xaxis_transform()

@@ -8,7 +8,7 @@ import numpy as np
 from policy_runtime.evaluation.recording import Recording
 from reports.figures.palette import BAD, GOOD, NOISE, SERIES, SIM
 from reports.figures.style import styled
-from sim.skate.cycle.clock import STILL_SPEED
+from sim.skate.cycle.clock import STILL_SPEED, Clock
 from sim.skate.robot.g1 import servos
 from sysid.files import write_figure
 from sysid.quantity import Quantity
@@ -105,7 +105,7 @@ def _spans(time: Array, flags: Array) -> list[tuple[float, float]]:
 
 
 def _shade(axes: "Axes", recording: Recording) -> None:
-    step, clock = recording.step.astype(int), recording.clock
+    step, clock = recording.step.astype(int), Clock()
     moves = ~clock.waiting(step, recording.command[:, 0] < STILL_SPEED)
     flags = (clock.pushing, clock.mounting, clock.steering, clock.dismounting)
     for (name, colour), flag in zip(PHASES.items(), flags, strict=True):

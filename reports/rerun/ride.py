@@ -11,6 +11,7 @@ from policy_runtime.evaluation.recording import Recording
 from policy_runtime.motion.motions import Motion
 from reports.figures.palette import NOISE, REAL, SIM
 from reports.rerun.stream import Look, body_entity, log_model, log_poses, log_series, log_states, recording
+from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.robot.g1 import JOINTS
 from sim.skate.world.scene import ROBOT
 from sysid.roll import Array
@@ -79,7 +80,7 @@ def motion_recording(model: mujoco.MjModel, motions: list[Motion], path: Path) -
     with recording(path, "motions", blueprint) as stream:
         stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for lane, motion in enumerate(motions):
-            time = np.arange(len(motion.joints)) / motion.rate
+            time = CONTROL_PERIOD * np.arange(len(motion.joints))
             qpos = motion.qpos.copy()
             qpos[:, 1] -= 2.0 * lane
             log_model(stream, f"world/{motion.name}", model)

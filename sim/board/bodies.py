@@ -1,15 +1,8 @@
 """The bodies of a board: chassis, deck, trucks, wheels.
 
-Bodies::
-
-    board (free joint)                  level: baseplates, axles and the wheels' mass
-    ├── deck  board_tilt_joint          turns with the deck
-    ├── front_truck  front_truck_joint  steers; light, see STEERED_SHARE
-    │   ├── front_left_wheel …_joint
-    │   └── front_right_wheel
-    └── rear_truck  rear_truck_joint
-        ├── rear_left_wheel
-        └── rear_right_wheel
+The chassis `board` (free joint) is level and has the mass of baseplates, axles and wheels. It carries the deck, which turns on
+the tilt joint, and two trucks, which steer on their joints. Each truck carries two wheels on theirs. Trucks and wheels are
+light: see `STEERED_SHARE`.
 """
 
 import math

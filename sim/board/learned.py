@@ -1,7 +1,7 @@
 """The part of a learned torque that MuJoCo has no element for, applied as an external torque in every step.
 
-A model with such a torque (`husky-sysid mjcf`) carries its tables as custom numbers. In plain MuJoCo, these lines add the part
-to the passive torques; without them the tables of the tilt still act, as tendons:
+A model with such a torque (`husky-sysid mjcf`) carries its tables as custom numbers. The tables of the tilt act as tendons in any
+case. In plain MuJoCo, these lines add the rest to the passive torques:
 
     import mujoco
     from sim.board.learned import passive

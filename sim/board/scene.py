@@ -79,9 +79,7 @@ def set_trucks(model: mujoco.MjModel, data: mujoco.MjData, rake: float, prefix: 
     To be called after every step (and after every reset) of a scene built with coupling='direct'.
 
     Args:
-        data: Its state; changed in place.
         rake: λ of tan σ = tan λ sin roll [rad].
-        prefix: The board's name prefix in the scene.
     """
     tilt = model.joint(prefix + TILT_JOINT)
     roll, rate = float(data.qpos[tilt.qposadr[0]]), float(data.qvel[tilt.dofadr[0]])
@@ -167,7 +165,18 @@ def assert_matches_record(spec: mujoco.MjSpec, board: Board, coupling: Coupling)
         raise SysidError(
             f"board '{board.name}': the compiled board weighs {weight:.6g} kg, its record says {expected:.6g} kg."
         )
-    inertia = roll_inertia(model, board.geometry if coupling == "equality" else None)
+    assert_roll_inertia(model, board, board.geometry if coupling == "equality" else None)
+
+
+def assert_roll_inertia(
+    model: mujoco.MjModel, board: Board, geometry: Mapping[str, Quantity] | None = None
+) -> None:
+    """Compare `roll_inertia` with the record.
+
+    Raises:
+        SysidError: They differ.
+    """
+    inertia = roll_inertia(model, geometry)
     recorded = inertia_ratio(board) * board.inertia.value
     if not math.isclose(inertia, recorded, rel_tol=1e-6):
         raise SysidError(

@@ -150,9 +150,6 @@ def judge(
 ) -> Verdict:
     """Release the deck in a scene as in the logs, and judge the scene.
 
-    Args:
-        board: The record: sensor effects, rest angle and wanted joint.
-
     Raises:
         SysidError: No decay stays within the scene's tilt range for long enough, or the scene does not move.
     """

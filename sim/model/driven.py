@@ -169,7 +169,6 @@ def load_along(setup: Setup, courses: Mapping[str, Course], time: Array | None =
     courses, or are held in the pose of the setup. Contacts, limits and loops are off.
 
     Args:
-        courses: Of the joint and of others.
         time: Of the courses [s], shape (n,); the log's if left out.
     """
     model, data, pose = _inverse_of(setup)
@@ -252,7 +251,6 @@ def replay(setup: Setup, logs: Mapping[str, DrivenLog], values: Mapping[str, Sta
 
     Args:
         logs: By joint, with one clock.
-        values: By joint: the model's facts.
     """
     spec = setup.load()
     for joint in spec.joints:

@@ -32,8 +32,6 @@ def fit_joints(
 
     Args:
         logs: By joint, in the same order for each.
-        stated: By joint: what the model states.
-        effects: Effects to fit beside armature, damping and bias.
         fixed: Parameters that are held, in SI.
         bounds: Ends of parameters, in SI; those are fitted too.
 

@@ -15,7 +15,6 @@ def read_runs(path: Path, setup: Setup) -> list[tuple[Path, Setup]]:
 
     Args:
         path: The list; files count from its folder.
-        setup: The setup of logs that state no other.
 
     Raises:
         SysidError: It cannot be read, or a field is missing, unknown or of another kind.

@@ -21,7 +21,6 @@ def fit_soft(law: JointLaw, free: Sequence[str], releases: Sequence[Release]) ->
 
     Args:
         law: The law with hard friction; the fit starts there.
-        free: Its fitted parameters, by the structure's names.
         releases: Measured decays; angle and rate at their starts, and their zeros, are fitted too.
 
     Returns:
@@ -52,11 +51,7 @@ def fit_soft(law: JointLaw, free: Sequence[str], releases: Sequence[Release]) ->
 
 
 def soft_friction_warning(fit: Any, *, slides: bool) -> list[str]:
-    """Return a warning where soft friction explains most of the error that a fit leaves above the noise.
-
-    Args:
-        fit: A `JointFit` of angles or positions.
-    """
+    """Return a warning where soft friction explains most of the error that a fit leaves above the noise."""
     law, noise = fit.law, fit.noise
     if (
         not any(part.friction for part in law.structure.torques)

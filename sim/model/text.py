@@ -54,9 +54,6 @@ def files_of(main: Path) -> dict[Path, str]:
 def find(texts: Mapping[Path, str], joint: str, wanted: Wanted) -> tuple[Path, int, int]:
     """Return the file of an element, and the ends of its start tag there [bytes].
 
-    Args:
-        joint: Named in the error.
-
     Raises:
         SysidError: No file has the element.
     """

@@ -48,7 +48,6 @@ def written(
 
     Args:
         joint: The joint as the file states it; changed in place.
-        values: MJCF's attributes and their texts.
     """
     found = locate(file, joint.name, text)
     held = {name: value for name, value in values.items() if name in HELD and " " not in value}

@@ -1,64 +1,22 @@
 """Options of the task."""
 
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, Self
 
 from sim.board.scene import Coupling
 from sim.skate.cycle.clock import Clock
 from sim.skate.cycle.start import AT_REST, STANDING_PLACE, Start
 from sim.skate.cycle.tilt_guidance import Kinematics
-from sim.skate.world.posterior import Spread
 from sim.skate.world.terrain import Terrain
 
-Pushing = Literal["amp", "tracking", "gait", "none"]
-"""Teacher of pushing: the style of reference motions, joint angles of the clip nearest in speed, a clock of
-foot contacts, or nothing."""
+Pushing = Literal["amp", "tracking", "gait"]
+"""Teacher of pushing: the style of reference motions, joint angles of the clip nearest in speed, or a clock of foot contacts."""
 STYLE_FRAMES = 5
 """Joint frames that the style discriminator judges together."""
 Guidance = Literal["path", "translation", "style", "none"]
 """Guidance of mounting and dismounting: positions and orientations of the key bodies, positions only, the style
 of reference motions, or nothing."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Variation:
-    """How far robots, boards, grounds and sensors differ from world to world, at full strength.
-
-    Each world draws its place within these ranges once. The strength, from 0 to 1, scales the way from the
-    nominal value to the drawn one.
-    """
-
-    action_delay: float = 0.08
-    """Longest time from the policy's answer to the servos [s]; two policy steps count where it is longer. At the strength that
-    policies come to, 0.3 to 0.5, it is 24 to 40 ms."""
-    sensor_delay: float = 0.02
-    """Longest time from the sensors to the policy [s]; at most two policy steps."""
-    gains: float = 0.15
-    """Relative half-width of the servos' kp and kd, each joint on its own."""
-    masses: float = 0.10
-    """Relative half-width of masses and inertias of the robot's links, each on its own."""
-    rolling_friction: tuple[float, float] = (0.5, 4.0)
-    """Factors of the wheels' rolling friction, evenly spread in their logarithm."""
-    slope: float = math.radians(8.0)
-    """Steepest long slope [rad], up or down, ahead within 45°. At the strength that policies come to, 0.3 to 0.5, it is the
-    3° uphill on which slow ones fell."""
-    descent: float = math.radians(10.0)
-    """Steepest short way down, ahead within 45° [rad]."""
-    ledge: float = 0.14
-    """Highest ledge to roll down [m]. At the strength that policies come to, 0.4 to 0.5, it is the 60 mm of the suite's ground."""
-    gyro_bias: float = 0.03
-    """[rad/s]"""
-    gravity_bias: float = 0.02
-    """Error of the direction of gravity [rad]."""
-    encoder_bias: float = 0.015
-    """[rad]"""
-
-
-_NOTHING: dict[str, Any] = dict.fromkeys((field.name for field in fields(Variation)), 0.0)
-_NOTHING["rolling_friction"] = 1.0, 1.0
-NOMINAL = Variation(**_NOTHING)
-"""Worlds that do not differ."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,18 +30,8 @@ class SkateOptions:
     episode ends; 0 for never."""
     tilt_guidance: bool = True
     kinematics: Kinematics = "two-truck"
-    turn_time: float = 1.2
-    """Longest time that the guidance looks ahead [s]; inf for the paper's form."""
-    turn_spread: float = 2.0
-    """Time over which a turn is spread evenly [s]; 0 asks for all of it at once. Rewards ask for the heading of
-    the moment; a sudden turn would be answered by a corner."""
     foot_place: tuple[float, float] = (-0.12, 0.0)
     """Place of the right foot along the deck, from the front marker [m], drawn at the start and kept."""
-    tilt_tolerance: float = 0.05
-    """Tolerance of the reward for the asked tilt [rad]; the release's 0.02 pays nothing to a learner whose
-    deck still swings by 0.1."""
-    smoothness: float = 0.05
-    """Weight of the squared first and second differences of the actions; the paper has 0.1."""
     speed_tolerance: float = 0.25
     """Tolerance of the reward for the board's speed while pushing [m^2/s^2]."""
     stance: float = 40.0
@@ -118,21 +66,17 @@ class SkateOptions:
     start: Start = field(default_factory=Start)
     boards: int = 64
     """Number of boards drawn from the posterior; 0 trains on the record itself."""
-    spread: Spread = field(default_factory=Spread)
-    """How they are drawn."""
     pushes: float = 0.5
     """Largest change of velocity by external pushes [m/s]; 0 for none."""
     mount_steps: int = 30
     """Length of mounting in policy steps."""
     bezier_order: int = 2
-    lift: float = 0.2
-    """Lift of the inner control points of the transition's path [m]."""
     pose_offset: float = 0.0
     """Perturbation of the canonical poses: this much is added to every joint [rad]."""
     noise: bool = True
     """Noise on the actor's observation."""
-    variation: Variation = field(default_factory=Variation)
-    """How far worlds differ."""
+    strength: float = 1.0
+    """Share of the full variation by which worlds differ, 0 to 1; the curriculum leads it. 0 leaves every world nominal."""
     episode: float = 60.0
     """Length of an episode [s]: what adds up from cycle to cycle shows in the tenth, not in the third."""
 
@@ -148,7 +92,7 @@ class SkateOptions:
             "slow": 0.0,
             "change": math.inf,
             "noise": False,
-            "variation": NOMINAL,
+            "strength": 0.0,
             "stance_patience": 0,
             "idle_patience": 0.0,
             "episode": 20.0,

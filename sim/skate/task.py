@@ -13,7 +13,7 @@ from sim.skate.mdp.rewards import Task, rewards
 from sim.skate.options import STYLE_FRAMES, SkateOptions
 from sim.skate.robot.g1 import JOINTS, motor_of
 from sim.skate.robot.poses import load_poses
-from sim.skate.world.posterior import BoardDraws, board_draws, draw_boards
+from sim.skate.world.posterior import BoardDraws, Spread, board_draws, draw_boards
 from sim.skate.world.scene import (
     DECIMATION,
     SceneOptions,
@@ -45,7 +45,6 @@ def skate_env_cfg(
 
     Args:
         seed: Seed of everything random, the drawn boards included.
-        clips: Clips that pushing by tracking follows.
 
     Raises:
         SysidError: The board cannot be built, or the canonical poses are missing.
@@ -60,13 +59,12 @@ def skate_env_cfg(
         coupling=options.coupling,
         steered=options.steered,
         terrain=options.terrain,
-        ledge=options.terrain == "flat" and options.variation.ledge > 0,
+        ledge=options.terrain == "flat" and options.strength > 0,
     )
     draws = None  # all worlds have the record's board
     if options.boards > 0:
-        boards = draw_boards(
-            as_written(board, scene), options.boards, options.spread, np.random.default_rng(seed)
-        )
+        rng = np.random.default_rng(seed)
+        boards = draw_boards(as_written(board, scene), options.boards, Spread(), rng)
         draws = board_draws(boards, scene.timestep)
     rake = board.geometry["rake"].value if options.steered else 0.0
     actions: dict[str, Any] = {
@@ -110,7 +108,6 @@ def skate_command_cfg(board: Board, options: SkateOptions) -> "SkateCommandCfg":
             rake=board.geometry["rake"].value,
             limit=board.tilt["range"].value,
             kinematics=options.kinematics,
-            longest_time=options.turn_time,
         ),
         ends=key_bodies_at([poses[name].qpos() + offset for name in ("push", "steer")]),
     )
@@ -174,7 +171,7 @@ def _terminations(options: SkateOptions) -> "dict[str, TerminationTermCfg]":
         "body_contact": end(terminations.body_contact),
         "not_finite": TerminationTermCfg(func=not_finite),
     }
-    if options.variation.slope > 0:
+    if options.strength > 0:
         terms["runaway"] = end(terminations.runaway, time_out=True, speed=RUNAWAY_SPEED)
     if options.stance_patience > 0:
         terms["wrong_stance"] = end(
@@ -204,19 +201,22 @@ def _events(options: SkateOptions, draws: BoardDraws | None) -> "dict[str, Event
             ranges={axis: (-0.025, 0.025) for axis in range(3)},
         )
 
-    events = {
-        "begin": EventTermCfg(func=randomisation.Begin, mode="reset", params={"options": options}),
-        "torso_com": shifted("robot", "torso_link"),
-        "board_com": shifted("board", "deck"),
-        "sole_friction": startup(
-            dr.geom_friction,
-            asset_cfg=SceneEntityCfg("robot", geom_names=(".*_foot.*_collision",)),
-            operation="scale",
-            ranges=SOLE_FRICTION_RANGE,
-            distribution="log_uniform",
-            shared_random=True,
-        ),
-        "worlds": startup(Worlds, variation=options.variation),
+    events = {"begin": EventTermCfg(func=randomisation.Begin, mode="reset", params={"options": options})}
+    if options.strength > 0:
+        events |= {
+            "torso_com": shifted("robot", "torso_link"),
+            "board_com": shifted("board", "deck"),
+            "sole_friction": startup(
+                dr.geom_friction,
+                asset_cfg=SceneEntityCfg("robot", geom_names=(".*_foot.*_collision",)),
+                operation="scale",
+                ranges=SOLE_FRICTION_RANGE,
+                distribution="log_uniform",
+                shared_random=True,
+            ),
+        }
+    events |= {
+        "worlds": startup(Worlds, strength=options.strength),
         "slope": EventTermCfg(func=draw_slope, mode="reset"),
         "ground": EventTermCfg(func=roll_on, mode="step"),
     }

@@ -47,8 +47,7 @@ def play(
         hold_heading=options.hold_heading,
     )
     with working(printer):
-        with stage(0.0, 0.3, "riding"), viewed(robot, viewer) as shown:
-            runtime.robot = shown
+        with stage(0.0, 0.3, "riding"), viewed(robot, viewer):
             result = runtime.run(options.duration)
         recording = recorder.recording()
         with stage(0.3, 1.0, "drawing the ride"):

@@ -107,8 +107,7 @@ def run(
     printer = Printer(common)
     ride = prepare(policy, options, printer, visuals=viewer)
     robot.require_fit(ride, options, printer)
-    commands = _keyboard(options, printer) if keyboard else ride.commands
-    try:
+    with _keyboard(options, printer) if keyboard else nullcontext(ride.commands) as commands:
         ranges = _ranges(ride) if robot.dry_run else None
         runtime = Runtime(
             robot=ride.world.robot,
@@ -129,20 +128,22 @@ def run(
 
             runtime.robot, runtime.on_event = driven, on_event
             result = runtime.run(options.duration)
-    finally:
-        commands.close()
     _report(ride, result, ranges, output or common.space.outputs(ride.board.name), printer)
     return 0 if result.stopped is None and (ranges is None or not ranges.outside()) else 1
 
 
-def _keyboard(options: RideOptions, printer: Printer) -> "CommandSource":
+@contextmanager
+def _keyboard(options: RideOptions, printer: Printer) -> "Generator[CommandSource]":
     from math import radians
 
     from policy_runtime.loop.commands import Command, Keyboard
 
     source = Keyboard(Command(options.speed, radians(options.turn_deg)))
     printer.note(Keyboard.HELP)
-    return source
+    try:
+        yield source
+    finally:
+        source.close()
 
 
 def _ranges(ride: Ride) -> "RangeCheck":
@@ -173,8 +174,8 @@ def _driven(
     if options.robot == "simulated":
         from policy_runtime.loop.viewer import viewed
 
-        with viewed(simulated, viewer) as shown:
-            yield shown, None
+        with viewed(simulated, viewer):
+            yield simulated, None
         return
     from policy_runtime.robots.loopback import LOOPBACK, SimulatedG1
     from policy_runtime.robots.unitree import UnitreeG1

@@ -27,7 +27,7 @@ def ride(turns, missed, stance=0.7, start=0.0, hold=True):
 
     His pelvis faces `stance` away from the board while he pushes.
     """
-    course, heading, told = Course(CLOCK, hold=hold), start, []
+    course, heading, told = Course(hold=hold), start, []
     for cycle, turn in enumerate(turns):
         for position in range(CLOCK.period):
             answer = course.follow(yawed(heading + stance), cycle * CLOCK.period + position, turn)
@@ -60,7 +60,7 @@ def test_turns_asked_for_are_part_of_the_course_also_across_the_back(start):
 
 
 def test_what_is_too_much_for_one_turn_is_left_for_the_next():
-    course = Course(CLOCK, hold=True)
+    course = Course(hold=True)
     told = []
     for cycle, heading in enumerate((0.0, -1.2, -1.2 + math.pi / 4)):
         for position in range(CLOCK.period):
@@ -70,7 +70,7 @@ def test_what_is_too_much_for_one_turn_is_left_for_the_next():
 
 
 def test_a_cycle_that_stands_still_asks_for_no_turn_twice():
-    course = Course(CLOCK)
+    course = Course()
     for _ in range(10):
         course.follow(yawed(0.0), STEERING, 0.2)
     assert course.asked == pytest.approx(0.2)

@@ -39,6 +39,10 @@ def test_a_step_is_mjlabs_step():
     for kind in (None, ManagerBasedRlEnv):
         rows = []
         with environment(kind) as env:
+            rewards = env.reward_manager
+            if kind is None:
+                rewards.set_weight("always/alive", 3.0)
+            rewards.get_term_cfg("always/alive").weight = 3.0
             torch.manual_seed(5)
             for action in actions:
                 seen, earned, ended, late, _ = env.step(action)

@@ -87,24 +87,15 @@ def ride():
     return states, commands, actions, steps
 
 
-def test_paper_observation_is_frame_by_frame_oldest_first(ride):
-    builder = PaperObservation()
+def test_ours_is_frame_by_frame_and_the_releases_term_by_term_with_heading_oldest_first(ride):
+    ours, release = PaperObservation(), ReleaseObservation()
     for row in zip(*ride, strict=True):
-        observation = builder.build(*row)
+        seen, theirs = ours.build(*row), release.build(*row)
     frames = frames_by_hand(*ride)[1:]
     expected = np.concatenate([np.concatenate([v for k, v in f.items() if k != "heading"]) for f in frames])
-    assert observation.shape == (390,)
-    np.testing.assert_allclose(observation, expected, atol=1e-9)
-
-
-def test_release_observation_is_term_by_term_oldest_first_with_heading(ride):
-    builder = ReleaseObservation()
-    for row in zip(*ride, strict=True):
-        observation = builder.build(*row)
-    frames = frames_by_hand(*ride)[1:]
-    expected = np.concatenate([np.concatenate([f[key] for f in frames]) for key in frames[0]])
-    assert observation.shape == (395,)
-    np.testing.assert_allclose(observation, expected, atol=1e-9)
+    np.testing.assert_allclose(seen, expected, atol=1e-9)
+    by_term = np.concatenate([np.concatenate([f[key] for f in frames]) for key in frames[0]])
+    np.testing.assert_allclose(theirs, by_term, atol=1e-9)
 
 
 def test_feedback_takes_what_the_pelvis_has_yawed_off_the_turn():

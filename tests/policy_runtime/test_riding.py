@@ -59,18 +59,6 @@ def test_feet_stay_on_the_deck_and_wheels_on_the_ground(held_ride):
     assert recording.column("other_contacts").max() == 0
 
 
-def test_tilt_steers_the_board_as_two_trucks_do(held_ride):
-    _, _, recording = held_ride
-    late = recording.time > 2.0
-    heading = np.unwrap(recording.column("board_heading")[late])
-    measured = (heading[-1] - heading[0]) / (recording.time[late][-1] - recording.time[late][0])
-    roll, speed = recording.column("roll")[late], recording.column("board_speed")[late]
-    tangent = np.tan(pink().geometry["rake"].value) * np.sin(roll)
-    theory = np.mean(-2 * speed * tangent / pink().geometry["wheelbase"].value)
-    assert measured == pytest.approx(theory, rel=0.05)
-    assert abs(measured) > 0.05  # it does turn
-
-
 def test_without_a_gantry_no_script_stays_up_and_the_guard_says_why():
     world = world_or_skip()
     world.reset()

@@ -8,7 +8,7 @@ from policy_runtime.loop.commands import Command, Script, constant
 from policy_runtime.loop.safety import Guard, Limits
 from policy_runtime.loop.world import joint_limits
 from policy_runtime.runtime import SERVO_STEPS, Runtime
-from sim.skate.robot.g1 import default_pose, servos
+from sim.skate.robot.g1 import servos
 
 LIMITS = Limits(joint_low=np.full(23, -3.0), joint_high=np.full(23, 3.0))
 
@@ -168,32 +168,6 @@ def test_what_is_within_limits_does_not_stop():
             "age": 0.09,
         }
         assert guard.check(robot.read()) is None
-
-
-def test_simulated_robot_holds_a_pose_as_its_servos_say():
-    world = world_or_skip()
-    world.reset()
-    robot = world.robot
-    before = robot.read()
-    np.testing.assert_allclose(before.joint_position, default_pose())
-    limits = joint_limits(robot.model)
-    result = Runtime(
-        robot=robot,
-        policy=HoldStill(),
-        commands=constant(Command(0.0, 0.0)),
-        limits=limits,
-        stop_time=0.0,
-    ).run(0.2)
-    assert result.stopped is None
-    after = robot.read()
-    assert after.time == pytest.approx(0.2)
-    # At rest or not, what a servo pulls with is what its law says.
-    expected = (
-        servos().stiffness * (default_pose() - after.joint_position) - servos().damping * after.joint_velocity
-    )
-    np.testing.assert_allclose(
-        after.joint_torque, np.clip(expected, -servos().effort, servos().effort), atol=2.0
-    )
 
 
 def test_damped_stop_lets_a_standing_robot_sink_slowly():

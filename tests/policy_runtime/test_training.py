@@ -31,13 +31,11 @@ pytestmark = pytest.mark.train
 PINK = shipped_data() / "boards" / "pink.toml"
 
 
-def run(folder, *arguments, processes=1):
-    command = [sys.executable, "-m"]
-    if processes > 1:
-        command += ["torch.distributed.run", "--standalone", f"--nproc-per-node={processes}", "-m"]
-    command += ["policy_runtime.train", str(folder), "--device", "cpu", *arguments]
+def run(*command):
     environment = os.environ | {"OMP_NUM_THREADS": "1", "MUJOCO_GL": "disable", "MJLAB_WARP_QUIET": "1"}
-    subprocess.run(command, check=True, env=environment, cwd=Path(__file__).parents[2])
+    subprocess.run(
+        [sys.executable, "-m", *command], check=True, env=environment, cwd=Path(__file__).parents[2]
+    )
 
 
 @pytest.fixture
@@ -51,7 +49,7 @@ def started(tmp_path):
 
 
 def test_options_survive_the_file_infinity_included(tmp_path):
-    task = SkateOptions(turn_time=math.inf, start=Start(dismounting=0.5), terrain="steps")
+    task = SkateOptions(change=math.inf, start=Start(dismounting=0.5), terrain="steps")
     config = RunConfig(task=task, learn=LearnOptions(hidden=(64, 32), seed=7))
     folder = RunFolder(tmp_path)
     folder.write_config(config)
@@ -151,7 +149,7 @@ def test_a_run_goes_on_where_it_began_and_beyond_its_end_with_a_new_total(begun,
         "--minutes=0",
         "--set=mount_steps=-3",
         "--set=bezier_order=0",
-        "--set=lift=high",
+        "--set=pose_offset=high",
         "--set=pushing=jump",
         "--set=puhsing=amp",
     ],
@@ -198,7 +196,7 @@ def test_a_run_that_goes_on_takes_no_other_options(begun):
     folder, starts = begun
     with_checkpoint(folder, 2)
     with pytest.raises(SysidError, match="--resume goes on with the run's own options"):
-        resumed(folder, "--set", "lift=0.3")
+        resumed(folder, "--set", "pose_offset=0.3")
     assert starts == []
 
 
@@ -297,10 +295,10 @@ def test_training_runs_resumes_and_exports_a_policy_that_answers(started):
     pytest.importorskip("mjlab")
     ort, onnx = (pytest.importorskip(name) for name in ("onnxruntime", "onnx"))
     torch = pytest.importorskip("torch")
-    run(started.path)
+    run("policy_runtime.train", started.path, "--device", "cpu")
     assert [path.name for path in started.checkpoints()] == ["model_2.pt", "model_3.pt"]
     before = started.policy.read_bytes()
-    run(started.path, "--iterations", "4")
+    run("policy_runtime.train", started.path, "--device", "cpu", "--iterations", "4")
     rows = started.read_curves()
     assert [row["iteration"] for row in rows] == [1, 2, 3, 4]
     assert all(math.isfinite(value) for row in rows for value in row.values())
@@ -417,14 +415,29 @@ def test_a_broken_checkpoint_is_said_in_one_line(trained, tmp_path, kind, option
     assert not (tmp_path / "reports").exists()
 
 
+KEEPS_ALL = """
+import os, sys
+from pathlib import Path
+import torch
+from policy_runtime import train
+from policy_runtime.learning.run_folder import RunFolder
+
+built, build = [], train.build
+train.build = lambda *given: built.append(build(*given)) or built[0]
+folder = Path(sys.argv[1])
+train.train(RunFolder(folder), device="cpu")
+torch.save(built[0][1].save(), folder / f"process_{os.environ['RANK']}.pt")
+"""
+
+
 @pytest.mark.slow
 def test_two_processes_hold_the_same_weights_normalisers_and_discriminator(started, tmp_path):
     torch = pytest.importorskip("torch")
     pytest.importorskip("mjlab")
-    run(started.path, "--keep-all", processes=2)
-    first, second = (
-        torch.load(started.path / "checkpoints" / f"process_{rank}.pt", weights_only=True) for rank in (0, 1)
-    )
+    (tmp_path / "keeps_all.py").write_text(KEEPS_ALL)
+    torchrun = ("torch.distributed.run", "--standalone", "--nproc-per-node=2")
+    run(*torchrun, tmp_path / "keeps_all.py", started.path)
+    first, second = (torch.load(started.path / f"process_{rank}.pt", weights_only=True) for rank in (0, 1))
     for part in ("actor_state_dict", "critic_state_dict", "discriminator", "mean_actor"):
         assert first[part].keys() == second[part].keys()
         for name, value in first[part].items():

@@ -1,6 +1,7 @@
 """A learned torque in MuJoCo: of the tilt by itself, of the rate with what is added from outside."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from sim.board.bench import rig_spec
 from sim.board.clamped import ClampedScene
-from sim.board.learned import passive
+from sim.board.learned import left_out, passive
 from sysid.board import Board, BoardEffect
 from sysid.effects import effect
 from sysid.effects._table import knots
@@ -80,3 +81,29 @@ def test_a_table_over_the_rate_is_near_alone_and_exact_with_what_is_left_out():
     assert helped < 3e-3
     assert swung < 3e-3
     assert 0.005 < alone < 0.2
+
+
+@pytest.mark.train
+@pytest.mark.filterwarnings("ignore")  # the training stack's own
+def test_all_worlds_of_the_training_at_once_have_what_one_has_alone():
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("mjlab")
+    from sim.skate.mdp.board_term import BoardTermCfg
+
+    wings = [-3, -2, -1, 1, 2, 3]
+    both = {f"both_{i}_{j}": -0.3 * (0.2 * i / 3) ** 2 * 8 * j / 3 for i in wings for j in wings}
+    model = rig_spec(board(ONE_SIDED | both)).compile()
+    rng = np.random.default_rng(1)
+    tilts, rates = rng.uniform(-0.3, 0.3, 50), rng.uniform(-10, 10, 50)  # beyond the support too
+    data = SimpleNamespace(
+        qpos=torch.tensor(tilts, dtype=torch.float)[:, None],
+        qvel=torch.tensor(rates, dtype=torch.float)[:, None],
+        qfrc_applied=torch.full((50, 1), 9.0),
+    )
+    sim = SimpleNamespace(mj_model=model, data=data)
+    env = SimpleNamespace(sim=sim, scene={"board": None}, num_envs=50, device="cpu")
+    BoardTermCfg(entity_name="board").build(env).apply_actions()
+    ((_, _, left),) = left_out(model)
+    expected = [left(tilt, rate) for tilt, rate in zip(tilts, rates, strict=True)]
+    assert np.ptp(expected) > 0.3
+    np.testing.assert_allclose(data.qfrc_applied[:, 0].numpy(), expected, atol=2e-6)

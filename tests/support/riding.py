@@ -51,7 +51,6 @@ class Puppet:
     def __init__(self):
         self.steps = 0
         self.sent = []
-        self.closed = False
         self.change = {}
         self.clock = True
 
@@ -72,9 +71,6 @@ class Puppet:
 
     def step(self):
         self.steps += 1
-
-    def close(self):
-        self.closed = True
 
 
 def published_metadata():

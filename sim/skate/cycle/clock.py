@@ -67,6 +67,10 @@ class Clock:
         step = step % self.period
         return (step >= self.push + self.mount) & (step < self.period - self.dismount)
 
+    def begins_steering(self, step: Any) -> Any:
+        """Return whether steps are the first of a steering phase, in which a turn is told, shape (...,)."""
+        return step % self.period == self.push + self.mount
+
     def dismounting(self, step: Any) -> Any:
         """Return whether steps lie between steering and pushing, shape (...,)."""
         return step % self.period >= self.period - self.dismount

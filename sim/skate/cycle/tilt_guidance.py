@@ -34,6 +34,8 @@ class TiltGuidance:
     longest_time: float = 1.2
     """Ceiling of the time left [s]; inf spreads the turn over the whole phase, as in the paper. An early turn
     leaves time to correct it."""
+    spread: float = 2.0
+    """Time over which a turn is spread evenly [s]: a policy would answer a sudden turn by a corner."""
 
     @property
     def _trucks(self) -> int:

@@ -1,8 +1,7 @@
 """Mounting and dismounting: the path of the key bodies from one pose to the other.
 
-The path leads from the bodies' places at the begin of the transition to the canonical pose of the next phase,
-in the frame of the board: Bézier curves for positions, slerp for orientations
-(HUSKY, section III-D).
+The path leads from the bodies' places at the begin of the transition to the canonical pose of the next phase. In the frame of
+the board, positions follow Bézier curves and orientations slerp (HUSKY, section III-D).
 """
 
 import math

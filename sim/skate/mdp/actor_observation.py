@@ -1,22 +1,11 @@
-"""What the policy sees: 78 numbers a step, five steps at a time; training and runtime share this code.
-
-| numbers | content | scale | noise in training (uniform, before scaling) |
-|---|---|---|---|
-| 0–1 | command: speed [m/s], how far still to turn [rad] | 2, 1 | |
-| 2–4 | angular velocity of the pelvis, its own frame [rad/s] | 0.25 | ±0.2 |
-| 5–7 | direction of gravity in the pelvis frame [1] | 1 | ±0.05 |
-| 8–30 | joint positions less the default pose [rad] | 1 | ±0.01 |
-| 31–53 | joint velocities [rad/s] | 0.05 | ±1.5 |
-| 54–76 | last action [1] | 1 | |
-| 77 | phase of the cycle, 0 to 1 | 1 | |
+"""The policy's observation: 78 numbers a step, five steps at a time; training and runtime share this code.
 
 The five frames follow each other oldest first (`frame-major`): 390 numbers. After a reset all five are
 the first frame. The HUSKY release feeds 79 numbers, with the absolute heading as third, and groups the history
 by term. Its policy turns as well with that heading held at zero; here it is left out, as in the paper.
 
-How far still to turn is the commanded turn less what the pelvis has yawed since it was told, which the
-robot's IMU tells. The paper feeds the turn as it was told; a tenth of a second of history does not show how
-much of it is done.
+The turn that is left is the commanded one less the pelvis' yaw since the command, which the robot's IMU measures. The paper
+feeds the commanded turn; a tenth of a second of history does not show how much of it is done.
 """
 
 from typing import Any
@@ -28,15 +17,15 @@ from sim.skate.arrays import constant, namespace, wrap_angle
 FRAMES = 5
 """Frames that the policy sees: this one and the four before."""
 PARTS = (
-    ("command", 2, (2.0, 1.0), 0.0),
-    ("angular_velocity", 3, (0.25,) * 3, 0.2),
-    ("gravity", 3, (1.0,) * 3, 0.05),
-    ("joint_position", 23, (1.0,) * 23, 0.01),
-    ("joint_velocity", 23, (0.05,) * 23, 1.5),
+    ("command", 2, (2.0, 1.0), 0.0),  # speed [m/s], turn that is left [rad]
+    ("angular_velocity", 3, (0.25,) * 3, 0.2),  # of the pelvis, its own frame [rad/s]
+    ("gravity", 3, (1.0,) * 3, 0.05),  # unit vector down in the pelvis frame
+    ("joint_position", 23, (1.0,) * 23, 0.01),  # less the default pose [rad]
+    ("joint_velocity", 23, (0.05,) * 23, 1.5),  # [rad/s]
     ("last_action", 23, (1.0,) * 23, 0.0),
-    ("phase", 1, (1.0,), 0.0),
+    ("phase", 1, (1.0,), 0.0),  # of the cycle, 0 to 1
 )
-"""Name, size, scale and half-width of the noise of each part of a frame, in order."""
+"""Name, size, scale and noise in training (half-width of a uniform distribution, before scaling) of each part of a frame, in order."""
 
 FRAME_SIZE = sum(size for _, size, _, _ in PARTS)
 """Numbers a frame."""
@@ -60,28 +49,9 @@ def still_to_turn(turn: Any, yaw: Any, yaw_then: Any) -> Any:
     return wrap_angle(turn - (yaw - yaw_then))
 
 
-def raw_frame(
-    command: Any,
-    angular_velocity: Any,
-    gravity: Any,
-    joint_offset: Any,
-    joint_velocity: Any,
-    last_action: Any,
-    phase: Any,
-) -> Any:
-    """Return one frame before noise and scaling, shape (..., 78).
-
-    Args:
-        command: Speed [m/s] and turn [rad], shape (..., 2).
-        angular_velocity: Of the pelvis in its own frame [rad/s], shape (..., 3).
-        gravity: Unit vector down in the pelvis frame, shape (..., 3).
-        joint_offset: Joint positions less the default pose [rad], shape (..., 23).
-        joint_velocity: [rad/s], shape (..., 23).
-        last_action: The policy's last output, shape (..., 23).
-        phase: Φ in [0, 1), shape (..., 1).
-    """
-    parts = (command, angular_velocity, gravity, joint_offset, joint_velocity, last_action, phase)
-    return namespace(command).concatenate(parts, axis=-1)
+def raw_frame(*parts: Any) -> Any:
+    """Return one frame before noise and scaling, shape (..., 78), from `PARTS` in order, each of shape (..., size)."""
+    return namespace(parts[0]).concatenate(parts, axis=-1)
 
 
 def scale_frame(frame: Any) -> Any:

@@ -60,7 +60,7 @@ class SkateCommand(CommandTerm):
         self.reading = Reading(env)
         self._options = cfg.options
         self.clock = cfg.options.clock
-        self._path = TransitionPath(order=cfg.options.bezier_order, lift=cfg.options.lift)
+        self._path = TransitionPath(order=cfg.options.bezier_order)
         self.step = torch.zeros(n, dtype=torch.long, device=device)
         """Steps since the cycle began, (n,)."""
         self.target_heading = torch.zeros(n, device=device)
@@ -145,10 +145,8 @@ class SkateCommand(CommandTerm):
 
     def heading_reference(self, ahead: "torch.Tensor | float" = 0.0) -> torch.Tensor:
         """Return the heading on the way to the target, `ahead` [s] of this moment [rad], (n,)."""
-        if self._options.turn_spread == 0.0:
-            return self.target_heading
         since = (self.step - self._told) * CONTROL_PERIOD + ahead
-        still = 1 - (since / self._options.turn_spread).clamp(max=1.0)
+        still = 1 - (since / self.cfg.guidance.spread).clamp(max=1.0)
         return wrap_angle(self.target_heading - still * self._command[:, 1])
 
     def tilt_reference(self) -> torch.Tensor:
@@ -233,8 +231,8 @@ class SkateCommand(CommandTerm):
             speed: Of the left sole over the ground [m/s], (n,).
 
         Returns:
-            Whether the foot has just come down, bool (n,), its travel along the board since the last
-            touchdown [m], (n,), and its speed over the ground in the step before [m/s], (n,).
+            Whether the foot has just come down, bool (n,). Its travel along the board since the last touchdown [m], (n,).
+            Its speed over the ground one step earlier [m/s], (n,).
         """
         comes_down = left_on_ground & (self.air_time > 0)
         self.air_time.copy_(torch.where(left_on_ground, 0.0, self.air_time + CONTROL_PERIOD))
@@ -270,7 +268,7 @@ class SkateCommand(CommandTerm):
         positions, quaternions = self.key_bodies
         _put(self._start_positions, leaves[:, None, None], positions)
         _put(self._start_quaternions, leaves[:, None, None], quaternions)
-        begins = advances & (step == clock.push + clock.mount)
+        begins = advances & clock.begins_steering(step)
         turn = self._turns(torch.empty(self.num_envs, device=self.device))
         board, robot = self.headings()
         target = wrap_angle(board + turn)

@@ -22,7 +22,7 @@ OBLIQUE = math.radians(70)
 60° and evenly spread, 7 of 31 crossings by more than 35° ended the ride, and 2 of 153 others."""
 EDGE_DISTANCE = (0.6, 1.0)
 """How far from the middle of the board an edge is laid [m]: beyond nose and pushing foot."""
-PASSED_DISTANCE = 1.0
+PASSED_DISTANCE = EDGE_DISTANCE[1]
 """How far behind an edge is out of reach [m]."""
 PARKED_HEIGHT = -1000.0
 """Height at which a slab is out of reach [m]."""

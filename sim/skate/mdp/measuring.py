@@ -12,14 +12,11 @@ from sim.skate.mdp.observations import skate_command
 from sim.skate.mdp.reading import ZONE
 from sim.skate.mdp.rewards._base import Phase, Reward
 from sim.skate.mdp.state import SkateState
+from sim.skate.mdp.terminations import SETTLING_STEPS
 from sim.skate.world import contacts
 
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
-
-SETTLING_STEPS = 5
-"""Steps after a reset in which unloaded feet are no failure: the robot has only just been set down."""
-
 
 Measured = tuple[SkateState, "dict[Phase, torch.Tensor]"]
 """The state and the phases that it lies in."""

@@ -1,33 +1,7 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
 """Observations of actor, critic and discriminator in mjlab.
 
-The actor's frame comes late and with the sensors' bias where worlds differ; the critic's is true.
-
-The critic's vector, in order (privileged, without noise, one frame):
-
-| numbers | content |
-|---|---|
-| 78 | the actor's frame |
-| 3 | velocity of the pelvis in its frame [m/s] |
-| 2 | sine and cosine of the heading still to turn |
-| 1 | tilt asked for by the guidance [rad] × 10 |
-| 4 | tilt × 10 and its rate, both truck angles × 10 |
-| 9 | board in the pelvis frame: position, images of its x and z axes |
-| 6 | velocity and angular velocity of the board in its own frame |
-| 6 | soles from their markers, board frame [m] × 5 |
-| 42 | key bodies' places on the transition's path less where they are [m]; zero outside transitions |
-| 14 | their angles to the path's orientations [rad]; zero outside transitions |
-| 12 | forces ground–left, ground–right, deck–left, deck–right, world frame, sign(f) log(1 + |f|) |
-| 4 | wheels on the ground |
-| 1 | time since the left foot touched the ground [s] |
-| 4 | one-hot: pushing, mounting, steering, dismounting |
-| 1 | transition's way gone |
-| 1 | where the right foot shall stay along the deck [m] × 5 |
-| 1 | heading still to turn by now [rad] |
-| 7 | the world: delays of action and sensors, rolling and sole friction, mass, slope |
-| 1 | time since the left foot came down [s] |
-| 1 | board's speed, averaged over a stride, less the commanded one [m/s] |
-| 1 | 1 while the cycle waits |
+The actor's frame comes late and with the sensors' bias where worlds differ. The critic's is true; `CriticVector` has its order.
 """
 
 from typing import TYPE_CHECKING, Any, cast
@@ -102,15 +76,15 @@ class SensedFrame(ActorFrame):
 
 
 class CriticVector(ActorFrame):
-    """The privileged vector of the module's table."""
+    """The privileged vector of one step, true and without noise. New numbers go to its end: older critics lack those only."""
 
     def __call__(self, env: "ManagerBasedRlEnv") -> torch.Tensor:
         """Return the vector, (n, 199)."""
         command = skate_command(env)
         one = (
-            command.fraction * command.transition,
-            5 * command.foot_place,
-            wrap_angle(command.heading_reference() - command.headings()[0]),
+            command.fraction * command.transition,  # way gone
+            5 * command.foot_place,  # where the right foot shall stay
+            wrap_angle(command.heading_reference() - command.headings()[0]),  # still to turn by now
         )
         parts = (
             scale_frame(super().__call__(env)),
@@ -143,10 +117,6 @@ def style_mask(env: "ManagerBasedRlEnv", pushing: bool = True, transitions: bool
 
     It is 0 unless they are of one episode and of one phase taught by style. In pushing it falls with the error of the
     speed, else marching on the spot earns it.
-
-    Args:
-        pushing: Whether pushing is one.
-        transitions: Whether mounting and dismounting are.
     """
     command = skate_command(env)
     clock, step, before = command.clock, command.step, STYLE_FRAMES - 1
@@ -164,7 +134,7 @@ def _guidance(command: SkateCommand) -> tuple[torch.Tensor, ...]:
     turn = command.target_heading - command.headings()[0]
     return (
         reading.imu("lin_vel"),
-        torch.stack((torch.sin(turn), torch.cos(turn)), dim=-1),
+        torch.stack((torch.sin(turn), torch.cos(turn)), dim=-1),  # of the heading still to turn
         10 * command.tilt_reference()[:, None],
         torch.stack((10 * reading.tilt(), reading.tilt_rate()), dim=-1),
         10 * reading.trucks(),
@@ -177,7 +147,9 @@ def _board(command: SkateCommand) -> tuple[torch.Tensor, ...]:
     relative = rotation.multiply(rotation.conjugate(pelvis), board)
     axes = torch.eye(3, device=board.device)
     return (
-        rotation.rotate_back(pelvis, reading.board.position() - reading.robot.position()),
+        rotation.rotate_back(
+            pelvis, reading.board.position() - reading.robot.position()
+        ),  # in the pelvis frame, as the axes
         rotation.rotate(relative, axes[0]),
         rotation.rotate(relative, axes[2]),
         command.board_velocity(),
@@ -199,7 +171,7 @@ def _contacts(command: SkateCommand) -> tuple[torch.Tensor, ...]:
         [reading.forces(name).flatten(1) for name in (contacts.FEET_GROUND, contacts.FEET_DECK)], dim=-1
     )
     return (
-        torch.sign(forces) * torch.log1p(forces.abs()),
+        torch.sign(forces) * torch.log1p(forces.abs()),  # ground and deck on left and right foot, world frame
         reading.wheels_loaded().float(),
         command.air_time[:, None].clamp(max=1.0),
     )

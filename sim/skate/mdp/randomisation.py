@@ -1,17 +1,8 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
-"""mjlab's events of the task: starts of episodes, boards, masses, friction, pushes (HUSKY, table of randomisation).
+"""mjlab's events of the task: starts of episodes, boards, pushes (HUSKY, table of randomisation).
 
-| what | range | when |
-|---|---|---|
-| centre of mass of the torso | ±2.5 cm each axis | once a world |
-| centre of mass of the deck | ±2.5 cm each axis | once a world |
-| friction of the soles on ground and deck | × 0.35 to 1.6, even in the logarithm | once a world |
-| tilt joint with its effects, roll inertia and rake | the record's posterior, see `sim.skate.world.posterior` | once a world |
-| delays, gains, masses, rolling friction, sensors' bias, slopes, ledges | see `sim.skate.mdp.worlds` | led by the curriculum |
-| place of the right foot along the deck | `SkateOptions.foot_place` | every reset |
-| pelvis beside the board | ±2 cm | every reset |
-| joints | ±0.01 rad | every reset |
-| velocity of the pelvis | ±0.5 m/s, every 5 to 10 s | pushes |
+`sim.skate.task` draws centres of mass and the soles' friction, `sim.skate.world.posterior` the boards.
+`sim.skate.mdp.worlds` draws all that the curriculum leads.
 """
 
 from functools import partial
@@ -106,7 +97,6 @@ def draw_board(
     """Give every world one of the boards drawn from the posterior, in turn.
 
     Args:
-        env_ids: Which of them; all if None.
         coupled: Whether the deck steers by the equality constraints that boards are drawn with.
     """
     ids = torch.arange(env.num_envs, device=env.device) if env_ids is None else env_ids

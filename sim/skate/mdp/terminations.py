@@ -6,10 +6,15 @@ from typing import Any
 from sim.skate.arrays import namespace
 from sim.skate.mdp.state import SkateState
 
+FALLEN_INCLINATION = math.radians(70)
+"""Inclination of the pelvis that ends an episode [rad]."""
+SETTLING_STEPS = 5
+"""Policy steps after a start in which unloaded feet are no failure: the robot has only just been set down."""
 
-def fallen(state: SkateState, inclination: float = math.radians(70)) -> Any:
-    """The pelvis leans further than `inclination` [rad] from upright, bool (n,)."""
-    return state.upright < math.cos(inclination)
+
+def fallen(state: SkateState) -> Any:
+    """The pelvis leans further than `FALLEN_INCLINATION` from upright, bool (n,)."""
+    return state.upright < math.cos(FALLEN_INCLINATION)
 
 
 def off_board(state: SkateState, steps_before: Any) -> Any:

@@ -1,11 +1,12 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
-"""Domain randomisation: every world's own place within `sim.skate.options.Variation`, scaled by one strength.
+"""Domain randomisation: every world's own place within a `Variation`, scaled by one strength.
 
 Each place is drawn once and kept. Raising the strength from 0 to 1 moves a world gradually from the nominal one
 to its own, without a reset.
 """
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,9 +19,8 @@ from sim.skate import rotation
 from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.mdp.actor_observation import FRAME_SIZE, PARTS
 from sim.skate.mdp.ledges import Ledges
-from sim.skate.options import Variation
 from sim.skate.world.scene import DECIMATION, TIMESTEP
-from sim.skate.world.terrain import LEDGE
+from sim.skate.world.terrain import LEDGE, STEP_LENGTH
 
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
@@ -32,15 +32,48 @@ LEVEL_SHARE, ASCENT_SHARE, DESCENT_SHARE = 0.3, 0.35, 0.2
 down. Of the way, a third is level: a rider who hardly sees the slope must not take every ground for one."""
 LONG, SHORT = (3.0, 20.0), (1.0, 4.0)
 """How long segments of ground are, evenly spread in the logarithm: level ones and long slopes, short ways down [m]."""
-LEDGE_EVERY = 5.0
-"""Mean way from one ledge to where the next comes up [m]: as on the suite's ground. At the ends of segments alone they came
-half as often, and training on higher ones left what lasted on them as it was."""
+LEDGE_EVERY = STEP_LENGTH
+"""Mean way from one ledge to the next [m]: as on the suite's ground. Half as many taught less, even where they were higher."""
 MAX_SLOPE_ANGLE = math.pi / 4
 """Largest angle between a slope and where the board points at its beginning [rad]."""
 EDGE = 0.1
 """Way within which the ground goes over from one segment to the next [m]."""
 _SENSORS = ("angular_velocity", "gravity", "joint_position", "joint_velocity")
 """Parts of the actor's frame that sensors measure."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variation:
+    """How far robots, boards, grounds and sensors differ from world to world, at full strength.
+
+    Each world draws its place within these ranges once. The strength, from 0 to 1, scales the way from the
+    nominal value to the drawn one.
+    """
+
+    action_delay: float = 0.08
+    """Longest time from the policy's answer to the servos [s]; two policy steps count where it is longer. At the strength that
+    policies come to, 0.3 to 0.5, it is 24 to 40 ms."""
+    sensor_delay: float = 0.02
+    """Longest time from the sensors to the policy [s]; at most two policy steps."""
+    gains: float = 0.15
+    """Relative half-width of the servos' kp and kd, each joint on its own."""
+    masses: float = 0.10
+    """Relative half-width of masses and inertias of the robot's links, each on its own."""
+    rolling_friction: tuple[float, float] = (0.5, 4.0)
+    """Factors of the wheels' rolling friction, evenly spread in their logarithm."""
+    slope: float = math.radians(8.0)
+    """Steepest long slope [rad], up or down, ahead within 45°. At the strength that policies come to, 0.3 to 0.5, it is the
+    3° uphill on which slow ones fell."""
+    descent: float = math.radians(10.0)
+    """Steepest short way down, ahead within 45° [rad]."""
+    ledge: float = 0.14
+    """Highest ledge to roll down [m]. At the strength that policies come to, 0.4 to 0.5, it is the 60 mm of the suite's ground."""
+    gyro_bias: float = 0.03
+    """[rad/s]"""
+    gravity_bias: float = 0.02
+    """Error of the direction of gravity [rad]."""
+    encoder_bias: float = 0.015
+    """[rad]"""
 
 
 class Worlds:
@@ -63,8 +96,7 @@ class Worlds:
 
     def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
         """Draw every world's place."""
-        variation: Variation = cfg.params["variation"]
-        self.variation = variation
+        self.variation = variation = Variation()
         self.strength = torch.ones((), device=env.device)
         """Share of the variation by which worlds differ, in one place in memory, ()."""
         self._env = env
@@ -108,9 +140,9 @@ class Worlds:
         )
         self._gravity = wp.to_torch(gravity)
 
-    def __call__(self, env: "ManagerBasedRlEnv", env_ids: Any, variation: Variation) -> None:
+    def __call__(self, env: "ManagerBasedRlEnv", env_ids: Any, strength: float) -> None:
         """Put every world in its place."""
-        self.set_strength(1.0)
+        self.set_strength(strength)
 
     def set_strength(self, strength: float) -> None:
         """Let worlds differ by this share of the variation, from 0 to 1."""

@@ -63,7 +63,6 @@ def skate_spec(board: Board, options: SceneOptions | None = None, *, visuals: bo
     """Return the whole scene for plain MuJoCo.
 
     Args:
-        options: Coupling, terrain and step.
         visuals: Keep the robot's meshes, for pictures.
     """
     options = options or SceneOptions()
@@ -102,9 +101,6 @@ def standing_state(model: mujoco.MjModel) -> Array:
     """Return a configuration of the plain scene, shape (nq,): one foot on the deck, one on the ground.
 
     The robot, in its default pose, is lowered until the first foot touches.
-
-    Args:
-        model: Compiled from `skate_spec`.
     """
     qpos = model.qpos0.copy()
     robot = model.joint(f"{ROBOT}floating_base_joint").qposadr[0]

@@ -25,14 +25,13 @@ def task(**options):
     from mjlab.envs import ManagerBasedRlEnv
 
     from sim.skate.cycle.start import AT_REST, STANDING_PLACE
-    from sim.skate.options import NOMINAL
 
     still = {
         "start": AT_REST,
         "foot_place": (STANDING_PLACE,) * 2,
         "pushes": 0.0,
         "noise": False,
-        "variation": NOMINAL,
+        "strength": 0.0,
     }
     alike = {"boards": 0, "speed": (0.5, 0.5), "standing": 0.0, "slow": 0.0}
     return training.worlds(2, kind=ManagerBasedRlEnv, seed=0, **still, **alike, **options)
@@ -61,15 +60,11 @@ def roll_in_both(env, options, steps, **where):
     Each end is (qpos, qvel, highest speed), of the first world.
     """
     import torch
-    from mjlab.managers.event_manager import RecomputeLevel
 
     model = env.sim.mj_model
     qpos, qvel = model.qpos0.copy(), np.zeros(model.nv)
     set_rolling(model, qpos, qvel, **where)
     data = env.sim.data
-    for name in ("body_ipos", "geom_friction"):  # not what the worlds have drawn
-        getattr(env.sim.model, name)[:] = torch.as_tensor(getattr(model, name), dtype=torch.float32)
-    env.sim.recompute_constants(RecomputeLevel.set_const)
     data.qpos[:] = torch.as_tensor(qpos, dtype=torch.float32)
     data.qvel[:] = torch.as_tensor(qvel, dtype=torch.float32)
     data.qacc_warmstart[:] = 0.0

@@ -51,7 +51,7 @@ def stance(
     sliding: float = 0.2,
     reach: float = 0.4,
 ) -> Any:
-    """The pushing foot stands as the clips' does, for 0.36 to 0.46 s, under load and without slipping.
+    """The pushing foot stands as the clips' does, for 0.35 to 0.44 s, under load and without slipping.
 
     It pays in proportion to the way that the foot has gone back along the board, so one long push earns more than two short
     ones.
@@ -84,8 +84,8 @@ def touchdown(state: SkateState) -> Any:
 def landing(state: SkateState) -> Any:
     """Speed at which the pushing foot meets the ground [m/s], in the step in which it comes down.
 
-    The slip of a stride is made here: in the first sixth of a stance the sole slips 0.1 to 0.4 m/s under its largest load,
-    later 0.02 to 0.05.
+    The slip of a stride is made here. In the first sixth of a stance the sole slips 0.1 to 0.4 m/s under its largest load.
+    Later it slips 0.02 to 0.05 m/s.
     """
     return number(state.left_touchdown) * state.left_landing_speed
 

@@ -75,7 +75,6 @@ def alive(state: SkateState) -> Any:
 
 
 def _terms(task: Task) -> Iterator[Reward]:
-    smoothness = task.options.smoothness
     yield Reward("coast/board_velocity", board_velocity, "not-push", 2.0)
     yield Reward("coast/speed_error", speed_error, "not-push", -6.0, beginner=0.0)
     yield Reward("always/wheels", wheels_on_ground, "always", 0.5)
@@ -84,8 +83,8 @@ def _terms(task: Task) -> Iterator[Reward]:
     yield Reward("always/stand", standing_still, "still", 1.0, {"pose": tuple(default_pose().tolist())})
     yield Reward("always/alive", alive, "always", 1.0)
     yield Reward("always/joint_limits", joint_limits, "always", -30.0, beginner=-5.0)
-    yield Reward("always/action_rate", action_rate, "always", -smoothness)
-    yield Reward("always/action_smoothness", action_smoothness, "always", -smoothness)
+    yield Reward("always/action_rate", action_rate, "always", -0.05)
+    yield Reward("always/action_smoothness", action_smoothness, "always", -0.05)
     yield Reward("always/joint_velocity", joint_velocity, "always", -1e-3)
     yield Reward("always/joint_acceleration", joint_acceleration, "always", -2.5e-7)
     yield Reward("always/joint_torque", joint_torque, "always", -1e-6)
