@@ -61,7 +61,7 @@ class FusedRewards(RewardManager):
         return self._reward_buf
 
     def reset(self, env_ids: torch.Tensor | slice | None = None) -> dict[str, torch.Tensor]:
-        """Do nothing: mjlab's logs the sums of an episode, and no term remembers."""
+        """Return no log: `Progress` has the sums, and no term remembers."""
         return {}
 
 

@@ -44,7 +44,7 @@ def find_stance(sole: Array) -> Stance:
         sole: Lowest points of the sole in the world [m], shape (frames, points, 3), a frame a policy step; at least five.
     """
     window = min(WINDOW, (len(sole) - 1) // 2 * 2 + 1)
-    velocity = savgol_filter(sole[..., :2], window, 2, deriv=1, delta=CONTROL_PERIOD, axis=0)
+    velocity = np.asarray(savgol_filter(sole[..., :2], window, 2, deriv=1, delta=CONTROL_PERIOD, axis=0))
     slowest = np.linalg.norm(velocity, axis=-1).min(axis=1)
     fastest = np.quantile(np.linalg.norm(velocity.mean(axis=1), axis=-1), 0.95)
     planted = slowest < STANDING_SHARE * fastest

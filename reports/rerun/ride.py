@@ -80,7 +80,7 @@ def motion_recording(model: mujoco.MjModel, motions: list[Motion], path: Path) -
     with recording(path, "motions", blueprint) as stream:
         stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for lane, motion in enumerate(motions):
-            time = CONTROL_PERIOD * np.arange(len(motion.joints))
+            time = CONTROL_PERIOD * np.arange(len(motion.joints), dtype=np.float64)
             qpos = motion.qpos.copy()
             qpos[:, 1] -= 2.0 * lane
             log_model(stream, f"world/{motion.name}", model)

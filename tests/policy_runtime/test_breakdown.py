@@ -7,7 +7,7 @@ import pytest
 from rides import made_rides
 
 from policy_runtime.evaluation.breakdown import add_up, break_down
-from policy_runtime.evaluation.metrics import Rides, episode_errors
+from policy_runtime.evaluation.metrics import Rides
 from sim.skate.cycle.clock import Clock
 
 CLOCK = Clock(push=80, mount=10, steer=40, dismount=10)
@@ -68,17 +68,6 @@ def test_a_turn_that_comes_short_is_told_from_one_that_goes_too_far():
         -(0.3 + 39 * 0.1) / 40, rel=1e-6
     )
     assert found.mean("phase 2", "|error|") == 0
-
-
-def test_means_agree_with_the_metrics():
-    rng = np.random.default_rng(3)
-    noisy = rides(board_speed=rng.uniform(0, 1, (STEPS, 2)), board_heading=rng.uniform(-1, 1, (STEPS, 2)))
-    tables, errors = break_down(noisy, CLOCK), episode_errors(noisy)
-    by_phase = table(tables, "speed while pushing")
-    assert by_phase.mean("all", "|v-v_cmd|") == pytest.approx(errors["E_vel"].mean())
-    assert table(tables, "heading while steering").mean("all", "|error|") == pytest.approx(
-        errors["E_yaw"].mean()
-    )
 
 
 def test_parts_add_up_to_the_whole_even_where_one_ended_early():

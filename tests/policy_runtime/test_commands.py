@@ -6,16 +6,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from policy_runtime.loop.commands import (
+    DOWN,
+    LEFT,
+    RIGHT,
     SPEED_RANGE,
     TURN_RANGE,
+    UP,
     Command,
     Keyboard,
     load_script,
     pressed,
 )
 from sysid.errors import SysidError
-
-UP, DOWN, RIGHT, LEFT = (b"\x1b[A", b"\x1b[B", b"\x1b[C", b"\x1b[D")
 
 
 def test_arrow_keys_change_speed_and_turn():
@@ -84,8 +86,6 @@ def test_script_holds_each_command_until_the_next(tmp_path):
         ("time_s,speed_m_s\n0,1\n", "expected columns .*turn_rad.* found time_s, speed_m_s"),
         ("time_s,speed_m_s,turn_rad\n0,fast,0\n", "line 2: .*'fast'"),
         ("time_s,speed_m_s,turn_rad\n0,2.5,0\n", "speed 2.5 is outside the trained range, 0 to 1.5"),
-        ("time_s,speed_m_s,turn_rad\n0,nan,0\n", "speed nan is outside"),
-        ("time_s,speed_m_s,turn_rad\n0,1,-1\n", "turn -1 is outside"),
         ("time_s,speed_m_s,turn_rad\n1,1,0\n", "must start at 0"),
         ("time_s,speed_m_s,turn_rad\n0,1,0\n0,1,0\n", "and increase"),
     ],

@@ -111,12 +111,9 @@ def test_wrong_content_is_refused_in_words(tmp_path, content, message):
 
 
 def test_files_that_are_not_arrays_are_refused_in_words(tmp_path):
-    path = tmp_path / "clip.npy"
-    np.save(path, np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    for content in (path.read_bytes(), b"hello", b""):
-        path.write_bytes(content)
-        with pytest.raises(SysidError, match="not a NumPy array file"):
-            motions.load_motion(path)
+    (tmp_path / "clip.npy").write_bytes(b"hello")
+    with pytest.raises(SysidError, match="not a NumPy array file"):
+        motions.load_motion(tmp_path / "clip.npy")
     with pytest.raises(SysidError, match="cannot be read"):
         motions.load_motion(tmp_path / "missing.npy")
 

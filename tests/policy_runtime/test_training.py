@@ -62,16 +62,13 @@ def test_options_survive_the_file_infinity_included(tmp_path):
         (
             'terrain = "flat"',
             'terrain = "stairs"',
-            r"terrain is 'stairs'; expected one of flat, slopes, steps",
+            "terrain is 'stairs'; expected one of flat, slopes, steps",
         ),
-        ("seed = 1", "sead = 1", r"unknown option 'sead'.*Did you mean 'seed'"),
-        ("environments = 16", 'environments = "many"', r"environments is 'many'; expected int"),
+        ("seed = 1", "sead = 1", "unknown option 'sead'.*Did you mean 'seed'"),
     ],
 )
 def test_a_bad_option_is_named(started, old, new, message):
-    text = started.config.read_text()
-    assert old in text
-    started.config.write_text(text.replace(old, new))
+    started.config.write_text(started.config.read_text().replace(old, new))
     with pytest.raises(SysidError, match=message):
         started.read_config()
 
@@ -415,28 +412,12 @@ def test_a_broken_checkpoint_is_said_in_one_line(trained, tmp_path, kind, option
     assert not (tmp_path / "reports").exists()
 
 
-KEEPS_ALL = """
-import os, sys
-from pathlib import Path
-import torch
-from policy_runtime import train
-from policy_runtime.learning.run_folder import RunFolder
-
-built, build = [], train.build
-train.build = lambda *given: built.append(build(*given)) or built[0]
-folder = Path(sys.argv[1])
-train.train(RunFolder(folder), device="cpu")
-torch.save(built[0][1].save(), folder / f"process_{os.environ['RANK']}.pt")
-"""
-
-
 @pytest.mark.slow
-def test_two_processes_hold_the_same_weights_normalisers_and_discriminator(started, tmp_path):
+def test_two_processes_hold_the_same_weights_normalisers_and_discriminator(started):
     torch = pytest.importorskip("torch")
     pytest.importorskip("mjlab")
-    (tmp_path / "keeps_all.py").write_text(KEEPS_ALL)
     torchrun = ("torch.distributed.run", "--standalone", "--nproc-per-node=2")
-    run(*torchrun, tmp_path / "keeps_all.py", started.path)
+    run(*torchrun, Path(__file__).parents[1] / "support" / "keeps_all.py", started.path)
     first, second = (torch.load(started.path / f"process_{rank}.pt", weights_only=True) for rank in (0, 1))
     for part in ("actor_state_dict", "critic_state_dict", "discriminator", "mean_actor"):
         assert first[part].keys() == second[part].keys()

@@ -26,10 +26,8 @@ def test_factors_reach_record_and_model_and_nothing_else():
     ("text", "message"),
     [
         ("k", "expected factors like k=4,rake=0.9"),
-        ("k=four", "expected factors like"),
         ("q=2", "--board-scale q=2: unknown. Known: k, d, inertia, rake"),
         ("k=-1", "--board-scale k=-1: must be a finite factor"),
-        ("k=inf", "must be a finite factor"),
         ("inertia=0", "must be a finite factor"),
         ("rake=1.4", "makes it 84°, at most 80°"),
     ],

@@ -147,9 +147,8 @@ def _board(command: SkateCommand) -> tuple[torch.Tensor, ...]:
     relative = rotation.multiply(rotation.conjugate(pelvis), board)
     axes = torch.eye(3, device=board.device)
     return (
-        rotation.rotate_back(
-            pelvis, reading.board.position() - reading.robot.position()
-        ),  # in the pelvis frame, as the axes
+        # Place and axes in the pelvis frame, velocities in the board's.
+        rotation.rotate_back(pelvis, reading.board.position() - reading.robot.position()),
         rotation.rotate(relative, axes[0]),
         rotation.rotate(relative, axes[2]),
         command.board_velocity(),

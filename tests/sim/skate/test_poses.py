@@ -66,15 +66,6 @@ def test_wherever_the_cycle_has_the_robot_feet_only_touch_the_deck_and_joints_ar
         assert left[0] > lowest - 2e-3, step
 
 
-@pytest.mark.parametrize("name", ["push", "steer"])
-def test_joints_stay_within_soft_limits_and_no_limbs_touch(model, name):
-    joints = load_poses()[name].joints
-    low, high = model.jnt_range[1:].T
-    middle, half = (low + high) / 2, 0.9 * (high - low) / 2
-    assert np.all(np.abs(joints - middle) <= half)
-    assert placed(model, name).ncon == 0
-
-
 def test_push_has_the_right_foot_on_the_front_marker_and_the_left_above_the_ground(model):
     data = placed(model, "push")
     low, high, points = sole(model, data, "right")
