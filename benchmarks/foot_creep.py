@@ -18,7 +18,7 @@ from policy_runtime.evaluation.plain import Protocol, policy_named, protocol_wor
 from policy_runtime.evaluation.recording import Recording
 from policy_runtime.evaluation.result import TIME_LIMIT
 from policy_runtime.evaluation.statistics import mean_over
-from sim.skate.cycle.clock import STILL_SPEED
+from sim.skate.cycle.clock import STILL_SPEED, Clock
 from sim.skate.robot.g1 import FOOT_BODIES
 from sim.skate.world.scene import BOARD, ROBOT
 from sysid.roll import Array
@@ -52,7 +52,7 @@ def ride(policy: Path, stiffer: bool, episode: int) -> Ride | None:
 
 def _creep(model: mujoco.MjModel, recording: Recording) -> list[float]:
     """Return by how much the foot creeps in each phase of a cycle [m]."""
-    moved, clock = np.diff(foot_place(model, recording.qpos)), recording.clock
+    moved, clock = np.diff(foot_place(model, recording.qpos)), Clock()
     step = recording.step[:-1].astype(int)
     cycles = len(step) / clock.period
     return [float(moved[getattr(clock, name)(step)].sum() / cycles) for name in PHASES]

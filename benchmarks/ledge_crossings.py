@@ -20,7 +20,7 @@ from policy_runtime.evaluation.recording import Recording
 from policy_runtime.evaluation.result import TIME_LIMIT
 from policy_runtime.evaluation.statistics import proportion
 from sim.skate.arrays import wrap_angle
-from sim.skate.cycle.clock import STILL_SPEED
+from sim.skate.cycle.clock import STILL_SPEED, Clock
 from sim.skate.world.terrain import STEP_LENGTH, STEPS
 from sysid.text import in_brackets as text
 from sysid.workspace import Workspace
@@ -48,7 +48,7 @@ def crossings(recording: Recording, wheelbase: float, ended: bool) -> list[Cross
     """Return every crossing of a ride."""
     heading, speed = recording.column("board_heading"), recording.column("board_speed")
     axle = recording.column("board_position")[:, :2] + wheelbase / 2 * ahead(heading)
-    clock = recording.clock
+    clock = Clock()
     found: list[Crossing] = []
     for number, height in enumerate(STEPS, start=1):
         passed = np.flatnonzero(np.abs(axle).max(-1) > number * STEP_LENGTH)

@@ -11,7 +11,7 @@ from policy_runtime.evaluation.recording import Recording
 from policy_runtime.motion.motions import Motion
 from reports.figures.palette import NOISE, REAL, SIM
 from reports.rerun.stream import Look, body_entity, log_model, log_poses, log_series, log_states, recording
-from sim.skate.cycle.clock import CONTROL_PERIOD
+from sim.skate.cycle.clock import CONTROL_PERIOD, Clock
 from sim.skate.robot.g1 import JOINTS
 from sim.skate.world.scene import ROBOT
 from sysid.roll import Array
@@ -93,7 +93,7 @@ def motion_recording(model: mujoco.MjModel, motions: list[Motion], path: Path) -
 
 def _phases(ride: Recording) -> list[tuple[float, str]]:
     """Return when each phase of the cycle begins [s]."""
-    clock, step = ride.clock, ride.step.astype(int)
+    clock, step = Clock(), ride.step.astype(int)
     names = np.select(
         [clock.pushing(step), clock.mounting(step), clock.steering(step)],
         ["push", "mount", "steer"],
