@@ -3,7 +3,7 @@
     python benchmarks/driven_coverage.py --draws 200 --workers 2 --rows coverage.jsonl
 
 Joints: one under a torque, a double pendulum under torques, a leg of two position servos as in PACE (Bjelonic et al. 2025).
-Half of the draws are nature: RK4 at 50 µs, friction that turns within 20 µs. The others are MuJoCo with its own friction:
+Half of the draws are nature: RK4 at 50 µs, friction that turns within a step. The others are MuJoCo with its own friction:
 Euler, implicitfast or RK4 at 1 or 2 ms. The fit knows the masses and nothing of the draw.
 """
 
@@ -27,7 +27,7 @@ from sysid.effects import coulomb, delay
 CASES = ("single", "double", "servo")
 RATE, SECONDS, NOISE = 250, 10.0, 3e-4
 """Samples a second, length [s], noise of the encoders [rad]."""
-NATURE = ("RK4", 5e-5, 'solreffriction="0 -50000" solimpfriction="0.9999 0.9999 0.001"')
+NATURE = ("RK4", 5e-5, 'solreffriction="0 -500000" solimpfriction="0.9999 0.9999 0.001"')
 SIMULATORS = (("Euler", 2e-3, ""), ("implicitfast", 1e-3, ""), ("RK4", 1e-3, ""))
 """Integrator, step [s], and friction constraint."""
 GAINS = (85.0, 0.6)

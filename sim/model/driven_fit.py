@@ -9,7 +9,7 @@ from scipy.linalg import block_diag
 
 from sim.model.driven import Course, Stated, coupling_along, free_inertia, load_along
 from sim.model.setup import Setup
-from sysid.driven.fit import DrivenFit, fit, free_of
+from sysid.driven.fit import FINER, DrivenFit, fit, free_of
 from sysid.driven.log import DrivenLog
 from sysid.driven.missing import Motion
 from sysid.noise.autoregression import residual_noise
@@ -86,7 +86,7 @@ def _beside(
         structure = replace(structure, simulator=simulator)
     return fit(
         replace(before.log, load=load), structure, before.values, tuple(before.quantities), bounds=bounds,
-        begins=[before.values], quick=not last, simulator=simulator,
+        begins=[before.values], quick=not last, simulator=simulator, finer=FINER,
     )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ class DriveArguments:
     zero: float = 0.0
     """Reading of the position at the model's zero, in its column's unit, such as 2048 counts; a command has the same zero."""
     input_between: Literal["auto", "held", "smooth"] = "auto"
-    """The input between samples: held by a controller, or smooth."""
+    """The input between samples: held by a controller, or smooth; `auto` takes the likelier one, where there is a fit."""
     gains: Annotated[tuple[float, ...], Parameter(consume_multiple=True, show_default=False)] = ()
     """Gains instead of the model's: kp and kd of a command, or the torque of one unit of the input."""
     encoder: Literal["joint", "motor"] = "joint"

@@ -51,6 +51,11 @@ class Driven:
         command = named.space.command(verb, *typed(subject), *typed(named.drive), *more, logs=self.paths)
         return f"{why}: {command}"
 
+    def smooth(self) -> "Driven":
+        """Return it with an input that is smooth between samples in the next command."""
+        drive = replace(self.measurement.drive, input_between="smooth")
+        return replace(self, measurement=replace(self.measurement, drive=drive))
+
     @property
     def name(self) -> str:
         """Name of the outputs' folder."""
@@ -104,7 +109,8 @@ def read_driven(paths: Sequence[Path], measurement: DriveMeasurement, printer: P
             if kind == "command":
                 one = _like_position(one, zeros[joint], known=size is not None)
             beside = {name: angles[name] for name in measured}
-            logs[joint].append(replace(one, held=drive.input_between != "smooth", beside=beside))
+            held = {"auto": None, "held": True, "smooth": False}[drive.input_between]
+            logs[joint].append(replace(one, held=held, beside=beside))
             printer.note(
                 f"joint '{joint}': position from {motions[joint] or 'the log'}, {kind} from {inputs[joint]}"
             )
@@ -378,6 +384,8 @@ def driven_fit(
         printer.say(fit_text(joint, fits[joint], one, driven.stated[joint].values))
     if model.next_motion is not None:
         _write_next_motion(model.next_motion, merged, printer)
+    if all(one.log.held is False for own in fits.values() for one in own):
+        driven = driven.smooth()
     made = patch_driven(driven.setup, {joint: one.combined for joint, one in merged.items()})
     refuse_overwriting([driven.setup.file, *made.files], {"--output": path})
     for line in made.remarks:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from sysid.driven.fit import MATTERS, DrivenFit, fit, free_of, start_values, starts
+from sysid.driven.fit import MATTERS, DrivenFit, fit, free_of, start_values, starts, with_likelier_input
 from sysid.driven.joint import Simulator, Structure
 from sysid.driven.log import DrivenLog
 from sysid.driven.missing import Motion
@@ -145,7 +145,10 @@ def diagnose(
     Raises:
         SysidError: The model itself cannot be fitted.
     """
-    search = _Search(log, structure or Structure(log.kind), given, fixed or {}, simulator, told)
+    plain, fixed = structure or Structure(log.kind), fixed or {}
+    own = free_of(plain, plain.effects, fixed)
+    log = with_likelier_input(log, plain, {**given, **fixed}, own, simulator=simulator)
+    search = _Search(log, plain, given, fixed, simulator, told)
     base = search.fitted(tuple(sorted(search.plain.effects)))
     assert base is not None
     leading, best = [base], base

@@ -4,6 +4,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -90,7 +91,7 @@ class DrivenFit:
     def to_json(self) -> dict[str, object]:
         """Return what `fit --json` writes of a driven joint."""
         return {
-            "log": self.log.name, "input": self.log.kind, "effects": list(self.structure.effects), "rmse_rad": self.rmse,
+            "log": self.log.name, "input": self.log.kind, "input_between": self.log.between, "effects": list(self.structure.effects), "rmse_rad": self.rmse,
             "noise_floor_rad": self.noise, "nrmse": self.nrmse, "memory_samples": self.colour.memory,
             "values": dict(self.values),
             "parameters": {name: quantity.to_json() for name, quantity in self.quantities.items()},
@@ -149,7 +150,7 @@ def start_values(structure: Structure, given: Mapping[str, float], log: DrivenLo
 def fit(
     log: DrivenLog, structure: Structure, given: Mapping[str, float], free: tuple[str, ...], *,
     bounds: Mapping[str, tuple[float, float]] | None = None, begins: Sequence[Mapping[str, float]] = (),
-    quick: bool = False, simulator: Simulator | None = None,
+    quick: bool = False, simulator: Simulator | None = None, finer: int = 1,
 ) -> DrivenFit:  # fmt: skip
     """Fit the free parameters of a structure to a log by output error.
 
@@ -158,17 +159,23 @@ def fit(
         begins: Starts of all parameters, where they are known; each is tried.
         quick: Skip the interval, and the search for better minima.
         simulator: Of a model that may have made the log; the likelier of it and nature is fitted.
+        finer: Factor of integration steps.
 
     Raises:
         SysidError: The motion runs away from everywhere that was tried.
     """
     structure, bounds = structure.checked(), dict(bounds or {})
+    if not quick:
+        log = with_likelier_input(
+            log, structure, given, free, bounds=bounds, begins=begins, simulator=simulator, finer=finer
+        )
     values = start_values(structure, given, log)
     found = begins or starts(Motion(log), structure, values, free, bounds)[0]
     if structure.gear is not None and len(found) > 1:
         found = begins = _deepest(log, structure, found, free, bounds)
     windows = [1] if begins else windows_of(log, structure, values)
-    chains = [_chain(log, structure, one, free, bounds, windows, 12 if quick else 40) for one in found]
+    iterations = 12 if quick else 40
+    chains = [_chain(log, structure, one, free, bounds, windows, iterations, finer) for one in found]
     chains = [chain for chain in chains if chain and chain[-1][0].windows == 1]
     if not chains:
         raise SysidError(
@@ -177,7 +184,7 @@ def fit(
     best = min(chains, key=lambda chain: chain[-1][1].normal.cost)
     if simulator is not None and structure.gear is None and simulator.steps(log.step):
         moved = replace(structure, simulator=None if structure.simulator else simulator)
-        other = _chain(log, moved, _values(best[-1]), free, bounds, windows, 12 if quick else 40)
+        other = _chain(log, moved, _values(best[-1]), free, bounds, windows, iterations, finer)
         if other and other[-1][1].normal.cost < best[-1][1].normal.cost:
             best = other
     if not quick:
@@ -192,6 +199,18 @@ def fit(
         )
         best = _refined(best)
     return _result(best, quick=quick)
+
+
+def with_likelier_input(
+    log: DrivenLog, structure: Structure, given: Mapping[str, float], free: tuple[str, ...], **options: Any
+) -> DrivenLog:
+    """Return a log whose input is held or smooth between samples, the likelier of both; `options` are those of `fit`."""
+    if log.held is not None:
+        return log
+    tried = [
+        fit(replace(log, held=held), structure, given, free, quick=True, **options) for held in (True, False)
+    ]
+    return min(tried, key=lambda one: one.score).log
 
 
 def windows_of(log: DrivenLog, structure: Structure, values: Mapping[str, float]) -> list[int]:
@@ -232,13 +251,13 @@ def _deepest(
 
 def _chain(
     log: DrivenLog, structure: Structure, begin: Mapping[str, float], free: tuple[str, ...],
-    bounds: Mapping[str, tuple[float, float]], windows: Sequence[int], iterations: int,
+    bounds: Mapping[str, tuple[float, float]], windows: Sequence[int], iterations: int, finer: int = 1,
 ) -> list[tuple[Problem, Minimum]]:  # fmt: skip
     """Return fits over fewer and fewer windows, each from the one before."""
     chain: list[tuple[Problem, Minimum]] = []
     for number in windows:
         problem = Problem(
-            log=log, structure=structure, values=begin, free=free, windows=number, bounds=bounds
+            log=log, structure=structure, values=begin, free=free, windows=number, bounds=bounds, finer=finer
         )
         found = problem.fitted(iterations=iterations if number > 1 else 40)
         if np.isfinite(found.normal.cost):

@@ -1,13 +1,14 @@
 """The equations of a driven joint, and one integration step of them with exact sensitivities.
 
-    (I + A) q̈ = τ(u, q, q̇) + b + load - d q̇ - k (q - q₀) + Σ effects - friction
+    (I + A) q̈ = τ(u, q, q̇) + b + load - d q̇ - k (q - q₀) + Σ effects - friction.
 
-A step is RK4 with friction against its first rate. At a zero of the rate the joint sticks or slides back within the step.
+A step is RK4 with friction against its first rate. Input and load vary in a step in proportion to time. At a zero of the rate
+the joint sticks or slides back within the step.
 A gear with a spring or a gap makes rotor and joint two bodies. Their step is linearly implicit. Armature, damping and friction
 are then the rotor's. A log of MuJoCo is moved by MuJoCo's own step instead.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
@@ -26,8 +27,10 @@ BASE = {
     "armature": "kg*m^2", "stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad", "bias": "N*m", "zero": "rad",
 }  # fmt: skip
 """Parameters of every driven joint, and their units; `zero` is where the encoder reads the model's zero."""
-GIVEN = ("h", "input", "by_delay", "delay", "inertia", "load", "slope", "at", "free", "damped")
-"""Data of each step: length, mean input, its derivative by the delay, that delay, and the rows of the model's load."""
+VARYING = ("input", "by_delay", "inertia", "load", "slope", "at", "free", "damped")
+"""Data that vary in a step: input, its derivative by the delay, and the rows of the model's load."""
+GIVEN = ("h", "delay", *VARYING, *(f"{name} ramp" for name in VARYING))
+"""Data of each step: its length, the delay of its input, then means and ramps of the varying ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +68,7 @@ class Structure:
     @property
     def parts(self) -> tuple[Effect, ...]:
         """Its effects; the one that turns the input into a torque is always there."""
-        source = next(part.name for part in drives().values() if self.kind in part.sources)
-        return tuple(effect(name) for name in dict.fromkeys((source, *sorted(self.effects))))
+        return tuple(effect(name) for name in dict.fromkeys((self.source.name, *sorted(self.effects))))
 
     @property
     def parameters(self) -> dict[str, str]:
@@ -201,22 +203,37 @@ class Equations:
         q, turned = y[0] + h * (v[0] + gained[0] / 2), y[2] + h * (v[1] + gained[1] / 2)
         return ca.vertcat(q, v[0] + gained[0], turned, v[1] + gained[1], y[4:] + h * rates[4:])
 
-    def _rubbed(self, rate: Any, slid: Any, sign: Any, friction: Any, h: Any) -> tuple[Any, Any]:
-        """Return the rate after a step and the way, from the rate to which the joint would slide on [rad/s].
+    def _rubbed(self, rate: Any, slid: Any, friction: Any, rise: Any, h: Any) -> tuple[Any, Any, Any]:
+        """Return whether the joint turns in a step, its rate after the step, and its way.
 
-        Sliding ends where the rate passes through zero; then the joint sticks, or slides back if the pull is stronger than
-        the friction [rad/s^2].
+        The pull grows in proportion to time. Sliding ends where the rate passes through zero. Then the joint sticks, and slides
+        as long as the pull exceeds the friction.
+
+        Args:
+            rate: At the start [rad/s].
+            slid: At the end if the friction stayed as it was [rad/s].
+            friction: Over the inertia [rad/s^2].
+            rise: Of the pull over the step, over the inertia [rad/s^2].
+            h: Step [s].
         """
         m = self.m
-        turns = rate * slid <= 0
-        until = m.where(
-            turns, h * rate / m.where(turns, m.where(m.abs(rate - slid) > 0, rate - slid, 1.0), 1.0), h
-        )
+        turns, lost = rate * slid <= 0, m.where(m.abs(rate - slid) > 0, rate - slid, 1.0)
+        share = rate / lost
+        share = share - rise * h / 2 * share * (1 - share) / lost
+        share = m.minimum(m.maximum(m.where(turns, share, 1.0), 0.0), 1.0)
+        way = h * (share * rate - share**2 * (lost / 2 + rise * h * (1 / 4 - share / 6)))
+        sign = m.where(rate > 0, 1.0, m.where(rate < 0, -1.0, 0.0))
         pull = (slid - rate) / h + sign * friction
-        back = m.where(pull > friction, pull - friction, m.where(pull < -friction, pull + friction, 0.0))
-        top = m.where(turns, 0.0, slid)
-        end = top + back * (h - until)
-        return end, until * (rate + top) / 2 + (h - until) * (top + end) / 2
+        first, last, left = pull + rise * (share - 0.5), pull + rise / 2, h * (1 - share)
+
+        def beyond(begin: Any, end: Any) -> Any:
+            """Return the mean of the part of a line above zero."""
+            low, high, spread = m.maximum(begin, 0.0), m.maximum(end, 0.0), end - begin
+            part = (high**2 - low**2) / (2 * m.where(m.abs(spread) > 0, spread, 1.0))
+            return m.where(low * high > 0, (low + high) / 2, part)
+
+        back = beyond(first - friction, last - friction) - beyond(-first - friction, -last - friction)
+        return turns, left * back, way + left**2 * back / 2
 
     def _level(self, y: Any, rate: Any) -> Any:
         """Return the dry friction at a state, shape (s,), and a rate of the side that rubs [N*m]."""
@@ -243,18 +260,27 @@ class Equations:
         gives = (1 + h * damped / free) / (inertia + h * damped)
         soft = gives + simulator.softness / (simulator.alone + armature)
 
-        def rates(stage: Any) -> Any:
+        def rates(stage: Any, now: Mapping[str, Any]) -> Any:
             level = self._level(stage, stage[1])
-            pull = inertia * self.derivative(stage, given)[1]
+            pull = inertia * self.derivative(stage, now)[1]
             stops = (gives * pull - h * given["damped"] / free + simulator.rate * stage[1]) / soft
             friction = self.m.maximum(-level, self.m.minimum(level, stops))
-            return self.derivative(stage, given, friction)
+            return self.derivative(stage, now, friction)
 
         if simulator.implicit == "nothing":
-            return runge_kutta(rates, y, h)
-        slopes = rates(y)
+            return self._along(y, given, rates)
+        slopes = rates(y, given)
         rate = y[1] + h * slopes[1] / (1 + h * damped / inertia)
         return casadi.vertcat(y[0] + h * rate, rate, y[2:] + h * slopes[2:])
+
+    def _along(self, y: Any, given: Mapping[str, Any], rates: Callable[[Any, Mapping[str, Any]], Any]) -> Any:
+        """Return the state after a step of RK4 along what varies in it, shape (s,)."""
+        import casadi
+
+        def timed(stage: Any) -> Any:
+            return casadi.vertcat(rates(stage[:-1], _within(given, stage[-1])), 1 / given["h"])
+
+        return runge_kutta(timed, casadi.vertcat(y, -0.5), given["h"])[:-1]
 
     def step(self, y: Any, given: Mapping[str, Any]) -> Any:
         """Return the state one step later, shape (s,), in SI."""
@@ -268,7 +294,7 @@ class Equations:
         if at:
             slid = self._implicit(y, given, sign * level, h)
         else:
-            slid = runge_kutta(lambda stage: self.derivative(stage, given, sign * level), y, h)
+            slid = self._along(y, given, lambda stage, now: self.derivative(stage, now, sign * level))
         items = items_of(slid, slice(0, slid.shape[0]))
         moved = slid[0] - y[0]
         for part, own, where in self.layout:
@@ -277,10 +303,17 @@ class Equations:
                     items[index] = state.return_map(m, items[index], moved, own)
         if any(isinstance(part, TorqueEffect) and part.friction is not None for part, _, _ in self.layout):
             friction = level / (self.values["armature"] + (0.0 if at else given["inertia"]))
-            end, way = self._rubbed(y[at + 1], items[at + 1], sign, friction, h)
-            items[at] = items[at] + way - h / 2 * (y[at + 1] + items[at + 1])
-            items[at + 1] = end
+            ends = ((1.0, slid), (-1.0, y))
+            rise = 0.0 if at else sum(s * self.derivative(x, _within(given, s / 2))[1] for s, x in ends)
+            turns, end, way = self._rubbed(y[at + 1], slid[at + 1], friction, rise, h)
+            items[at + 1] = m.where(turns, end, slid[at + 1])
+            items[at] = m.where(turns, y[at] + way, slid[at])
         return casadi.vertcat(*items)
+
+
+def _within(given: Mapping[str, Any], share: Any) -> dict[str, Any]:
+    """Return the data of a step at a time after its middle, as a share of the step."""
+    return {**given, **{name: given[name] + share * given[f"{name} ramp"] for name in VARYING}}
 
 
 @cache
@@ -319,7 +352,7 @@ def simulate(structure: Structure, free: tuple[str, ...], start: Array, vector: 
     Args:
         start: State, shape (s,).
         vector: Parameters in the structure's order and units, shape (p,).
-        given: Rows of `GIVEN` in their units, shape (10, steps).
+        given: Rows of `GIVEN` in their units, shape (18, steps).
     """
     n, columns = structure.states, len(free) + structure.states if free else 0
     begin = np.concatenate([start, np.eye(n, columns, len(free)).T.ravel() if free else []])

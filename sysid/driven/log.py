@@ -70,12 +70,17 @@ class DrivenLog:
     """Input in its own unit, shape (n,)."""
     kind: InputKind
     load: Load
-    held: bool = True
-    """Whether a digital controller held the input between samples; else it is smooth."""
+    held: bool | None = True
+    """Whether a digital controller held the input between samples; else it is smooth. None: a fit decides, a replay holds it."""
     slides: bool = False
     """Whether it is the position of a slide [m]; torques are then forces [N]."""
     beside: Mapping[str, Array] = field(default_factory=dict[str, Array])
     """Measured angles of other joints [rad or m], shape (n,) each."""
+
+    @property
+    def between(self) -> str:
+        """Its input between samples: held or smooth."""
+        return "smooth" if self.held is False else "held"
 
     @property
     def load_time(self) -> Array:
@@ -97,41 +102,36 @@ class DrivenLog:
         step = self.step / substeps
         return self.time[0] + step * np.arange(int(self.duration / step + 1e-6) + 1)
 
-    def mean_input(self, grid: Array, delay: float) -> tuple[Array, Array]:
-        """Return the mean input over each step of a grid [s], shape (m + 1,), and its derivative by the delay [s], shape (m,) each.
+    def mean_input(self, grid: Array, delay: float) -> Array:
+        """Return mean and ramp of the input over each step of a grid [s], shape (m + 1,), and their derivatives by the delay [1/s].
 
-        Before the log the input is its first value; means are in the input's unit.
+        A line with that mean and ramp has the input's integral and first moment. The joint then moves as under
+        the input, to third order of the step. Before the log the input is its first value.
+
+        Returns:
+            Mean, ramp and their derivatives, in the input's unit, shape (4, m).
         """
-        late = grid - delay
-        integral, value = self._integral
-        step = np.diff(grid)
-        return np.diff(integral(late)) / step, -np.diff(value(late)) / step
+        late, step = grid - delay, np.diff(grid)
+        value, once, twice = (one(late) for one in self._integrals)
+        middle = (once[1:] + once[:-1]) / 2
+        mean = np.diff(once) / step
+        ramp = 12 / step * (middle - np.diff(twice) / step)
+        by_delay = -np.diff(value) / step
+        ramp_by_delay = 12 / step * (mean - (value[1:] + value[:-1]) / 2)
+        return np.stack([mean, ramp, by_delay, ramp_by_delay])
 
     @cached_property
-    def _integral(self) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
-        """The input's integral and the input itself as functions of time."""
-        time, values = self.time, self.input
-        if not self.held:
-            from scipy.interpolate import CubicSpline
+    def _integrals(self) -> tuple[Callable[[Array], Array], ...]:
+        """The input as a function of time, and its first and second integral; it is constant before and after the log."""
+        from scipy.interpolate import CubicSpline, PPoly
 
-            spline = CubicSpline(time, values)
-            whole = spline.antiderivative()
-
-            def clipped(t: Array) -> Array:
-                inside = np.clip(t, time[0], time[-1])
-                return np.asarray(whole(inside)) + values[0] * (t - inside)
-
-            return clipped, lambda t: np.asarray(spline(np.clip(t, time[0], time[-1])))
-        sums = np.r_[0.0, np.cumsum(values[:-1] * np.diff(time))]
-
-        def summed(t: Array) -> Array:
-            before, after = np.minimum(t - time[0], 0.0), np.maximum(t - time[-1], 0.0)
-            return np.interp(t, time, sums) + values[0] * before + values[-1] * after
-
-        def now(t: Array) -> Array:
-            return values[np.clip(np.searchsorted(time, t + 1e-9, side="right") - 1, 0, len(time) - 1)]
-
-        return summed, now
+        inside = CubicSpline(self.time, self.input).c if self.held is False else self.input[None, :-1]
+        ends = np.zeros((len(inside), 2))
+        ends[-1] = self.input[[0, -1]]
+        knots = np.r_[self.time[0] - 1.0, self.time, self.time[-1] + 1.0]
+        found = PPoly(np.c_[ends[:, :1], inside, ends[:, 1:]], knots)
+        # A step that begins where the input changes, begins after it.
+        return lambda t: found(t + 1e-9), found.antiderivative(), found.antiderivative(2)
 
 
 def log_of(

@@ -92,11 +92,12 @@ class Problem:
         return self.grid[:-1] + self.structure.middle * self.h / 2
 
     @cached_property
-    def known(self) -> Array:
-        """Rows of the load for each step, in units of SI, shape (6, m)."""
+    def known(self) -> tuple[Array, Array]:
+        """Rows of the load for each step, and their ramps, in units of SI, shape (6, m) each."""
         from scipy.interpolate import CubicSpline
 
-        return CubicSpline(self.log.load_time, self.log.load.rows, axis=1)(self.load_time)
+        rows = CubicSpline(self.log.load_time, self.log.load.rows, axis=1)
+        return rows(self.load_time), np.diff(rows(self.grid), axis=1)
 
     @cached_property
     def start_states(self) -> Array:
@@ -163,8 +164,10 @@ class Problem:
         vector, delay = self.vector(point[:p]), 0.0
         if self.structure.delay:
             delay = float(vector[list(self.structure.parameters).index(self.structure.delay)])
-        mean, by_delay = self.log.mean_input(self.grid, delay)
-        given = np.vstack([np.full_like(mean, self.h), mean, by_delay, np.full_like(mean, delay), self.known])
+        mean, ramp, by_delay, ramp_by_delay = self.log.mean_input(self.grid, delay)
+        load, rising = self.known
+        times = np.array([[self.h], [delay]]).repeat(len(mean), axis=1)
+        given = np.vstack([times, mean, by_delay, load, ramp, ramp_by_delay, rising])
         free, units = (self.free, self.sizes[: p + n]) if slopes else ((), np.empty(0))
         starts = point[p:].reshape(self.windows, n) * self._state_sizes
         for start, (first, _, _) in zip(starts, self.places, strict=True):

@@ -62,7 +62,9 @@ def fit_text(joint: str, fits: Sequence[DrivenFit], merged: Agreement, before: M
                 else "yes"
             )
         rows.append(row)
-    lines = [table(head, rows, f"{joint}: driven by a {fits[0].log.kind}")]
+    lines = [
+        table(head, rows, f"{joint}: driven by a {fits[0].log.kind}, {fits[0].log.between} between samples")
+    ]
     for one in fits:
         lines.append(f"{Path(one.log.name).name}: {100 * one.nrmse:.2f} % of the motion beyond the noise")
         if not one.is_noise:

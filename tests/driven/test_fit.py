@@ -1,11 +1,13 @@
 """Driven joints: fits of logs whose truth was moved by other code, in plain MuJoCo or by formulas."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 from driven_truths import Truth, make, simulate
 
-from sysid.driven.fit import fit, free_of, start_values
+from sysid.driven.fit import fit, free_of, start_values, with_likelier_input
 from sysid.driven.joint import Simulator, Structure
 from sysid.driven.log import DrivenLog, Load, log_of
 from sysid.driven.problem import Problem
@@ -91,8 +93,8 @@ def test_friction_turns_within_a_step():
     structure = Structure("torque", ("coulomb",))
     values = start_values(structure, {"armature": 0.1, "damping": 3.0, "coulomb.torque": 2.0}, log)
     worst = []
-    for substeps in (1, 2, 4):
-        problem = Problem(log=log, structure=structure, values=values, free=("armature",), substeps=substeps)
+    for finer in (1, 2, 4):
+        problem = Problem(log=log, structure=structure, values=values, free=("armature",), finer=finer)
         begin = problem.begin()
         begin[1:] = 0.0  # it starts from rest
         worst.append(np.abs(problem.residuals(begin, slopes=False)[0][0]).max() * 1e-6)
@@ -136,8 +138,36 @@ def test_a_held_input_is_late_by_exactly_the_delay():
     grid = np.arange(0.0, 5.0)
     assert log.mean_input(grid, 0.0)[0].tolist() == [0, 1, 3, 3]
     assert log.mean_input(grid, 0.25)[0].tolist() == [0, 0.75, 2.5, 3]
-    mean, slope = log.mean_input(grid, 0.25)
-    assert np.allclose((log.mean_input(grid, 0.26)[0] - mean) / 0.01, slope)
+    mean, ramp, *slopes = log.mean_input(grid, 0.25)
+    assert np.allclose((log.mean_input(grid, 0.26)[0] - mean) / 0.01, slopes[0])
+    assert np.allclose((log.mean_input(grid, 0.25001)[1] - ramp) / 1e-5, slopes[1], atol=1e-3)
+
+
+def test_mean_and_ramp_move_a_joint_as_the_input_does():
+    log = DrivenLog(name="", time=np.arange(5.0), angle=np.arange(5.0), std=1.0, input=np.array([0.0, 1, 3, 3, 0]), kind="torque",
+                    load=Load.constant(1.0, 5))  # fmt: skip
+    mean, ramp = log.mean_input(np.arange(0.0, 5.0), 0.25)[:2]
+    rate, way = np.cumsum(np.r_[0.0, mean]), [0.0]
+    for before, m, r in zip(rate[:-1], mean, ramp, strict=True):
+        way.append(way[-1] + before + m / 2 - r / 12)
+    fine = np.arange(0.0, 4.0, 1e-4) + 5e-5
+    exact = np.cumsum(np.cumsum(log.input[np.floor(np.maximum(fine - 0.25, 0)).astype(int)])) * 1e-8
+    assert np.allclose(way[1:], exact[9999::10000], atol=1e-3)
+
+
+@pytest.mark.parametrize("smooth", [True, False])
+def test_the_log_says_whether_its_input_was_held(smooth):
+    truth = Truth((), "torque", 0.02, 0.01, 0.15, 0.8)
+    fine = np.arange(4000) / 1000
+    u = 0.8 * np.sin(2 * np.pi * (0.3 * fine + 0.5 * fine**2))
+    u = u if smooth else np.repeat(u[::10], 10)
+    whole = driven(truth, u, 1000, 4e-4)
+    load = Load.of(whole.load.rows[:, ::10])
+    log = replace(whole, time=whole.time[::10], angle=whole.angle[::10], input=u[::10], load=load, held=None)
+    structure = Structure("torque", ("delay",))
+    found = with_likelier_input(log, structure, {}, free_of(structure, structure.effects, {}))
+    assert found.held is not smooth
+    assert found.between == ("smooth" if smooth else "held")
 
 
 def test_an_input_that_drives_nothing_is_refused():

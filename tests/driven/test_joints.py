@@ -9,7 +9,7 @@ from driven_coverage import run, xml
 
 from sim.model.driven import Course, free_inertia, load_along, stated
 from sim.model.setup import Setup
-from sysid.driven.joint import Structure, simulate
+from sysid.driven.joint import VARYING, Structure, simulate
 from sysid.effects import coulomb
 
 
@@ -43,7 +43,10 @@ def test_a_joint_beside_another_moves_as_mujoco_moves_it(tmp_path, integrator):
         structure = Structure("command", (coulomb.EFFECT.name,), simulator=simulator)
         vector = np.array([known.values.get(p, 0.0) for p in structure.parameters])
         rows = load_along(setup, courses).rows
-        given = np.vstack([np.full(steps - 1, step), inputs[i, :-1], np.zeros((2, steps - 1)), rows])
+        none = np.zeros((1, steps - 1))
+        given = np.vstack(
+            [none + step, none, inputs[i, :-1], none, rows, *(none for _ in VARYING)]
+        )  # a step of Euler takes all at its start
         path = simulate(structure, (), np.array([angles[i, 0], rates[i, 0]]), vector, given)
         assert np.abs(path[:, 0, 0] - angles[i]).max() < 1e-9  # rounding; its range is 0.5 rad
 
