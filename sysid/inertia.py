@@ -16,14 +16,14 @@ import numpy as np
 from sysid.board import Board, BoardEffect
 from sysid.decay.numbers import decay_from_peaks
 from sysid.errors import SysidError
-from sysid.quantity import GRAVITY, Quantity, propagate
+from sysid.quantity import GRAVITY, Z95, Quantity, propagate
 
 UNIT = "kg*m^2"
 ON_AXIS = Quantity(0.0, 0.0, "m")
 TURNED = ("stiffness", "damping")
 """Quantities of the tilt joint that scale with the inertia."""
-AGREEMENT = 0.05
-"""Significance level at which methods disagree [1]."""
+AGREEMENT = math.erfc(Z95 / math.sqrt(2))
+"""Significance level at which methods disagree [1]: the chance to lie outside a 95 % interval."""
 
 
 def cuboid(mass: Quantity, width: Quantity, height: Quantity, distance: Quantity = ON_AXIS) -> Quantity:

@@ -10,9 +10,6 @@ from sysid.diagnosis.motion import natural_frequency
 from sysid.fitting.records import Record
 from sysid.roll import Array, Release
 
-FEWEST = 5
-"""Samples that a local parabola smooths: two more than it has coefficients."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class ComparedRelease:
@@ -81,7 +78,7 @@ class ComparedRelease:
         """
         period = 2 * np.pi / natural_frequency(self.record.release, rate=self.record.is_rate)
         samples = period / float(np.median(np.diff(self.time)))
-        window = max(int(samples / 6) | 1, FEWEST)
+        window = max(int(samples / 6) | 1, 3)  # a parabola has three coefficients
         return window if window <= min(samples / 3, len(self.time) / 2) else None
 
 

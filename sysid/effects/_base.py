@@ -230,8 +230,8 @@ Family = Literal[
 ]  # fmt: skip
 """Everyday kinds of effects; effects of one family are variants of one another."""
 Role = Literal["torque", "learned", "support", "shift", "record", "measurement", "drive"]
-"""The part that it changes: the joint's torque by a formula or by a table, its support, its rest angle, numbers of the record that a
-free decay leaves open, the sensor, or the actuator."""
+"""The part that an effect changes. 'learned' is a torque by a table, and 'shift' moves the rest angle. 'record' stands for numbers that
+a free decay leaves open."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

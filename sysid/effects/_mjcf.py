@@ -11,8 +11,6 @@ from sysid.errors import SysidError
 
 UNREACHABLE_TILT = 10.0
 """Tilt beyond the range of all joints [rad]: a tendon that is slack up to it never pulls on that side."""
-_NO_MOTOR = 1e-9
-"""Constant of a motor with friction only [N*m/A]; MuJoCo 3.11 requires one above zero."""
 
 
 def spec_angle(spec: MjSpec, angle: float) -> float:
@@ -118,7 +116,8 @@ def add_passive_motor(spec: MjSpec, joint: MjsJoint, name: str, *, native: bool,
     motor = spec.add_actuator(
         name=f"{joint.name}_{name}", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
     )
-    motor.set_to_dcmotor(**{"motorconst": [_NO_MOTOR, _NO_MOTOR], "resistance": 1.0, **constants})
+    # MuJoCo 3.11 requires a constant above zero, also of a motor with friction only.
+    motor.set_to_dcmotor(**{"motorconst": [mujoco.mjMINVAL] * 2, "resistance": 1.0, **constants})
     if native and hasattr(mujoco, "mjtCtrlInput"):
         motor.ctrlspec = int(mujoco.mjtCtrlInput.mjINPUT_NONE)
 

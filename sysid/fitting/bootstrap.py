@@ -1,7 +1,7 @@
 """Block bootstrap: intervals from the residuals themselves, without a noise model.
 
-Of twelve releases or more, whole releases are drawn again: differences between them, such as a bushing that warms up, are in the spread.
-Of fewer, blocks of residuals are added to the fitted motion: blocks longer than the memory of the noise.
+From ten releases on (the groups of a cross-validation), whole ones are drawn again. Differences between them, such as a bushing that
+warms up, are then in the spread. Of fewer, whose spread is too narrow by several percent, blocks of residuals are added to the fitted motion: blocks longer than the memory of the noise.
 
 Sources: Künsch (Annals of Statistics 1989) for moving blocks; Politis and White (Econometric Reviews 2004)
 for their length; Efron and Tibshirani (1993), chapter 14, for the bias-corrected percentiles.
@@ -16,6 +16,7 @@ import numpy as np
 from sysid.board import Board
 from sysid.errors import SysidError
 from sysid.fitting.covariance import noise_behind, scale_shift, torque_like
+from sysid.fitting.cross_validation import FOLDS
 from sysid.fitting.problem import Problem
 from sysid.fitting.result import JointFit
 from sysid.noise.autoregression import ResidualNoise
@@ -23,8 +24,6 @@ from sysid.progress import steps
 from sysid.quantity import Z95
 from sysid.roll import Array
 
-ENOUGH_RELEASES = 12
-"""From here on whole releases are drawn; the spread of fewer is too narrow by several percent, and ragged."""
 FEWEST_DRAWS = 100
 """The ends of a 95 % interval are the 2.5 % tails: two draws of a hundred."""
 
@@ -75,8 +74,8 @@ def require_enough(draws: int) -> None:
     """
     if draws < FEWEST_DRAWS:
         raise SysidError(
-            f"{draws} draws are too few for the ends of a 95 % interval; expected at least {FEWEST_DRAWS}. "
-            "--bootstrap 400 is good to 7 % of the width."
+            f"{draws} draws are too few for the ends of a 95 % interval. Expected are {FEWEST_DRAWS} or more: --bootstrap 400 is good "
+            "to 7 % of the width."
         )
 
 
@@ -88,7 +87,7 @@ def bootstrap(fit: JointFit, board: Board, draws: int, *, seed: int = 0) -> Boot
     """
     require_enough(draws)
     rng = np.random.default_rng(seed)
-    whole = len(fit.records) >= ENOUGH_RELEASES
+    whole = len(fit.records) >= FOLDS
     noise = noise_behind(fit.problem, fit.minimum, fit.residuals)
     block = 0 if whole else block_length(noise, fit.problem.samples)
     count = len(fit.problem.names)

@@ -17,20 +17,16 @@ from sysid.roll import Array
 from sysid.video.film.background import SMALL_SIDE
 from sysid.video.film.frames import SURVEY_FRAMES, Frame, halved
 from sysid.video.film.track import Track
-from sysid.video.pose.prior import ROUNDS
+from sysid.video.pose.prior import ATTITUDE_STEP, ROUNDS
 from sysid.video.pose.rectify import attitude_share, pose_between, principal_corners, project, turn_of
 from sysid.video.types import Box, Image, Mask, Points
 
 KERNEL = cv2.getGaussianKernel(7, 0.8)
 """Smoothing before gradients are taken: a standard deviation of 0.8 px."""
-ATTITUDE_STEP = np.radians(1.0)
-"""Turns this far apart are different attitudes [rad]: the outermost pixels are a pixel or two apart."""
 AGREEMENT = 0.3
 """Spread of a pixel in pictures turned back, over its spread as filmed, up to which it is the board's."""
 MAX_PIXELS = 2000
 """Pixels that are used at most: those where brightness changes most."""
-MIDDLE_GREY = np.float32(128.0)
-"""About which brightness is squared, so that single precision does [grey levels]."""
 MAX_CORRECTION = 4.0
 """A picture in which the points end further from where they were followed is not believed [px]. A body whose pixels are
 nearer to their middle than that, across its narrow side, may be confused with its surroundings."""
@@ -172,15 +168,16 @@ def _mean_and_spread(
     """
     share = attitude_share(np.array([turn_of(pose) for _, _, pose in seen]), ATTITUDE_STEP)
     first, second = np.zeros((2, size[1], size[0]), np.float32)
+    grey = np.float32(seen[0][0].mean())  # squares about a usual brightness need single precision only
     for (picture, inward, pose), part in zip(seen, (share / share.sum()).tolist(), strict=True):
         flags, border = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP, cv2.BORDER_REPLICATE
         there = inward @ pose if back else inward
         flat = cv2.warpPerspective(picture, there, size, flags=flags, borderMode=border)
-        some = np.asarray(flat, np.float32) - MIDDLE_GREY
+        some = np.asarray(flat, np.float32) - grey
         cv2.scaleAdd(some, part, first, first)
         cv2.scaleAdd(some * some, part, second, second)
     spread = cv2.GaussianBlur(np.sqrt(np.maximum(second - first**2, 0)), (0, 0), 2.0)
-    return first + MIDDLE_GREY, np.asarray(spread, np.float32)
+    return first + grey, np.asarray(spread, np.float32)
 
 
 def _middle(values: Image) -> np.float32:

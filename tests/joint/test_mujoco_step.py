@@ -20,7 +20,7 @@ SIZES = {
     "cubic": (-1, 30), "quadratic": (0, 0.3), "cubic_damping": (0, 0.05), "rest": (-0.05, 0.05), "friction": (0.001, 0.05),
     "start": (-0.2, 0.2), "rate": (-2, 2),
 }  # fmt: skip
-"""Sizes that real joints have, so that no step is unstable."""
+"""Sizes of real joints, for which all steps are stable."""
 
 
 def rolled(inertia, torque, parameters, values, start, steps, *, timestep, frictionloss=0.0):

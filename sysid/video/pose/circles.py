@@ -1,15 +1,14 @@
 """Direction of the axis, lens and shutter with which the points of a turning body run on circles.
 
-To a camera along the axis every point of a rigid body runs on a circle, whatever its depth. With complex picture coordinates:
+To a camera along the axis every point of a rigid body runs on a circle, whatever its depth. Picture coordinates are complex:
 
     z_ij = τ_i + c_j + exp(i φ_i) q_j.
 
-φ_i is the roll in frame i, τ_i a shift of the whole body (a truck gives way), q_j the body's shape and c_j the centres of its points'
-circles. Centres differ if depths do and the axis is not in the middle of the picture. Of a plane whose depth grows by g with height,
+In frame i the roll is φ_i, and τ_i is a shift of the whole body (a truck gives way). The body's shape is q_j.
+The circles of its points have the centres c_j. These differ if depths do and the axis is not in the middle of the picture.
+The depth of a plane may grow by g with height. With P, the place at which the axis passes its middle, and q_j in focal lengths,
 
-    c_j = -P g Im(q_j),
-
-where P is the place at which the axis passes the plane's middle, and q_j is in focal lengths.
+    c_j = -P g Im(q_j).
 
 A bundle adjustment finds the camera, the body's shape and its circles, which all frames share. It minimises the distances in the
 pictures, with priors. Each frame gives the place of the body in it.

@@ -2,6 +2,10 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
+ATTITUDE_STEP = np.radians(1.0)
+"""Turns this far apart are different attitudes [rad]: the outermost pixels of a body are a pixel or two apart."""
 POINT_FLOOR = 0.02
 """Least standard deviation of a point's position [px]: pixels and lens have faults of their own."""
 BODY_FLOOR = 0.04

@@ -11,8 +11,8 @@ def upright(matrix: Array, camera: Array) -> Array:
 
     Args:
         matrix: Camera matrix [px], shape (3, 3).
-        camera: Yaw and pitch of the axis [rad], to the right of and down from the line of sight; logarithm of the focal length over that
-        of the matrix. Shape (..., 3) or longer.
+        camera: Shape (..., 3) or longer. Yaw and pitch of the axis to the right of and down from the line of sight [rad]. Then the
+        logarithm of the focal length over that of the matrix.
     """
     yaw, pitch, longer = (camera[..., number] for number in range(3))
     scaled = matrix * np.where(np.diag([1.0, 1.0, 0.0]) > 0, np.exp(longer)[..., None, None], 1.0)

@@ -22,7 +22,7 @@ from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import AngleTrack
 from sysid.video.pose.camera_state import READOUT, CameraState, spread_by
-from sysid.video.pose.prior import BODY_FLOOR, POINT_FLOOR
+from sysid.video.pose.prior import ATTITUDE_STEP, BODY_FLOOR, POINT_FLOOR
 from sysid.video.pose.rectify import attitude_share, rectify, smear, unwrap
 from sysid.video.pose.view import View
 from sysid.video.trackers._base import Target, Tracker, level_angle
@@ -31,8 +31,6 @@ from sysid.video.types import Complex, Image, Picture, Rows
 
 MAX_TURN = np.radians(45.0)
 """Largest turn that is looked for [rad]: decks and pendulum rods of a free decay stay within it."""
-TURN_BIN = np.radians(1.0)
-"""Turns that are told apart when lines are looked for [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +89,9 @@ def find_edges(look: Survey) -> Edges | None:
     picture = np.repeat(np.arange(len(lines)), [len(one) for one in lines])
     best, most = None, 0.0
     for pivot, turns, rows in _common_pivots(np.concatenate(lines), picture, np.reshape(look.box, (2, 2))):
-        _, some = np.unique(np.round(turns / (2 * TURN_BIN)), return_index=True)  # each attitude counts once
+        _, some = np.unique(
+            np.round(turns / (2 * ATTITUDE_STEP)), return_index=True
+        )  # each attitude counts once
         ends = _edges_in(_turned_back([every[row] for row in rows[some]], pivot, turns[some]))
         seen = len(some) * float(np.abs(ends[:, 1] - ends[:, 0]).sum())
         if seen > most:
@@ -114,7 +114,7 @@ def _common_pivots(lines: Complex, picture: Rows, box: Array) -> Iterator[tuple[
     turn, length = np.angle(way * polarity), np.abs(way)
     design = np.stack([np.ones(len(lines)), -np.sin(turn), np.cos(turn)], axis=1)
     distance = (lines[:, 0] * np.exp(-1j * turn)).imag
-    attitude = np.round((turn + MAX_TURN) / (2 * TURN_BIN)).astype(int)
+    attitude = np.round((turn + MAX_TURN) / (2 * ATTITUDE_STEP)).astype(int)
     low, high = 2 * box[0] - box[1], 2 * box[1] - box[0]
     for seed, side in product(range(4), (1.0, -1.0)):
         rng, best, found = np.random.default_rng(seed), 0.0, None
@@ -122,7 +122,7 @@ def _common_pivots(lines: Complex, picture: Rows, box: Array) -> Iterator[tuple[
         own = own[np.lexsort((-length[own], picture[own]))]  # a picture shows its longest line that agrees
         for _ in range(400 if len(own) > 4 else 0):
             three = rng.choice(own, 3, replace=False, p=length[own] / length[own].sum())
-            if np.ptp(turn[three]) < 4 * TURN_BIN or abs(np.linalg.det(design[three])) < 1e-6:
+            if np.ptp(turn[three]) < 4 * ATTITUDE_STEP or abs(np.linalg.det(design[three])) < 1e-6:
                 continue
             model = np.linalg.solve(design[three], distance[three])
             if np.any(model[1:] < low) or np.any(model[1:] > high):
@@ -158,7 +158,7 @@ def _edges_in(mean: Small) -> Complex:
     lines = mean.lines()
     for line in lines[np.argsort(-np.abs(lines[:, 1] - lines[:, 0]))]:
         way, middle = line[1] - line[0], line.mean()
-        if abs(way.imag) > np.sin(2 * TURN_BIN) * abs(way):
+        if abs(way.imag) > np.sin(2 * ATTITUDE_STEP) * abs(way):
             continue
         for number, other in enumerate(found):
             if (
@@ -220,7 +220,7 @@ class EdgeFollower:
         """Return the turn [rad] and the shift [px] at which the edges show best, and the change of brightness there."""
         reach, middle = (MAX_TURN, 0.0) if self._lost else (MAX_TURN / 3, self._turn + self._step)
         moved = complex(*frame.shift)
-        turns = middle + np.arange(-reach, reach, TURN_BIN / 2)
+        turns = middle + np.arange(-reach, reach, ATTITUDE_STEP / 2)
         ends = self.edges.at(turns, np.full(len(turns), moved)).ravel()
         small = small_of(frame.cut(box_about(np.stack([ends.real, ends.imag], axis=1), 30)))
         turn, down = (
@@ -277,7 +277,7 @@ def fit_edges(z: Complex) -> EdgeFit:
     for _ in range(24):
         turned: Complex = np.exp(-1j * angle)[:, None] * place
         turned = turned - _middle(turned, weight)
-        share = weight * attitude_share(angle, TURN_BIN)[:, None] + 1e-12
+        share = weight * attitude_share(angle, ATTITUDE_STEP)[:, None] + 1e-12
         height = np.average(
             turned.imag + _middle(np.broadcast_to(height, z.shape), weight), axis=0, weights=share
         )

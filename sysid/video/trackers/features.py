@@ -20,13 +20,11 @@ from sysid.video.film.reel import Reel
 from sysid.video.film.shake import MIN_PATCHES
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import fit_angle
-from sysid.video.pose.prior import BODY_FLOOR, BodyPrior
+from sysid.video.pose.prior import ATTITUDE_STEP, BODY_FLOOR, BodyPrior
 from sysid.video.pose.rectify import pose_between, principal_corners, project, shifted, turn_of
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_at_rest
 from sysid.video.types import Mask, Picture
 
-AS_EXPECTED = np.radians(1.0)
-"""Difference of turns at which patches look as they did in the reference [rad]."""
 SAME_ERRORS = 3.0
 """Motion up to which patches of texture err alike [px]: as the deck turns they are seen at another slant."""
 TEXTURE = BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE, still=SAME_ERRORS, any_side=True)
@@ -89,7 +87,7 @@ class FeatureFollower:
             found, mask = self._match(frame, expected)
             if (near := int(mask.sum())) > best:
                 best, pose, agree = near, found, mask
-            if near == 0 or abs(turn_of(found) - turn_of(expected)) < AS_EXPECTED:
+            if near == 0 or abs(turn_of(found) - turn_of(expected)) < ATTITUDE_STEP:
                 break
             expected = found
         if best < max(MIN_PATCHES, 0.3 * len(self.places)):
