@@ -68,7 +68,7 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
     from sysid.video.pose.view import View
 
     target, track, found = followed.target, followed.track, followed.found
-    time = View(track, lens.straighten, clip.row_share).time(found.camera_state.readout)
+    time = View.of(track, lens.straighten, clip.row_share).time(found.camera_state.readout)
     shaken = track.shake.std
     std = np.hypot(found.std, shaken)
     own = np.hypot(found.own, shaken)

@@ -1,7 +1,8 @@
 """Block bootstrap: intervals from the residuals themselves, without a noise model.
 
 From ten releases on (the groups of a cross-validation), whole ones are drawn again. Differences between them, such as a bushing that
-warms up, are then in the spread. Of fewer, whose spread is too narrow by several percent, blocks of residuals are added to the fitted motion: blocks longer than the memory of the noise.
+warms up, are then in the spread. The spread of fewer is too narrow by several percent. There blocks of residuals are added to the
+fitted motion: they are longer than the memory of the noise.
 
 Sources: Künsch (Annals of Statistics 1989) for moving blocks; Politis and White (Econometric Reviews 2004)
 for their length; Efron and Tibshirani (1993), chapter 14, for the bias-corrected percentiles.

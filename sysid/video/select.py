@@ -245,7 +245,7 @@ def _followed(reel: Reel, target: Target, track: Track) -> Followed | str:
     readout = reel.clip.readout if options.readout is None else options.readout
     before = before_looking(track, lens, target.direction_std, readout, options.camera_angle)
     try:
-        found = target.solve(View(track, lens.straighten, reel.clip.row_share), lens.matrix, before)
+        found = target.solve(View.of(track, lens.straighten, reel.clip.row_share), lens.matrix, before)
     except np.linalg.LinAlgError:
         return f"{target.what} shows too few different attitudes for an angle"
     one = Followed(target, track, before, found)

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made import release
-from scipy.signal import lfilter
+from made import decays
 
 from sysid.board import Board
 from sysid.effects._base import Scales
@@ -35,18 +34,10 @@ NOISE = np.radians(0.1)
 def releases_of(
     law: JointLaw, seed: int, *, noise=NOISE, rate=500.0, duration=1.2, angles=(0.19, -0.15, 0.11), rho=0.0
 ):
-    rng = np.random.default_rng(seed)
     time = np.arange(0.0, duration, 1 / rate)
-    result = []
-    for number, angle in enumerate(angles, start=1):
-        roll = simulate(law, time, angle, 0.0).roll
-        rests = np.abs(roll[-len(time) // 5 :] - roll[-1]).max() < 0.3 * noise
-        white = rng.standard_normal(len(time) + 100 * (rho > 0))
-        sensed = lfilter([np.sqrt(1 - rho**2)], [1.0, -rho], white)[-len(time) :]
-        end = "rest" if rests else "log"
-        kept = {"number": number, "rest": law.rest_angle, "end": end}
-        result.append(release(time + 3.0 * number, roll + noise * sensed, noise, **kept))
-    return result
+    last = simulate(law, time, angles[0]).roll[-len(time) // 5 :]
+    end = "rest" if np.abs(last - last[-1]).max() < 0.3 * noise else "log"
+    return decays(law, angles, time, noise, seed=seed, rho=rho, end=end)
 
 
 LIGHT = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.04)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from command_line import called
-from made import release
+from made import decays
 
 from sysid.board import load_board
 from sysid.errors import SysidError
@@ -14,9 +14,8 @@ from sysid.fitting.bootstrap import bootstrap, corrected_percentiles
 from sysid.fitting.intervals import agreements
 from sysid.fitting.joint import fit_joint
 from sysid.fitting.profile import profile, profiles
-from sysid.joint import JointLaw, simulate
+from sysid.joint import JointLaw
 from sysid.least_squares import Normal, minimise
-from sysid.noise.autoregression import ResidualNoise
 from sysid.quantity import Z95, Quantity
 from sysid.workspace import shipped_data
 
@@ -46,15 +45,11 @@ def found(normal, start, low=-50.0, high=50.0):
 
 
 def releases_of(law, seed, *, angles=(0.19, -0.15, 0.11), stiffer=None, rho=0.0):
-    rng = np.random.default_rng(seed)
     time = np.arange(0.0, 0.6, 0.002)
-    made = []
-    for number, angle in enumerate(angles, start=1):
-        mine = law if stiffer is None else replace(law, stiffness=law.stiffness * stiffer[number - 1])
-        noise = ResidualNoise(1 - rho**2, np.array([rho]) if rho else np.zeros(0)).drawn(len(time), rng)
-        roll = simulate(mine, time, angle, 0.0).roll + NOISE * noise
-        made.append(release(time + 3.0 * number, roll, NOISE, number=number, end="rest"))
-    return made
+    if stiffer is None:
+        return decays(law, angles, time, NOISE, seed=seed, rho=rho, end="rest")
+    laws = [replace(law, stiffness=law.stiffness * share) for share in stiffer]
+    return [decays(one, angles, time, NOISE, seed=seed, end="rest")[n] for n, one in enumerate(laws)]
 
 
 def test_a_parabola_gives_the_jacobians_interval():

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made import release
+from made import decays
 
 from sysid.board import load_board
 from sysid.fitting.bootstrap import bootstrap
 from sysid.fitting.covariance import scale_shift
 from sysid.fitting.joint import FitOptions, fit_joint
 from sysid.fitting.profile import profiles
-from sysid.joint import JointLaw, simulate
+from sysid.joint import JointLaw
 from sysid.logs.sources.swing_smoother import GAIN_STD
 from sysid.logs.table.names import ACCEL_UNITS
 from sysid.quantity import Z95, Quantity
@@ -67,13 +67,11 @@ def test_intervals_from_an_imu_hold(deviations, index):
 
 
 def fitted(*effects, scale=1.0, scale_std=0.01, **options):
-    rng, time, made = np.random.default_rng(3), np.arange(0.0, 0.8, 0.004), []
     known = tuple((name, VALUES[name]) for name in effects)
     law = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.05, effects=known)
-    for number, angle in enumerate((0.19, -0.15, 0.11), start=1):
-        roll = simulate(law, time, angle, 0.0).roll + 1e-3 * rng.standard_normal(len(time))
-        scaled = {"scale_std": scale_std, "number": number, "hold": 0.0}
-        made.append(release(time + 3.0 * number, scale * roll, 1e-3, **scaled))
+    time = np.arange(0.0, 0.8, 0.004)
+    made = decays(law, (0.19, -0.15, 0.11), time, 1e-3, seed=3, scale_std=scale_std, hold=0.0)
+    made = [replace(one, roll=scale * one.roll) for one in made]
     return fit_joint(made, BOARD, effects, FitOptions(**options))
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 
 from sysid.board import Board, BoardEffect
 from sysid.effects import effect
@@ -38,14 +39,33 @@ def release(
 
 
 def decays(
-    law: JointLaw, angles: Iterable[float], time: Array, noise: float, *, seed: int = 0, **given: Any
+    law: JointLaw,
+    angles: Iterable[float],
+    time: Array,
+    noise: float,
+    *,
+    seed: int = 0,
+    rho: float = 0.0,
+    **given: Any,
 ) -> list[Release]:
-    """Return simulated decays from some angles [rad], shape (n,) each, with white noise [rad]; further fields as of `release`."""
-    rng = np.random.default_rng(seed)
-    return [
-        release(time, simulate(law, time, angle).roll, noise, rng=rng, number=number, **given)
-        for number, angle in enumerate(angles, start=1)
-    ]
+    """Return simulated decays from some angles [rad], three seconds apart on the log's clock.
+
+    Args:
+        time: Times since each release [s], shape (n,).
+        noise: Standard deviation of the noise [rad], of which neighbouring samples have the correlation `rho`.
+        given: Further fields of each release.
+    """
+    rng, made = np.random.default_rng(seed), list[Release]()
+    for number, angle in enumerate(angles, start=1):
+        roll = simulate(law, time, angle).roll
+        white = rng.standard_normal(len(time) + 100 * (rho > 0))
+        sensed = lfilter([np.sqrt(1 - rho**2)], [1.0, -rho], white)[-len(time) :]
+        made.append(
+            release(
+                time + 3.0 * number, roll + noise * sensed, noise, number=number, rest=law.rest_angle, **given
+            )
+        )
+    return made
 
 
 def with_effect(board: Board, name: str, *values: float) -> Board:

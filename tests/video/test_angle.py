@@ -56,7 +56,7 @@ def view(points, fps=60.0, rows=720):
     """Points as a straight lens shows them to a still camera."""
     n = len(points)
     track = Track(np.arange(n) / fps, points.astype(np.float32), still(n, MATRIX), np.arange(n), 0)
-    return View(track, lambda points: points, lambda points: points[..., 1] / rows)
+    return View.of(track, lambda points: points, lambda points: points[..., 1] / rows)
 
 
 def known(yaw=np.nan, pitch=np.nan, focal=0.0, readout=0.0):
