@@ -307,13 +307,12 @@ def _level(time: Array, roll: Array, trace: TraceFit) -> tuple[float, float, Arr
 
 def _shares(recordings: Sequence[Recording]) -> list[str]:
     """Return a warning for each log with little free decay."""
-    warnings: list[str] = []
-    for recording in recordings:
-        if recording.used < SMALL_SHARE:
-            warnings.append(
-                f"{recording.path}: {100 * recording.used:.1f} % of the log is free decay. Is a release missing? Mark it with --release"
-            )
-    return warnings
+    shares = [(recording.path, recording.used) for recording in recordings]
+    return [
+        f"{path}: {100 * share:.1f} % of the log is free decay. Is a release missing? Mark it with --release"
+        for path, share in shares
+        if share < SMALL_SHARE
+    ]
 
 
 def _warnings(decay: FreeDecay) -> list[str]:

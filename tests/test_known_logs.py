@@ -26,15 +26,6 @@ LOGS = {
         "cubic-stiffness",
         "--seed 33 --releases 3 --rate 500 --noise 0.02 --effect cubic-stiffness=400",
     ),
-    "cubic_damping": (
-        "cubic-damping",
-        "--seed 34 --releases 3 --rate 500 --noise 0.02 --effect cubic-damping=0.02",
-    ),
-    "freeplay": ("freeplay", "--seed 36 --releases 3 --rate 500 --noise 0.02 --effect freeplay=0.01"),
-    "asymmetric": (
-        "asymmetric-stiffness",
-        "--seed 38 --releases 4 --rate 500 --noise 0.02 --effect asymmetric-stiffness=20",
-    ),
 }
 """Effect that the record lacks, and how `synth` makes the log."""
 ENDINGS = {"phyphox": "zip", "sensor_logger": "zip"}

@@ -42,11 +42,8 @@ class TiltTest:
 
     def inertia(self, natural_frequency: Quantity) -> Quantity:
         """Return I = k / ω_n², with ω_n [rad/s] from a decay of the same deck."""
-
-        def ratio(k: float, w: float) -> float:
-            return k / w**2
-
-        return propagate(ratio, (self.stiffness, natural_frequency), UNIT, "static tilt test and a decay")
+        inputs = self.stiffness, natural_frequency
+        return propagate(lambda k, w: k / w**2, inputs, UNIT, "static tilt test and a decay")
 
 
 def static_tilt(

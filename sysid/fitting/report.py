@@ -18,15 +18,6 @@ if TYPE_CHECKING:
     from sysid.fitting.result import JointFit
 
 
-def held_out(releases: int) -> str:
-    """Return what the errors of so many releases that were held out are of: a release, or the second half of one alone."""
-    return (
-        "releases that the fit had not seen"
-        if releases > 1
-        else "the release's second half, predicted from its first"
-    )
-
-
 def report(fit: "Fit", width: int = WIDTH) -> str:
     """Return the quantities before and after, and the errors from the linear joint up."""
     show = display(is_rate=fit.is_rate, slides=fit.before.slides)
@@ -53,12 +44,18 @@ def report(fit: "Fit", width: int = WIDTH) -> str:
         f"{fit.before.name} · {count(len(fit.joint.records), 'release')} · {fit.status} · sensor noise "
         f"{show(fit.noise.std, 3)}, {fit.noise.how}"
     )
+    several = len(fit.joint.records) > 1
+    unseen = (
+        "releases that the fit had not seen"
+        if several
+        else "the release's second half, predicted from its first"
+    )
     lines = (
         heading,
         quantities,
         *_poses(fit, width),
         rungs,
-        f"held out: error on {held_out(len(fit.joint.records))}",
+        f"held out: error on {unseen}",
         f"record as it stood: error {show(fit.rmse_before)}",
     )
     return "\n".join((*lines, *learned_lines(fit)))

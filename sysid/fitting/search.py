@@ -1,7 +1,7 @@
 """The parameter search: starting values, scales, and a search that is robust to rough costs."""
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -96,25 +96,20 @@ def linear_guess(record: Record) -> tuple[float, float] | None:
     return (square, max(decay, 0.0)) if square > 0 else None
 
 
-def catalogue_starts(structure: Structure, scales: Scales) -> Iterator[dict[str, float]]:
-    """Yield all combinations of the catalogue's starts of a structure's effects, in their parameters' units."""
-    lists = [
-        [(f"{part.name}.{p.name}", start * p.size(scales)) for start in p.starts]
-        for part in structure.parts
-        for p in part.parameters
-    ]
-    return map(dict, itertools.product(*lists))
-
-
 def starting_points(
     structure: Structure, scales: Scales, fixed: Mapping[str, float] | None = None, *, most: int = 12
 ) -> list[dict[str, float]]:
     """Return the starts from which a structure is searched: all combinations of its parameters' starts."""
     held = fixed or {}
     linear = {"stiffness": scales.stiffness, "damping": max(scales.damping, 0.0), "rest_angle": 0.0}
+    starts = [
+        [(f"{part.name}.{p.name}", start * p.size(scales)) for start in p.starts]
+        for part in structure.parts
+        for p in part.parameters
+    ]
     points: list[dict[str, float]] = []
-    for choice in itertools.islice(catalogue_starts(structure, scales), most):
-        point = {**linear, **choice}
+    for choice in itertools.islice(itertools.product(*starts), most):
+        point = {**linear, **dict(choice)}
         # The spring makes up for the stiffness of the other parts.
         for part in structure.supports:
             point["stiffness"] *= 1.0 / (

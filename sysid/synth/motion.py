@@ -291,6 +291,8 @@ def _first_event(
     begin: float, end: float,
 ) -> tuple[str, float] | None:  # fmt: skip
     """Return name and time of the first guard that becomes negative between `begin` and `end`."""
+    from scipy.optimize import brentq
+
     probes = np.linspace(begin, end, 6).tolist()  # a kink crossed twice within one step shows
     states = path(np.array(probes)).T
     first: tuple[str, float] | None = None
@@ -299,23 +301,11 @@ def _first_event(
         for left, right, state in zip(probes[:-1], probes[1:], states[1:], strict=True):
             after = guard(right, state)
             if after < 0:
-                crossing = left
+                crossing: Any = left
                 if before > 0:
-                    crossing = _crossing(guard, path, left, right)
+                    crossing = brentq(lambda t, guard=guard: guard(t, path(t)), left, right, xtol=1e-14)
                 if first is None or crossing < first[1]:
-                    first = (name, crossing)
+                    first = (name, float(crossing))
                 break
             before = after
     return first
-
-
-def _crossing(
-    guard: Callable[[float, Array], float], path: Callable[[Array | float], Array], left: float, right: float
-) -> float:
-    from scipy.optimize import brentq
-
-    def value(time: float) -> float:
-        return guard(time, path(time))
-
-    time: Any = brentq(value, left, right, xtol=1e-14)
-    return float(time)
