@@ -21,10 +21,11 @@ from sysid.quantity import GRAVITY, Quantity, t95
 from sysid.roll import Array
 
 INTERVAL = 0.25
-"""Length of an increment of speed and heading, and of the window in which positions are smoothed by a cubic [s]: beyond the noise's
-correlation."""
+"""Length of an increment of speed and heading [s]: beyond the noise's correlation."""
 BLOCKS = 10
 """Blocks of the jackknife: neighbouring increments, whose errors are correlated, are left out together."""
+SMOOTHING = 0.3
+"""Length of the window in which positions are smoothed by a cubic [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +75,9 @@ def from_path(time: Array, position: Array, roll: Array) -> RollOut:
     from scipy.signal import savgol_filter
 
     step = _step(time)
-    window = max(5, 2 * round(INTERVAL / step / 2) + 1)
+    window = max(5, 2 * round(SMOOTHING / step / 2) + 1)
     if len(time) < 2 * window:
-        raise SysidError(f"a roll-out of {len(time) * step:.2f} s; it takes at least {2 * INTERVAL:g} s.")
+        raise SysidError(f"a roll-out of {len(time) * step:.2f} s; it takes at least {2 * SMOOTHING:g} s.")
     velocity = np.asarray(savgol_filter(position, window, 3, deriv=1, delta=step, axis=0))
     inside = slice(window // 2, len(time) - window // 2)
     heading = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))

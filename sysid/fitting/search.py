@@ -169,7 +169,7 @@ def search(fine: Problem, starts: Sequence[Mapping[str, float]]) -> tuple[Minimu
     evaluations += sum(minimum.evaluations for minimum in whole)
     found = sorted(((m.normal.cost, m.point) for m in whole), key=lambda item: item[0])
     with stage(0.5, 0.7):
-        found[0] = _restarted(coarse, found[0])
+        found[0] = scan_rough_parameters(coarse, _restarted(coarse, found[0]))
     # On the coarse grid a kink falls between two points, so its costs rank neighbours only roughly.
     most, near = (4, 3.0) if structure.nonsmooth else (2, 1.2)
     with stage(0.7, 1.0):
@@ -219,6 +219,41 @@ def _apart(ends: Sequence[Minimum]) -> list[Minimum]:
 def _met(off: Array, there: Normal) -> bool:
     """Return whether a search that ended so far off, shape (p,), has met the one that ended there."""
     return 0.5 * float(off @ there.hessian @ off) <= _MET * there.cost
+
+
+_STRIDE = 1.2
+"""Ratio of two places at which a rough parameter is held on the way out of a false valley, three to each side: a choice."""
+
+
+def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
+    """Walk along rough parameters out of a false valley: hold one elsewhere, let the rest follow, then free it.
+
+    The cost is rough along a friction, because it decides in which half swing each release stops. A descent ends in a local minimum; a
+    walk that fits all other parameters again does not. At the noise there is nothing to gain.
+
+    Args:
+        found: Cost [1] and unknowns in units of their sizes, shape (p,).
+
+    Returns:
+        The best cost and unknowns met, likewise.
+    """
+    low, high = problem.bounds()
+    for index in [problem.names.index(name) for name in problem.structure.rough if name in problem.names]:
+        for _ in range(4):
+            if found[0] < 0.55 * problem.samples:
+                return found
+            best = found
+            for strides in (-3, -2, -1, 1, 2, 3):
+                aside = found[1].copy()
+                aside[index] = np.clip(aside[index] * _STRIDE**strides, low[index], high[index])
+                held = _pinned(problem, aside, [index])
+                if held.normal.cost < found[0]:
+                    freed = problem.fitted(held.point, 12, 1e-4)
+                    best = min(best, (freed.normal.cost, freed.point), key=lambda item: item[0])
+            if best[0] > 0.98 * found[0]:
+                break
+            found = best
+    return found
 
 
 def _pinned(problem: Problem, point: Array, places: Sequence[int]) -> Minimum:

@@ -28,7 +28,7 @@ class View:
     ) -> "View":
         """Free points of lens and shake, and find when they are read.
 
-        The lens straightens points as filmed [px], shape (..., 2). The sensor reads one at a `row_share` of the read-out.
+        The lens straightens points as filmed [px], shape (n, N, 2). The sensor reads one at a `row_share` of the read-out.
         """
         filmed = track.points.astype(np.float64)
         points = straighten(filmed)
