@@ -53,11 +53,7 @@ PHASES = {"rest": "#555555", "held": REAL, "free": SIM, "caught": "#CC79A7"}
 
 
 def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> None:
-    """Write the recording of one log and of the linear decay found in it, with a summary in Markdown.
-
-    Raises:
-        SysidError: rerun-sdk is not installed, or the path cannot be written.
-    """
+    """Write the recording of one log and of the linear decay found in it, with a summary in Markdown."""
     import rerun.blueprint as rrb
 
     phases = log_phases(roll, decay.releases)
@@ -118,11 +114,7 @@ def _log_peaks(stream: "rr.RecordingStream", entity: str, peaks: Sequence[Peak],
 def comparison_recording(
     path: Path, evidence: Evidence, summary: str, films: "Sequence[FilmFrames]" = ()
 ) -> None:
-    """Write the recording of a board beside its logs and the frames of those that are films, with a summary in Markdown.
-
-    Raises:
-        SysidError: rerun-sdk is not installed, or the path cannot be written.
-    """
+    """Write the recording of a board beside its logs and the frames of those that are films, with a summary in Markdown."""
     import rerun.blueprint as rrb
 
     result = evidence.comparison

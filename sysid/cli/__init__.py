@@ -292,11 +292,7 @@ def build_app(*, everything: bool = False) -> "cyclopts.App":
 
 
 def _require_finite(_app: object, _commands: object, arguments: "cyclopts.ArgumentCollection") -> None:
-    """Accept finite numbers only.
-
-    Raises:
-        cyclopts.ValidationError: One is; it names the option.
-    """
+    """Accept finite numbers only."""
     from cyclopts import ValidationError
 
     for argument in arguments:
@@ -332,11 +328,7 @@ def main() -> None:
 
 
 def require_own_packages() -> None:
-    """Check that the packages `sysid` and `reports` are those of this tool: other projects use these names too.
-
-    Raises:
-        SysidError: One of them is another project's.
-    """
+    """Check that the packages `sysid` and `reports` are those of this tool: other projects use these names too."""
     from importlib.util import find_spec
 
     root = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))  # noqa: PTH100, PTH120  starts sooner

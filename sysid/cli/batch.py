@@ -65,8 +65,10 @@ def batch(
     printer.table(head, [_shown(row) for row in table])
     failed = sum(row["state"] == "failed" for row in table)
     printer.say(f"{len(table) - failed} of {count(len(table), 'job')} done, {failed} failed")
-    printer.written(*(folder / name for name in ("table.csv", "table.json", "page.html")))
-    printer.result({"jobs": table, "failed": failed, "table": str(folder / "table.csv")})
+    printer.result(
+        {"jobs": table, "failed": failed, "table": str(folder / "table.csv")},
+        *(folder / name for name in ("table.csv", "table.json", "page.html")),
+    )
     return int(failed > 0)
 
 

@@ -17,7 +17,7 @@ def compare(
     tolerance: Tolerance = 0.02,
     picture: Drawn = True,
     rerun: Made | None = None,
-) -> int:
+) -> None:
     """Compare the joint's simulated decay with measured ones: how far off, and where.
 
     Args:
@@ -31,7 +31,8 @@ def compare(
     if measurement.drive.given:
         from sysid.cli.driven import driven_compare, run_driven
 
-        return run_driven("compare", partial(driven_compare, tolerance=tolerance), logs, measurement)
+        run_driven("compare", partial(driven_compare, tolerance=tolerance), logs, measurement)
+        return
     printer = Printer(measurement.common)
     record = measurement.load(printer)
     folder = measurement.space.outputs(record.name)
@@ -57,6 +58,4 @@ def compare(
     printer.say(result.report(printer.width))
     why, verb = ("check it in MuJoCo", "check") if result.passed else ("find the missing effect", "diagnose")
     printer.say(found.next_step(why, verb))
-    printer.written(*written)
-    printer.result(content)
-    return 0
+    printer.result(content, *written)

@@ -65,11 +65,7 @@ class Driven:
 
 
 def read_driven(paths: Sequence[Path], measurement: DriveMeasurement, printer: Printer) -> Driven:
-    """Read logs of driven joints.
-
-    Raises:
-        SysidError: A log, a column or the model cannot be read, or options conflict.
-    """
+    """Read logs of driven joints."""
     from sim.model.driven import Course, load_along, stated
     from sysid.driven.log import log_of
 
@@ -125,11 +121,7 @@ def read_driven(paths: Sequence[Path], measurement: DriveMeasurement, printer: P
 def _columns(
     path: Path, joints: Sequence[str], others: Sequence[str], kind: "InputKind", motion: str | None, acted: str | None
 ) -> tuple[dict[str, str | None], dict[str, str], dict[str, str]]:  # fmt: skip
-    """Return the columns of motion and input of each joint in a log, and those of the other joints' motion.
-
-    Raises:
-        SysidError: A column is missing.
-    """
+    """Return the columns of motion and input of each joint in a log, and those of the other joints' motion."""
     from sysid.driven import columns
     from sysid.logs.formats.registry import open_log
 
@@ -224,7 +216,7 @@ def run_driven(
     run: Callable[[Driven, Printer], dict[str, Any]],
     logs: Sequence[Path],
     measurement: DriveMeasurement,
-) -> int:
+) -> None:
     """Read logs of driven joints, run a command, and write its result to NAME.json."""
     printer = Printer(measurement.common)
     driven = read_driven(logs, measurement, printer)
@@ -236,7 +228,6 @@ def run_driven(
     printer.written(path)
     printer.say(f"next: {content['next']}")
     printer.result(content)
-    return 0
 
 
 def driven_compare(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
@@ -427,11 +418,7 @@ def driven_export(path: Path, output: Path | None, timestep: float, printer: Pri
 
 
 def driven_check(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
-    """Replay the inputs in the model, and compare its error with the tolerance.
-
-    Raises:
-        QualityGateError: The error is larger.
-    """
+    """Replay the inputs in the model, and compare its error with the tolerance."""
     content = _replayed(driven, printer, tolerance)
     if not content["passed"]:
         worst = max(content["joints"], key=lambda one: one["nrmse"])

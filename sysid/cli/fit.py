@@ -62,7 +62,7 @@ def fit(
     measurement: DriveMeasurement = DriveMeasurement(),
     model: FitArguments = FitArguments(),
     output: Output | None = None,
-) -> int:
+) -> None:
     """Fit stiffness, damping and effects to logs, and save the record.
 
     Args:
@@ -72,7 +72,8 @@ def fit(
     if measurement.drive.given:
         from sysid.cli.driven import driven_fit, run_driven
 
-        return run_driven("fit", partial(driven_fit, model=model, output=output), logs, measurement)
+        run_driven("fit", partial(driven_fit, model=model, output=output), logs, measurement)
+        return
     common = measurement.common
     printer = Printer(common)
     record = measurement.load(printer)
@@ -101,7 +102,6 @@ def fit(
     printer.result({**result.to_json(), **intervals, **entry})
     if unwritten is not None:
         raise unwritten
-    return 0
 
 
 def _fitted(
@@ -202,11 +202,7 @@ def _drawn(common: Common, result: "Fit", printer: Printer) -> list[Path]:
 
 
 def _copy_of(record: Board, output: Path | None, common: Common) -> Path | None:
-    """Return the path of the patched copy of a record's model, None without a model.
-
-    Raises:
-        SysidError: The joint's text cannot be patched, or the copy cannot be written.
-    """
+    """Return the path of the patched copy of a record's model, None without a model."""
     if not record.model:
         if output is not None:
             raise UsageError(
@@ -231,9 +227,6 @@ def _patched(record: Board, copy: Path, printer: Printer) -> tuple[Board, list[P
 
     Returns:
         The record with the copy as its model; the written files; an error if the copy does not load.
-
-    Raises:
-        SysidError: A fitted number is not physical, or MuJoCo has no element for an effect.
     """
     from sim.model.patch import patch
     from sim.model.setup import Setup

@@ -39,7 +39,7 @@ def live(
     watch: Path | None = None,
     releases: Annotated[int | None, Parameter(validator=validators.Number(gte=1))] = None,
     port: Annotated[int, Parameter(group=OUTPUT, validator=validators.Number(gte=0, lte=65535))] = 8123,
-) -> int:
+) -> None:
     """Read a phone while the board rocks, and show stiffness and damping after each release.
 
     Args:
@@ -82,7 +82,6 @@ def live(
     printer.result(
         {**numbers, "log": str(log), "releases_found": len(session.releases), "next": session.next_step}
     )
-    return 0
 
 
 def _warm_up(board: Board) -> None:

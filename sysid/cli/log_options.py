@@ -106,11 +106,7 @@ class LogArguments:
         return LogOptions(**given)
 
     def part(self, roll: Roll) -> Roll:
-        """Return the part of a roll between --from and --to.
-
-        Raises:
-            SysidError: It is empty.
-        """
+        """Return the part of a roll between --from and --to."""
         low = -math.inf if self.start is None else self.start
         high = math.inf if self.stop is None else self.stop
         rows = (roll.time >= low) & (roll.time <= high)
@@ -150,9 +146,6 @@ def refuse_overwriting_logs(
         logs: The measurements; the camera's calibration is protected too.
         arguments: They name the overlay, an output of reading a film.
         outputs: Other outputs of the command, by option.
-
-    Raises:
-        SysidError: An output is a log.
     """
     calibration = arguments.video.calibration
     inputs = [*logs, *(() if calibration is None else (calibration,))]
@@ -169,11 +162,7 @@ def unused_options(log: Path, arguments: LogArguments) -> list[str]:
 
 
 def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
-    """Read one log and print notes and warnings on stderr.
-
-    Raises:
-        SysidError: The log cannot be read as roll.
-    """
+    """Read one log and print notes and warnings on stderr."""
     if unused := unused_options(log, arguments):
         kind = "a film" if is_film(log) else "no film"
         printer.warn(f"{log}: not used: {', '.join(unused)}; this is {kind}")
@@ -215,11 +204,7 @@ def say_notes(log: Path, roll: Roll, printer: Printer) -> None:
 def recording_of(
     roll: Roll, arguments: LogArguments, printer: Printer | None = None, *, rest: float = 0.0
 ) -> Recording:
-    """Find the releases in the selected part of a roll, and print their problems on stderr.
-
-    Raises:
-        SysidError: It has no release.
-    """
+    """Find the releases in the selected part of a roll, and print their problems on stderr."""
     from sysid.driven.columns import driving_input
 
     acted = driving_input(Path(roll.log)) if printer is not None and roll.free is None else None

@@ -20,7 +20,7 @@ def report(
     output: Output | None = None,
     one_page: Annotated[bool, Parameter(group=OUTPUT)] = False,
     tolerance: Tolerance = 0.02,
-) -> int:
+) -> None:
     """Write one HTML file with all results of a joint.
 
     Args:
@@ -67,11 +67,8 @@ def report(
 
         sheet = board_sheet(evidence, files, provenance, diagnosis)
         written += [write_figure(path.with_suffix(kind), sheet, dpi=150) for kind in (".pdf", ".png")]
-    printer.written(*written)
-    printer.result(
-        {"board": record.name, "report": str(path), "logs": [file.path for file in files if file.found]}
-    )
-    return 0
+    shown = [file.path for file in files if file.found]
+    printer.result({"board": record.name, "report": path, "logs": shown}, *written)
 
 
 def _shown(record: Path, root: Path) -> str:

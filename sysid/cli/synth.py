@@ -59,11 +59,7 @@ class SensorArguments:
     """Place of an IMU, from the tilt axis: forward, left, up [m]."""
 
     def sensor(self, show: Display) -> Sensor:
-        """Return the sensor of a joint with that display; its noise is 0.1 degrees or mm if left out.
-
-        Raises:
-            SysidError: A size is negative or in the unit of the other kind of joint.
-        """
+        """Return the sensor of a joint with that display; its noise is 0.1 degrees or mm if left out."""
         noise, step = (
             _position("0.1" if text is None else text, show) for text in (self.noise, self.quantisation)
         )
@@ -84,7 +80,7 @@ def synth(
     recording: RecordingArguments = RecordingArguments(),
     sensor: SensorArguments = SensorArguments(),
     common: Common = Common(),
-) -> int:
+) -> None:
     """Make a synthetic log with a known truth, to try the tool.
 
     Args:
@@ -129,18 +125,13 @@ def synth(
     printer.say(f"  hidden: {hidden or 'nothing'}")
     printer.say(f"truth: {truth}")
     printer.result({"log": str(path), **log.truth()})
-    return 0
 
 
 def _angles_of(
     record: Board, effects: Mapping[str, Sequence[float]], given: Sequence[str], count: int | None, show: Display,
     printer: Printer,
 ) -> tuple[float, ...]:  # fmt: skip
-    """Return the release angles or positions [rad or m].
-
-    Raises:
-        SysidError: They are not angles, or the joint has no restoring torque.
-    """
+    """Return the release angles or positions [rad or m]."""
     own = {part.name: [q.value for q in part.parameters.values()] for part in record.effects}
     law, limit = true_law(record, {**own, **effects}), record.tilt["range"].value
     rest = law.equilibrium() if record.model else 0.0

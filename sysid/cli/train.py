@@ -15,8 +15,8 @@ from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolde
 from sim.skate.cycle.start import AT_REST, Start
 from sim.skate.options import SkateOptions
 from sysid.board import Board, load_board
-from sysid.cli.console import Common, Output, Printer, Texts
-from sysid.errors import QualityGateError, SysidError, UsageError, install_extra
+from sysid.cli.console import BoardName, Common, Output, Printer, Texts
+from sysid.errors import SysidError, UsageError, install_extra
 
 
 @Parameter(name="*")
@@ -39,11 +39,7 @@ class Options:
     copy."""
 
     def config(self, done: int = 0) -> RunConfig:
-        """Return all options, for a run that begins after so many iterations.
-
-        Raises:
-            SysidError: An option is unknown or out of range.
-        """
+        """Return all options, for a run that begins after so many iterations."""
         iterations = done + LearnOptions().iterations if self.iterations is None else self.iterations
         if iterations <= done:
             raise SysidError(
@@ -75,11 +71,7 @@ class Machines:
     """Address of machine 0, HOST:PORT."""
 
     def torchrun(self) -> list[str]:
-        """Return torchrun's options.
-
-        Raises:
-            SysidError: The machines do not fit together.
-        """
+        """Return torchrun's options."""
         processes = f"--nproc-per-node={self.gpus or 1}"
         if self.nodes == 1 and self.node == 0 and self.rendezvous is None:
             return ["--standalone", processes]
@@ -95,7 +87,7 @@ class Machines:
 
 def train(
     *,
-    board: Annotated[str | None, Parameter(name=("--board", "-b"))] = None,
+    board: BoardName | None = None,
     options: Options = Options(),
     machines: Machines = Machines(),
     output: Output | None = None,
@@ -103,7 +95,7 @@ def train(
     start_from: Annotated[Path | None, Parameter(name="--from")] = None,
     force: bool = False,
     common: Common = Common(),
-) -> int:
+) -> None:
     """Train a policy for a board.
 
     Args:
@@ -119,12 +111,12 @@ def train(
             "--resume goes on with a run in its own folder. Leave --from and --output out, or begin a new run without --resume."
         )
     record = _record(board, resume, common)
-    _gate(record, force, printer)
+    printer.require_passed(record, force=force)
     _require_mjlab()
     machines.torchrun()
     if machines.node > 0:
         _join(resume or output, machines, printer)
-        return 0
+        return
     if resume is not None:
         folder = _resume(resume, record, options, machines, printer)
     else:
@@ -139,9 +131,9 @@ def train(
     last = rows[-1]
     printer.say(f"{last['iteration']:.0f} iterations, {last['samples']:,.0f} steps of the world")
     printer.say(f"survival {last['survival']:.2f}, speed error {last['speed_error']:.3f} m/s")
-    printer.written(folder.policy, picture)
-    printer.result({"run": str(folder.path), "policy": str(folder.policy), "last": last})
-    return 0
+    printer.result(
+        {"run": str(folder.path), "policy": str(folder.policy), "last": last}, folder.policy, picture
+    )
 
 
 def _record(board: str | None, resume: Path | None, common: Common) -> Board:
@@ -152,17 +144,6 @@ def _record(board: str | None, resume: Path | None, common: Common) -> Board:
     folder = RunFolder(resume)
     folder.read_config()  # refuses a folder without a run
     return load_board(folder.board)
-
-
-def _gate(record: Board, force: bool, printer: Printer) -> None:
-    if record.passed:
-        return
-    if not force:
-        raise QualityGateError(
-            f"the current record of board '{record.name}' has not passed `check`: a policy for it may not fit the real board. "
-            f"Run {printer.common.space.command('check', *record.options, logs=())}, or train anyway with --force."
-        )
-    printer.warn(f"board '{record.name}' has not passed its check; training anyway")
 
 
 def _require_gpus(count: int) -> None:
