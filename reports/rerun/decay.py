@@ -20,9 +20,7 @@ from reports.rerun.stream import (
     TIMELINE,
     Look,
     log_model,
-    log_points,
     log_poses,
-    log_properties,
     log_series,
     log_states,
     log_summary,
@@ -82,9 +80,10 @@ def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> N
         for i, (release, peaks) in enumerate(zip(decay.releases, decay.peaks, strict=True)):
             _log_fitted(stream, f"release{release.number}", decay, i)
             _log_peaks(stream, f"log/roll/peaks{release.number}", peaks, first)
-        log_summary(stream, summary)
         rests = [rest.value for rest in decay.rest_angles]
-        log_properties(stream, {"log": roll.log, "rest_angles": rests, **_values(decay.numbers.to_json())})
+        values = zip(decay.numbers.to_json(), decay.numbers.items(), strict=True)
+        numbers = {name: quantity.value for name, (_, quantity) in values if np.isfinite(quantity.value)}
+        log_summary(stream, summary, {"log": roll.log, "rest_angles": rests, **numbers})
 
 
 def _log_fitted(stream: "rr.RecordingStream", root: str, decay: FreeDecay, number: int) -> None:
@@ -108,7 +107,7 @@ def _log_peaks(stream: "rr.RecordingStream", entity: str, peaks: Sequence[Peak],
     """Log turning points, if there are any; their time counts from the first release's [s]."""
     if peaks:
         times, values = np.array([(peak.time - first, peak.roll) for peak in peaks]).T
-        log_points(stream, entity, times, values, name="peaks", colour=REAL)
+        log_series(stream, entity, times, values, Look("peaks", REAL, 5.0), points=True)
 
 
 def comparison_recording(
@@ -156,8 +155,7 @@ def comparison_recording(
         _log_missing(stream, result)
         for i, film in enumerate(films):
             film.log(stream, f"film{i + 1}")
-        log_summary(stream, summary)
-        log_properties(stream, _board_properties(evidence))
+        log_summary(stream, summary, _board_properties(evidence))
 
 
 def _first(evidence: Evidence, roll: Roll) -> float:
@@ -397,13 +395,4 @@ def _board_properties(evidence: Evidence) -> dict[str, object]:
         "noise_floor": result.noise.std,
         "logs": [file.path for file in evidence.files] or [roll.log for roll in evidence.rolls],
         "sha256": [file.digest for file in evidence.files] or None,
-    }
-
-
-def _values(quantities: dict[str, object]) -> dict[str, object]:
-    """Return the plain values of a dictionary of quantities in JSON's shape."""
-    return {
-        name: quantity["value"]  # pyright: ignore[reportUnknownVariableType]
-        for name, quantity in quantities.items()
-        if isinstance(quantity, dict)
     }

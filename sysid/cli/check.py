@@ -46,9 +46,9 @@ def check(
     from sysid.cli.bars import working
 
     if measurement.drive.given:
-        from sysid.cli.driven import driven_check, run_driven
+        from sysid.cli.driven import driven_replay, run_driven
 
-        run_driven("check", partial(driven_check, tolerance=tolerance), logs, measurement)
+        run_driven("check", partial(driven_replay, tolerance=tolerance, gate=True), logs, measurement)
         return
     printer = Printer(measurement.common)
     subject, file = measurement.subject, scene.scene_file

@@ -29,9 +29,9 @@ def compare(
     from sysid.progress import stage
 
     if measurement.drive.given:
-        from sysid.cli.driven import driven_compare, run_driven
+        from sysid.cli.driven import driven_replay, run_driven
 
-        run_driven("compare", partial(driven_compare, tolerance=tolerance), logs, measurement)
+        run_driven("compare", partial(driven_replay, tolerance=tolerance, gate=False), logs, measurement)
         return
     printer = Printer(measurement.common)
     record = measurement.load(printer)

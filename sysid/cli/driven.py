@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from sim.model.setup import Setup
     from sysid.cli.fit import FitArguments
     from sysid.driven.log import DrivenLog, InputKind
-    from sysid.driven.runs import Agreement
 
 EVERY = "all"
 """Joint name for all joints with an actuator."""
@@ -225,21 +225,12 @@ def run_driven(
     content = run(driven, printer)
     path = measurement.space.outputs(driven.name) / f"{name}.json"
     write_json(path, content)
-    printer.written(path)
     printer.say(f"next: {content['next']}")
-    printer.result(content)
+    printer.result(content, path)
 
 
-def driven_compare(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
-    """Replay the inputs in the model, print its error, and what to do next."""
-    content = _replayed(driven, printer, tolerance)
-    if content["passed"]:
-        return {**content, "next": f"the model moves as measured, and is ready to use: {driven.setup.file}"}
-    return {**content, "next": driven.next_step("fit", "measure armature, damping, friction and delay")}
-
-
-def _replayed(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
-    """Replay the inputs in the model, and print its error."""
+def driven_replay(driven: Driven, printer: Printer, tolerance: float, *, gate: bool) -> dict[str, Any]:
+    """Replay the inputs in the model and print its error; a gate refuses a model beyond the tolerance."""
     from sim.model.driven import replay
 
     found: list[dict[str, Any]] = []
@@ -264,11 +255,19 @@ def _replayed(driven: Driven, printer: Printer, tolerance: float) -> dict[str, A
         rows,
         "replay of the input in plain MuJoCo",
     )
-    return {
-        "joints": found,
-        "passed": all(f["passed"] for f in found),
-        "nrmse": max(f["nrmse"] for f in found),
-    }
+    passed, worst = all(one["passed"] for one in found), max(found, key=lambda one: one["nrmse"])
+    content = {"joints": found, "passed": passed, "nrmse": worst["nrmse"]}
+    if passed:
+        if gate:
+            printer.say(f"passed: NRMSE {100 * worst['nrmse']:.2f} %")
+        return {**content, "next": f"the model moves as measured, and is ready to use: {driven.setup.file}"}
+    if not gate:
+        return {**content, "next": driven.next_step("fit", "measure armature, damping, friction and delay")}
+    printer.result(content)
+    raise QualityGateError(
+        f"joint '{worst['joint']}' has an error of {100 * worst['nrmse']:.2f} % of its motion, {100 * tolerance:.2f} % allowed. "
+        "Run diagnose on the same log."
+    )
 
 
 def _error(joint: str, log: "DrivenLog", error: Any, tolerance: float) -> dict[str, Any]:
@@ -316,11 +315,8 @@ def driven_diagnose(driven: Driven, printer: Printer, fix: Sequence[str]) -> dic
     results: dict[str, Any] = {}
     # Effects of the user's own files are known in this process only.
     here = len(cases) == 1 or printer.common.effect_file
-    for row in (
-        (_diagnosed(*case, told=lambda text: printer.note(f"  tried: {text}")) for case in cases)
-        if here
-        else run_all(_diagnosed, cases, None)
-    ):
+    tried = partial(_diagnosed, told=lambda text: printer.note(f"  tried: {text}"))
+    for row in (tried(*case) for case in cases) if here else run_all(_diagnosed, cases, None):
         printer.say(row["text"])
         results.setdefault(row["joint"], []).append(row["verdict"])
     found = [one for own in results.values() for one in own]
@@ -355,6 +351,7 @@ def driven_fit(
     from sim.model.driven import patch_driven
     from sim.model.driven_fit import fit_joints
     from sim.model.patch import copy_path
+    from sysid.driven.next_motion import next_motion
     from sysid.driven.report import fit_text
     from sysid.driven.runs import agreement
     from sysid.effects import coulomb, delay
@@ -362,21 +359,27 @@ def driven_fit(
 
     path = output or copy_path(driven.setup, driven.name, printer.common.space.outputs(driven.name))
     require_writable(path)
-    stated, usual = driven.stated, (coulomb.EFFECT.name, delay.EFFECT.name)
+    stated = driven.stated
     if model.plain:
-        usual = ()
-        stated = {
-            joint: replace(one, structure=replace(one.structure, effects=())) for joint, one in stated.items()
-        }
-    effects, fixed, bounds = model.effect or usual, parse_fixed(model.fix), parse_bounds(model.bound)
-    fits = fit_joints(driven.setup, driven.logs, stated, effects, fixed=fixed, bounds=bounds)
+        bare = {joint: replace(one.structure, effects=()) for joint, one in stated.items()}
+        stated = {joint: replace(one, structure=bare[joint]) for joint, one in stated.items()}
+    usual = () if model.plain else (coulomb.EFFECT.name, delay.EFFECT.name)
+    fixed, bounds = parse_fixed(model.fix), parse_bounds(model.bound)
+    fits = fit_joints(driven.setup, driven.logs, stated, model.effect or usual, fixed=fixed, bounds=bounds)
     merged = {joint: agreement(one) for joint, one in fits.items()}
     for joint, one in merged.items():
         printer.say(fit_text(joint, fits[joint], one, driven.stated[joint].values))
-    if model.next_motion is not None:
-        _write_next_motion(model.next_motion, merged, printer)
     if all(one.log.held is False for own in fits.values() for one in own):
         driven = driven.smooth()
+    motion = model.next_motion
+    for joint, one in merged.items():
+        if motion is None:
+            break
+        found = next_motion(one.combined)
+        own = motion if len(merged) == 1 else motion.with_stem(f"{motion.stem}_{joint}")
+        write_atomically(own, found.csv())
+        narrower = f"the interval of {found.worst} becomes {100 * found.narrower:.0f} % as wide"
+        printer.say(f"{own}: {found.text}; {narrower}")
     made = patch_driven(driven.setup, {joint: one.combined for joint, one in merged.items()})
     refuse_overwriting([driven.setup.file, *made.files], {"--output": path})
     for line in made.remarks:
@@ -392,18 +395,6 @@ def driven_fit(
     return {"joints": joints, "model": str(path), "next": then}
 
 
-def _write_next_motion(path: Path, merged: "Mapping[str, Agreement]", printer: Printer) -> None:
-    """Write the next motion of each joint; the joint is in the file's name where there are several."""
-    from sysid.driven.next_motion import next_motion
-
-    for joint, one in merged.items():
-        found = next_motion(one.combined)
-        own = path if len(merged) == 1 else path.with_stem(f"{path.stem}_{joint}")
-        write_atomically(own, found.csv())
-        narrower = f"the interval of {found.worst} becomes {100 * found.narrower:.0f} % as wide"
-        printer.say(f"{own}: {found.text}; {narrower}")
-
-
 def driven_export(path: Path, output: Path | None, timestep: float, printer: Printer) -> dict[str, Any]:
     """Write a fit of driven joints as a module for mjlab, and as JSON."""
     from sysid.driven.export import handed_over, mjlab_module
@@ -415,17 +406,3 @@ def driven_export(path: Path, output: Path | None, timestep: float, printer: Pri
     write_json(module.with_suffix(".json"), {"joints": joints})
     printer.written(module, module.with_suffix(".json"))
     return {"joints": joints, "module": str(module)}
-
-
-def driven_check(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
-    """Replay the inputs in the model, and compare its error with the tolerance."""
-    content = _replayed(driven, printer, tolerance)
-    if not content["passed"]:
-        worst = max(content["joints"], key=lambda one: one["nrmse"])
-        printer.result(content)
-        raise QualityGateError(
-            f"joint '{worst['joint']}' has an error of {100 * worst['nrmse']:.2f} % of its motion, {100 * tolerance:.2f} % allowed. "
-            "Run diagnose on the same log."
-        )
-    printer.say(f"passed: NRMSE {100 * content['nrmse']:.2f} %")
-    return {**content, "next": f"it is ready to use: {driven.setup.file}"}

@@ -152,20 +152,16 @@ def refuse_overwriting_logs(
     printer.keep(inputs, {"--overlay": arguments.video.overlay, **(outputs or {})})
 
 
-def unused_options(log: Path, arguments: LogArguments) -> list[str]:
-    """Return the given options that belong to the other kind of log."""
-    given, usual = (arguments, LogArguments()) if is_film(log) else (arguments.video, _NO_VIDEO)
-    names = ("column", "unit", "axis", "time_column", "source", "lever_arm", "keep_outliers")
-    if not is_film(log):
-        names = tuple(field.name for field in fields(VideoArguments) if field.name != "pivot")
-    return ["--" + name.replace("_", "-") for name in names if getattr(given, name) != getattr(usual, name)]
-
-
 def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
     """Read one log and print notes and warnings on stderr."""
-    if unused := unused_options(log, arguments):
-        kind = "a film" if is_film(log) else "no film"
-        printer.warn(f"{log}: not used: {', '.join(unused)}; this is {kind}")
+    kind, given, usual = "a film", arguments, LogArguments()
+    names = ["column", "unit", "axis", "time_column", "source", "lever_arm", "keep_outliers"]
+    if not is_film(log):
+        kind, given, usual = "no film", arguments.video, _NO_VIDEO
+        names = [field.name for field in fields(VideoArguments) if field.name != "pivot"]
+    if unused := [name for name in names if getattr(given, name) != getattr(usual, name)]:
+        words = ", ".join("--" + name.replace("_", "-") for name in unused)
+        printer.warn(f"{log}: not used: {words}; this is {kind}")
     with _with_bar(arguments, printer) if is_film(log) else nullcontext(arguments.options) as options:
         roll = read_roll(log, options)
     say_notes(log, roll, printer)

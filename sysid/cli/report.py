@@ -42,12 +42,13 @@ def report(
     if output is not None:
         refuse_other_kind(output, ".html", ".htm")
     record, files, space, model = found.record, found.files, found.space, measurement.subject.model
+    source = model or space.board_path(record.name)
+    if model is None:
+        own = source.is_relative_to(space.root)
+        source = source.relative_to(space.root) if own else f"{source.name}, as shipped with the tool"
     provenance = Provenance(
-        command=shlex.join(["husky-sysid", *sys.argv[1:]]),
-        space=space,
-        made=date.today().isoformat(),
-        record=str(model or _shown(space.board_path(record.name), space.root)),
-    )
+        command=shlex.join(["husky-sysid", *sys.argv[1:]]), space=space, made=date.today().isoformat(), record=str(source),
+    )  # fmt: skip
     diagnosis = last_diagnosis(record, space)
     evidence = None
     with working(printer):
@@ -69,10 +70,3 @@ def report(
         written += [write_figure(path.with_suffix(kind), sheet, dpi=150) for kind in (".pdf", ".png")]
     shown = [file.path for file in files if file.found]
     printer.result({"board": record.name, "report": path, "logs": shown}, *written)
-
-
-def _shown(record: Path, root: Path) -> str:
-    """Return a board record's path as seen from the workspace."""
-    if record.is_relative_to(root):
-        return str(record.relative_to(root))
-    return f"{record.name}, as shipped with the tool"

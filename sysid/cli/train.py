@@ -114,13 +114,18 @@ def train(
     printer.require_passed(record, force=force)
     _require_mjlab()
     machines.torchrun()
-    if machines.node > 0:
-        _join(resume or output, machines, printer)
+    if machines.node > 0:  # machine 0 begins the run
+        path = resume or output
+        if path is None:
+            raise SysidError(
+                f"--node {machines.node}: name the run's folder, which machine 0 shares, by --output."
+            )
+        _run(RunFolder(path), machines, printer)
         return
     if resume is not None:
         folder = _resume(resume, record, options, machines, printer)
     else:
-        folder = _new_run(record, output, common, printer)
+        folder = RunFolder(output or next_run(common.space.outputs(record.name)))
         _begin(folder, common.space.board_path(record.name), options, start_from, machines, printer)
     rows = folder.read_curves()
     if not rows:
@@ -146,42 +151,12 @@ def _record(board: str | None, resume: Path | None, common: Common) -> Board:
     return load_board(folder.board)
 
 
-def _require_gpus(count: int) -> None:
-    import torch
-
-    found = torch.cuda.device_count()
-    if count > found:
-        raise SysidError(
-            f"--gpus {count}: PyTorch sees {found} GPUs here. Train on fewer, or slowly on the processor with --gpus 0."
-        )
-
-
 def _require_mjlab() -> None:
     missing = [name for name in ("torch", "mjlab", "rsl_rl") if find_spec(name) is None]
     if missing:
         raise SysidError(
             f"training needs {', '.join(missing)}, which is not installed: {install_extra('train')}."
         )
-
-
-def _require_same_board(folder: RunFolder, record: Board) -> RunConfig:
-    config = folder.read_config()
-    name = load_board(folder.board).name
-    if name != record.name:
-        raise SysidError(
-            f"{folder.path}: a run for board '{name}', not '{record.name}'. To go on with another board, begin a run "
-            f"with --from and a checkpoint of this one."
-        )
-    return config
-
-
-def _join(path: Path | None, machines: Machines, printer: Printer) -> None:
-    """Join a run of machine 0."""
-    if path is None:
-        raise SysidError(
-            f"--node {machines.node}: name the run's folder, which machine 0 shares, by --output."
-        )
-    _run(RunFolder(path), machines, printer)
 
 
 def _begin(
@@ -193,6 +168,11 @@ def _begin(
     printer: Printer,
 ) -> None:
     """Begin a run in a new folder, which goes again if nothing was learned."""
+    if folder.config.exists():
+        raise SysidError(
+            f"{folder.path}: holds a run already. Go on with it by --resume {folder.path}, or choose another."
+        )
+    printer.note(f"run folder {folder.path}")
     config = options.config(0 if start_from is None else _iterations_of(start_from))
     clips = [] if options.motions is None else [options.motions]
     folder.begin(
@@ -208,7 +188,12 @@ def _begin(
 def _resume(path: Path, record: Board, options: Options, machines: Machines, printer: Printer) -> RunFolder:
     """Go on with a run, if it has iterations left; a new total is written into its configuration."""
     folder = RunFolder(path)
-    config = _require_same_board(folder, record)
+    config, name = folder.read_config(), load_board(folder.board).name
+    if name != record.name:
+        raise SysidError(
+            f"{path}: a run for board '{name}', not '{record.name}'. To go on with another board, begin a run "
+            f"with --from and a checkpoint of this one."
+        )
     if options != Options(iterations=options.iterations):
         raise UsageError(
             f"--resume goes on with the run's own options ({folder.config}); only --iterations may change. Begin a new run "
@@ -243,18 +228,15 @@ def _iterations_of(checkpoint: Path) -> int:
     return int(read_checkpoint(checkpoint)["iteration"])
 
 
-def _new_run(record: Board, output: Path | None, common: Common, printer: Printer) -> RunFolder:
-    path = next_run(common.space.outputs(record.name)) if output is None else output
-    if (path / "config.toml").exists():
-        raise SysidError(f"{path}: holds a run already. Go on with it by --resume {path}, or choose another.")
-    printer.note(f"run folder {path}")
-    return RunFolder(path)
-
-
 def _run(folder: RunFolder, machines: Machines, printer: Printer) -> None:
     """Train in separate processes, so that a crash is reported and leaves the files intact."""
-    gpus = 1 if machines.gpus is None else machines.gpus
-    _require_gpus(gpus)
+    import torch
+
+    gpus, found = 1 if machines.gpus is None else machines.gpus, torch.cuda.device_count()
+    if gpus > found:
+        raise SysidError(
+            f"--gpus {gpus}: PyTorch sees {found} GPUs here. Train on fewer, or slowly on the processor with --gpus 0."
+        )
     command = [sys.executable, "-m"]
     if gpus > 1 or machines.nodes > 1:
         command += ["torch.distributed.run", *machines.torchrun(), "-m"]

@@ -63,11 +63,8 @@ def recording(board, *, rate=False, drifting=False, **_):
 
 
 def evidence_of(board, recorded, stood=None):
-    return Evidence(
-        board=board, files=(), rolls=(recorded.roll,), releases=recorded.releases, phases=(recorded.phases,),
-        comparison=compare(recorded, board), ladder=(), fit=None, look_alikes=None,
-        stood=JointLaw.from_board(stood or board), warnings=(),
-    )  # fmt: skip
+    stood, compared = JointLaw.from_board(stood or board), compare(recorded, board)
+    return Evidence(board=board, releases=recorded.releases, comparison=compared, stood=stood)
 
 
 CASES = {
@@ -87,7 +84,7 @@ CASES = {
 def opened(tab, tmp_path):
     def show(play):
         page = Page("play", "")
-        page.lead = sliders(play.code, play.to_json(), "")
+        page.lead = sliders(play, "")
         (tmp_path / "play.html").write_text(page.render(), encoding="utf-8")
         tab.open(tmp_path / "play.html")
         return tab
@@ -170,7 +167,7 @@ def test_effects_that_were_tried_get_sliders_and_buttons(pink):
         "+ stribeck",
     ]
     assert play.presets[play.settings["begin"]].label == "+ coulomb"
-    assert [slider.label for slider in play.sliders][3:] == [
+    assert [slider["label"] for slider in play.sliders][3:] == [
         "dry friction: torque", "dry friction with stiction: torque",
     ]  # fmt: skip
     assert play.left_out == ("lowpass",)
