@@ -241,40 +241,27 @@ def _spreads(problems: Sequence[Problem]) -> tuple[float | None, ...]:
     return tuple(limit if np.isfinite(limit) else None for limit in limits)
 
 
-def _slider(
-    label: str, unit: str, index: int, low: float, high: float, shown: int = -1, scale: float = 1.0
-) -> dict[str, Any]:
-    """Return a slider of the number at an index of the law.
-
-    Args:
-        shown: Index of the number that is shown times this one; -1 to show this one alone.
-        scale: From SI to the unit.
-    """
-    return {
-        "label": label,
-        "unit": unit,
-        "index": index,
-        "low": low,
-        "high": high,
-        "shown": shown,
-        "scale": scale,
-    }
-
-
 def _sliders(
     board: Board, structure: Structure, presets: Sequence[Preset], amplitude: float
 ) -> list[dict[str, Any]]:
-    """Return sliders for spring, damper, rest angle and the amount of each effect."""
+    """Return sliders for spring, damper, rest angle and the amount of each effect.
+
+    `index` is that of its number in the law; `shown` that of the number that is shown times this one, -1 to show this one
+    alone. `scale` is from SI to the unit.
+    """
+    alone = {"shown": -1, "scale": 1.0}
     vectors = np.array([preset.vector for preset in presets])
     sliders: list[dict[str, Any]] = []
     for index, name, symbol in ((1, "stiffness", "k"), (2, "damping", "d")):
         low, reach = float(vectors[:, index].min()), float(np.abs(vectors[:, index]).max())
         if reach:  # not every joint has a spring
             unit = printed(board.tilt[name].unit)
-            sliders.append(_slider(f"{name} {symbol}", unit, index, min(0.3 * low, 0.0), 2 * reach))
+            ends = {"low": min(0.3 * low, 0.0), "high": 2 * reach}
+            sliders.append({"label": f"{name} {symbol}", "unit": unit, "index": index, **ends, **alone})
     reach = 2 * max(float(np.abs(vectors[:, 3]).max()), amplitude / 4)
     show = display(is_rate=False, slides=board.slides)
-    sliders.append(_slider("rest", show.unit.strip(), 3, -reach, reach, scale=show.scale))
+    rest = {"label": "rest", "unit": show.unit.strip(), "index": 3, "low": -reach, "high": reach}
+    sliders.append({**rest, **alone, "scale": show.scale})
     for part, where, _ in structure.layout():
         if _slides(part):
             label, unit, shown = part.title, "× fitted", -1
@@ -282,7 +269,8 @@ def _sliders(
             if first.neutral == 0:  # its strength
                 label, shown = f"{label}: {first.name.replace('_', ' ')}", where.start
                 unit = printed(slide_unit(first.unit) if board.slides else first.unit)
-            sliders.append(_slider(label, unit, where.stop - 1, 0.0, 2.0, shown))
+            amount = {"label": label, "unit": unit, "index": where.stop - 1, "low": 0.0, "high": 2.0}
+            sliders.append({**amount, **alone, "shown": shown})
     return sliders
 
 

@@ -8,7 +8,7 @@ import hashlib
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -66,16 +66,12 @@ def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> N
         error = float(np.abs(fitted.residual).max())
         whole = _signal(release, signal)
         tabs.append(_release_tab(root, f"release {release.number}", signal, span, whole, error))
-    blueprint = _blueprint(
-        rrb.Tabs(*tabs, name="releases"),
-        rrb.Vertical(
-            *_log_views("log", roll, decay.releases[0].start),
-            rrb.TextDocumentView(origin="summary", name="summary"),
-        ),
-        last,
+    first = decay.releases[0].start
+    beside = rrb.Vertical(
+        *_log_views("log", roll, first), rrb.TextDocumentView(origin="summary", name="summary")
     )
+    blueprint = _blueprint(rrb.Tabs(*tabs, name="releases"), beside, last)
     with recording(path, _identity(summary, "decay", roll.log), blueprint) as stream:
-        first = decay.releases[0].start
         _log_whole_log(stream, "log", roll, phases, first)
         for i, (release, peaks) in enumerate(zip(decay.releases, decay.peaks, strict=True)):
             _log_fitted(stream, f"release{release.number}", decay, i)
@@ -130,12 +126,9 @@ def comparison_recording(
     right: list[rrb.View | rrb.Container] = [rrb.TextDocumentView(origin="summary", name="summary")]
     right += [rrb.Spatial2DView(origin="missing_torque", name="missing torque")] if result.missing else []
     right += [rrb.Spatial2DView(origin=f"film{i + 1}", name="film") for i in range(len(films))]
-    right += [
-        rrb.Vertical(
-            *_log_views(f"log{i + 1}", roll, _first(evidence, roll)), name=f"log {Path(roll.log).name}"
-        )
-        for i, roll in enumerate(evidence.rolls)
-    ]
+    for i, roll in enumerate(evidence.rolls):
+        views = _log_views(f"log{i + 1}", roll, _first(evidence, roll))
+        right.append(rrb.Vertical(*views, name=f"log {Path(roll.log).name}"))
     beside: rrb.Container = rrb.Tabs(*right)
     if evidence.board.geometry:  # else there is no shape to draw
         scene = rrb.Spatial3DView(
@@ -329,15 +322,10 @@ def _blueprint(left: "rrb.Tabs", right: "rrb.Container", end: float) -> "rrb.Blu
     import rerun.blueprint as rrb
 
     played = rrb.components.AbsoluteTimeRange(min=rr.TimeInt(seconds=0.0), max=rr.TimeInt(seconds=end))
+    loop: Any = {"time_selection": played, "loop_mode": "selection", "play_state": "playing"}
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[3, 2]),
-        rrb.TimePanel(
-            timeline=TIMELINE,
-            state="collapsed",
-            time_selection=played,
-            loop_mode="selection",
-            play_state="playing",
-        ),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", **loop),
         rrb.SelectionPanel(state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),
     )

@@ -118,7 +118,7 @@ class Printer:
         self.stdout.print(text, markup=False)
 
     def saved(self, record: Board, since: Board) -> str:
-        """Save a record made from an earlier one, print its path, and warn of a check that no longer counts."""
+        """Save a record made from an earlier one, print its path, and warn where its check is lost."""
         path = self.common.space.save_board(record, since=since)
         if since.last_check:
             self.warn(f"{record.name}: the check of the old record no longer counts; run it again.")
@@ -167,11 +167,8 @@ class Printer:
 
     def quantities(self, rows: Sequence[tuple[str, Quantity]], title: str | None = None) -> None:
         """Print quantities as a table: name, value ± 95 %, method."""
-        self.table(
-            ("quantity", "value ± 95 %", "how"),
-            [(name, str(quantity), quantity.method) for name, quantity in rows],
-            title,
-        )
+        cells = [(name, str(quantity), quantity.method) for name, quantity in rows]
+        self.table(("quantity", "value ± 95 %", "how"), cells, title)
 
     def result(self, content: dict[str, Any], *written: Path) -> None:
         """Print the written files, and write the result as JSON if `--json` was given."""

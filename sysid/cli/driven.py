@@ -59,9 +59,8 @@ class Driven:
     @property
     def name(self) -> str:
         """Name of the outputs' folder."""
-        return f"{self.setup.file.stem}_{self.joints[0] if len(self.joints) == 1 else EVERY}".replace(
-            "/", "_"
-        )
+        joint = self.joints[0] if len(self.joints) == 1 else EVERY
+        return f"{self.setup.file.stem}_{joint}".replace("/", "_")
 
 
 def read_driven(paths: Sequence[Path], measurement: DriveMeasurement, printer: Printer) -> Driven:
@@ -144,11 +143,8 @@ def _columns(
         return columns.require_columns(found, joints, what, names, option)
 
     positions = every((motion,) if motion else columns.MOTIONS, "positions", "--column")
-    return (
-        dict(positions),
-        every((acted,) if acted else columns.INPUTS[kind], f"the {kind}", "--input"),
-        measured,
-    )
+    inputs = every((acted,) if acted else columns.INPUTS[kind], f"the {kind}", "--input")
+    return dict(positions), inputs, measured
 
 
 def _joints(setup: "Setup", printer: Printer) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -225,8 +221,9 @@ def run_driven(
     content = run(driven, printer)
     path = measurement.space.outputs(driven.name) / f"{name}.json"
     write_json(path, content)
+    printer.written(path)
     printer.say(f"next: {content['next']}")
-    printer.result(content, path)
+    printer.result(content)
 
 
 def driven_replay(driven: Driven, printer: Printer, tolerance: float, *, gate: bool) -> dict[str, Any]:
@@ -238,23 +235,13 @@ def driven_replay(driven: Driven, printer: Printer, tolerance: float, *, gate: b
         logs = {joint: driven.logs[joint][number] for joint in driven.joints}
         paths = replay(driven.setup, logs, driven.stated)
         found += [_error(joint, log, log.angle - paths[joint], tolerance) for joint, log in logs.items()]
-    rows = [
-        (
-            one["joint"],
-            Path(one["log"]).name,
-            f"{one['rmse_rad']:.4g}",
-            f"{100 * one['nrmse']:.2f} %",
-            "✓" if one["passed"] else "✗",
-            one["where"][0]["text"],
-        )
-        for one in found
-    ]
+    rows: list[tuple[str, ...]] = []
+    for one in found:
+        errors = f"{one['rmse_rad']:.4g}", f"{100 * one['nrmse']:.2f} %", "✓" if one["passed"] else "✗"
+        rows.append((one["joint"], Path(one["log"]).name, *errors, one["where"][0]["text"]))
     unit = "m" if driven.logs[driven.joints[0]][0].slides else "rad"
-    printer.table(
-        ("joint", "log", f"RMS error [{unit}]", "of the motion", "", "where"),
-        rows,
-        "replay of the input in plain MuJoCo",
-    )
+    head = ("joint", "log", f"RMS error [{unit}]", "of the motion", "", "where")
+    printer.table(head, rows, "replay of the input in plain MuJoCo")
     passed, worst = all(one["passed"] for one in found), max(found, key=lambda one: one["nrmse"])
     content = {"joints": found, "passed": passed, "nrmse": worst["nrmse"]}
     if passed:
@@ -292,10 +279,8 @@ def _where(log: "DrivenLog", error: Any) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     for axis, values, unit in (("time", log.time, "s"), ("velocity", rate, "m/s" if log.slides else "rad/s")):
         ends = np.quantile(values, [0, 1 / 3, 2 / 3, 1])
-        shares = [
-            float((error[(values >= a) & (values <= b)] ** 2).sum() / (error**2).sum())
-            for a, b in pairwise(ends)
-        ]
+        parts = [error[(values >= a) & (values <= b)] for a, b in pairwise(ends)]
+        shares = [float((part**2).sum() / (error**2).sum()) for part in parts]
         i = int(np.argmax(shares))
         text = f"{100 * shares[i]:.0f} % of it at {ends[i]:.3g} to {ends[i + 1]:.3g} {unit}"
         span = [float(ends[i]), float(ends[i + 1])]
@@ -307,10 +292,9 @@ def driven_diagnose(driven: Driven, printer: Printer, fix: Sequence[str]) -> dic
     """Find the missing effects of each joint; each log of a joint has a process of its own."""
     from sysid.batch.runner import run_all
 
+    fixed = parse_fixed(fix)
     cases = [
-        (joint, log, driven.stated[joint], parse_fixed(fix))
-        for joint in driven.joints
-        for log in driven.logs[joint]
+        (joint, log, driven.stated[joint], fixed) for joint in driven.joints for log in driven.logs[joint]
     ]
     results: dict[str, Any] = {}
     # Effects of the user's own files are known in this process only.

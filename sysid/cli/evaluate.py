@@ -132,28 +132,22 @@ def evaluate(
     record = common.space.load_board(board)
     processes = effort.workers or len(os.sched_getaffinity(0))
     rides: list[tuple[str, Evaluation]] = []
+    size: Any = {"episodes": effort.episodes, "seeds": tuple(range(effort.seeds))}
     with bar(printer) as progress, riders(processes) as pool:
         plain = partial(evaluate_policy, pool=pool)
         measure = evaluate_in_parallel if effort.simulator == "mjlab" else plain
         for name, protocol in SUITE if suite else (("as asked for", given),):
             for one in policies:
                 task = progress.add_task(f"{Path(one).stem}, {name}", total=effort.episodes * effort.seeds)
-                result = measure(
-                    one,
-                    record,
-                    episodes=effort.episodes,
-                    seeds=tuple(range(effort.seeds)),
-                    protocol=protocol,
-                    force=force,
-                    progress=partial(progress.advance, task),
-                )
+                told = partial(progress.advance, task)
+                result = measure(one, record, **size, protocol=protocol, force=force, progress=told)
                 rides.append((name, result))
     folder = output or common.space.outputs(record.name)
     named = "-".join(dict.fromkeys(one.policy for _, one in rides))
     report, kind = (_report_table, "suite") if len(rides) > 1 else (_report_one, "evaluate")
     picture = folder / f"{kind}-{named}-{effort.simulator}.png"
-    size = f"{count(effort.episodes, 'episode')} × {count(effort.seeds, 'seed')}"
-    content = report(rides, f"{record.name} in {effort.simulator}: {size}", picture, printer)
+    rode = f"{count(effort.episodes, 'episode')} × {count(effort.seeds, 'seed')}"
+    content = report(rides, f"{record.name} in {effort.simulator}: {rode}", picture, printer)
     content |= {"simulator": effort.simulator, "randomised": condition.randomised, "picture": str(picture)}
     printer.result(content, picture)
 
