@@ -1,4 +1,4 @@
-"""Pictures of a comparison and of a frequency response name their units, and show what was computed."""
+"""Pictures of a comparison and of a frequency response name their units and show the computed numbers."""
 
 import numpy as np
 

@@ -72,7 +72,7 @@ def test_the_page_holds_what_the_record_and_the_logs_say(space, page):
     sections = re.findall(r"<h2>(.*?)</h2>", text)
     assert {"How it came here", "Parameters", "Identified law", "Measured against simulated"} < set(sections)
     digest = Board.load("pink", space).fit["logs"][0]["sha256"]
-    # The truth stands beside what was found.
+    # The truth stands beside the fitted stiffness.
     for said in (digest, "as fitted", "sgn φ̇", "These logs are synthetic", "14.68 N·m/rad"):
         assert said in text
     words = re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)
