@@ -1,6 +1,5 @@
 """`husky-sysid run`: a policy in real time, in MuJoCo or on the robot."""
 
-import math
 import signal
 from collections.abc import Generator
 from contextlib import contextmanager, nullcontext
@@ -15,6 +14,7 @@ from sysid.cli.ride_options import Ride, RideOptions, SafetyOptions, choose_rend
 from sysid.errors import SysidError, UsageError
 
 if TYPE_CHECKING:
+    from policy_runtime.loop.commands import CommandSource
     from policy_runtime.loop.preparation import Preparation
     from policy_runtime.loop.ranges import RangeCheck
     from policy_runtime.loop.world import World

@@ -13,6 +13,7 @@ from reports.evidence import gather
 from reports.page.summary import board_summary, decay_summary
 from reports.rerun.decay import comparison_recording, decay_recording
 from reports.rerun.film_frames import FilmFrames
+from reports.rerun.stream import need_rerun
 from sysid.board import Board, BoardEffect
 from sysid.errors import SysidError
 from sysid.fitting.ladder import PLAIN
@@ -159,5 +160,5 @@ def test_a_recording_that_cannot_be_written_is_refused_and_nothing_is_left(evide
         comparison_recording(blocked / "out.rrd", evidence, "text")
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(SysidError, match="pip install rerun-sdk"):
-        comparison_recording(tmp_path / "out.rrd", evidence, "text")
+        need_rerun()
     assert list(tmp_path.iterdir()) == [blocked]
