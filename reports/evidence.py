@@ -30,20 +30,20 @@ class Evidence:
     """A board and the results of its logs."""
 
     board: Board
-    files: tuple[LogFile, ...]
-    rolls: tuple[Roll, ...]
     releases: tuple[Release, ...]
-    phases: tuple[tuple[Phase, ...], ...]
-    """Of each roll."""
     comparison: Comparison
-    ladder: tuple[Rung, ...]
-    """From spring and damper up to all effects of the board."""
-    fit: JointFit | None
-    """The last rung in full; None where the board's law cannot be fitted to these logs."""
-    look_alikes: LookAlikes | None
     stood: JointLaw
     """The board's law before it was first changed in this workspace; its present one if it never was."""
-    warnings: tuple[str, ...]
+    files: tuple[LogFile, ...] = ()
+    rolls: tuple[Roll, ...] = ()
+    phases: tuple[tuple[Phase, ...], ...] = ()
+    """Of each roll."""
+    ladder: tuple[Rung, ...] = ()
+    """From spring and damper up to all effects of the board."""
+    fit: JointFit | None = None
+    """The last rung in full; None where the board's law cannot be fitted to these logs."""
+    look_alikes: LookAlikes | None = None
+    warnings: tuple[str, ...] = ()
 
     def releases_of(self, roll: Roll) -> list[Release]:
         """Return the releases of one log."""

@@ -38,22 +38,14 @@ def make_reports() -> None:
         shutil.copytree(DECAYS, workspace / "data" / "decays")
         for board, commands in STORIES.items():
             for command in (*commands, f"report --board {board}"):
-                _run(command, workspace)
+                sys.stderr.write(f"husky-sysid {command}\n")
+                words = [sys.executable, "-m", "sysid.cli", *command.split()]
+                done = subprocess.run(words, cwd=workspace, stdout=subprocess.DEVNULL, check=False)
+                if done.returncode not in (0, 3):  # 3: the gate said no, and the report says why
+                    raise SysidError(f"husky-sysid {command} ended with exit code {done.returncode}")
             target = HERE / board
             target.mkdir(exist_ok=True)
             shutil.copy(workspace / "reports" / board / "report.html", target / "report.html")
-
-
-def _run(command: str, workspace: Path) -> None:
-    sys.stderr.write(f"husky-sysid {command}\n")
-    done = subprocess.run(
-        [sys.executable, "-m", "sysid.cli", *command.split()],
-        cwd=workspace,
-        stdout=subprocess.DEVNULL,
-        check=False,
-    )
-    if done.returncode not in (0, 3):  # 3: the gate said no, and the report says why
-        raise SysidError(f"husky-sysid {command} ended with exit code {done.returncode}")
 
 
 if __name__ == "__main__":

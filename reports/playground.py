@@ -52,22 +52,6 @@ class Preset:
     """Whether the sensor's zero differs between releases."""
 
 
-@dataclass(frozen=True, slots=True)
-class Slider:
-    """A number that can be changed by hand."""
-
-    label: str
-    unit: str
-    index: int
-    """In the law's numbers."""
-    low: float
-    high: float
-    shown: int
-    """Index of the number that is shown times this one; -1 to show this one alone."""
-    scale: float = 1.0
-    """From SI to the unit."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Playground:
     """All that a page needs to simulate a board."""
@@ -76,7 +60,7 @@ class Playground:
     """JavaScript: `initial`, `held`, `step`, `cut`, `output`, `reading`."""
     presets: tuple[Preset, ...]
     """As it stood, refitted, and with effects."""
-    sliders: tuple[Slider, ...]
+    sliders: tuple[Mapping[str, Any], ...]
     releases: tuple[Mapping[str, Any], ...]
     settings: Mapping[str, Any]
     left_out: tuple[str, ...]
@@ -89,7 +73,7 @@ class Playground:
                 {"label": p.label, "vector": p.vector, "spreads": p.spreads, "zeros": p.zeros}
                 for p in self.presets
             ],
-            "sliders": [{f.name: getattr(s, f.name) for f in fields(Slider)} for s in self.sliders],
+            "sliders": self.sliders,
             "releases": self.releases,
             **self.settings,
         }
@@ -257,32 +241,36 @@ def _spreads(problems: Sequence[Problem]) -> tuple[float | None, ...]:
     return tuple(limit if np.isfinite(limit) else None for limit in limits)
 
 
-def _sliders(board: Board, structure: Structure, presets: Sequence[Preset], amplitude: float) -> list[Slider]:
-    """Return sliders for spring, damper, rest angle and the amount of each effect."""
+def _sliders(
+    board: Board, structure: Structure, presets: Sequence[Preset], amplitude: float
+) -> list[dict[str, Any]]:
+    """Return sliders for spring, damper, rest angle and the amount of each effect.
+
+    `index` is that of its number in the law; `shown` that of the number that is shown times this one, -1 to show this one
+    alone. `scale` is from SI to the unit.
+    """
+    alone = {"shown": -1, "scale": 1.0}
     vectors = np.array([preset.vector for preset in presets])
-    sliders: list[Slider] = []
+    sliders: list[dict[str, Any]] = []
     for index, name, symbol in ((1, "stiffness", "k"), (2, "damping", "d")):
         low, reach = float(vectors[:, index].min()), float(np.abs(vectors[:, index]).max())
         if reach:  # not every joint has a spring
             unit = printed(board.tilt[name].unit)
-            sliders.append(Slider(f"{name} {symbol}", unit, index, min(0.3 * low, 0.0), 2 * reach, -1))
-    reach, show = (
-        2 * max(float(np.abs(vectors[:, 3]).max()), amplitude / 4),
-        display(is_rate=False, slides=board.slides),
-    )
-    sliders.append(Slider("rest", show.unit.strip(), 3, -reach, reach, -1, show.scale))
+            ends = {"low": min(0.3 * low, 0.0), "high": 2 * reach}
+            sliders.append({"label": f"{name} {symbol}", "unit": unit, "index": index, **ends, **alone})
+    reach = 2 * max(float(np.abs(vectors[:, 3]).max()), amplitude / 4)
+    show = display(is_rate=False, slides=board.slides)
+    rest = {"label": "rest", "unit": show.unit.strip(), "index": 3, "low": -reach, "high": reach}
+    sliders.append({**rest, **alone, "scale": show.scale})
     for part, where, _ in structure.layout():
         if _slides(part):
+            label, unit, shown = part.title, "× fitted", -1
             first = part.parameters[0]
             if first.neutral == 0:  # its strength
-                label, unit, shown = (
-                    f"{part.title}: {first.name.replace('_', ' ')}",
-                    printed(slide_unit(first.unit) if board.slides else first.unit),
-                    where.start,
-                )
-            else:
-                label, unit, shown = part.title, "× fitted", -1
-            sliders.append(Slider(label, unit, where.stop - 1, 0.0, 2.0, shown))
+                label, shown = f"{label}: {first.name.replace('_', ' ')}", where.start
+                unit = printed(slide_unit(first.unit) if board.slides else first.unit)
+            amount = {"label": label, "unit": unit, "index": where.stop - 1, "low": 0.0, "high": 2.0}
+            sliders.append({**amount, **alone, "shown": shown})
     return sliders
 
 

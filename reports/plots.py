@@ -67,6 +67,8 @@ def html(result: Any) -> str:
 
 
 def _draw(result: object, axes: "Axes") -> None:
+    from reports.figures.story import draw_candidates
+    from reports.story import ranked
     from sim.check.verdict import Verdict
     from sysid.diagnosis.diagnose import Diagnosis
 
@@ -89,7 +91,8 @@ def _draw(result: object, axes: "Axes") -> None:
         case Board():
             _draw_record(result, axes)
         case Diagnosis():
-            _draw_diagnosis(result, axes)
+            candidates = [(c.effects, c.score) for c in result.candidates]
+            draw_candidates(axes, ranked(candidates, result.best.effects))
         case _:
             raise SysidError(f"there is no picture of a {type(result).__name__}.")
 
@@ -108,7 +111,8 @@ def _draw_comparison(result: Comparison, axes: "Axes") -> None:
     """Draw the release with the largest error, measured and simulated."""
     release = max(result.releases, key=lambda one: one.rmse)
     _draw_pair(axes, release.time, (release.measured, release.simulated), result.show)
-    axes.set_title(_title(release.log, release.number, release.rmse / result.noise.std))
+    error = release.rmse / result.noise.std
+    axes.set_title(f"{release.log}, release {release.number}: error {error:.3g} × noise")
 
 
 def _draw_fit(fit: Fit, axes: "Axes") -> None:
@@ -117,7 +121,8 @@ def _draw_fit(fit: Fit, axes: "Axes") -> None:
     record, residual = max(pairs, key=lambda pair: float(np.mean(pair[1] ** 2)))
     show = display(is_rate=record.is_rate, slides=fit.before.slides)
     _draw_pair(axes, record.time, (record.signal, record.signal + residual), show, "fitted")
-    axes.set_title(_title(record.release.log, record.release.number, fit.rmse / fit.noise.std))
+    error = fit.rmse / fit.noise.std
+    axes.set_title(f"{record.release.log}, release {record.release.number}: error {error:.3g} × noise")
 
 
 def _draw_check(verdict: Any, axes: "Axes") -> None:
@@ -137,10 +142,6 @@ def _draw_pair(
     axes.legend(loc="best")
 
 
-def _title(log: str, number: int, error: float) -> str:
-    return f"{log}, release {number}: error {error:.3g} × noise"
-
-
 def _draw_record(record: Board, axes: "Axes") -> None:
     """Draw the decay of the law from a quarter of its range."""
     if record.is_unmeasured and not record.effects:
@@ -155,14 +156,6 @@ def _draw_record(record: Board, axes: "Axes") -> None:
     axes.set(xlabel="time since release [s]", ylabel=show.axis, title=f"{record.name}: {law}")
 
 
-def _draw_diagnosis(found: Any, axes: "Axes") -> None:
-    """Draw the candidates."""
-    from reports.figures.story import draw_candidates
-    from reports.story import ranked
-
-    draw_candidates(axes, ranked([(c.effects, c.score) for c in found.candidates], found.best.effects))
-
-
 def _story(fit: Fit) -> "Figure | None":
     """Return the story of a fit: the record before and after; None without a record that moves."""
     from reports.figures.story import story_figure
@@ -173,12 +166,6 @@ def _story(fit: Fit) -> "Figure | None":
         return None
     known = {part.name for part in fit.before.effects}
     added = tuple(name for name, _ in fit.law.effects if name not in known)
-    data = fit.recordings or fit.releases
-    story = tell(
-        data,
-        fit.before,
-        laws=(before, fit.law),
-        effects=added,
-        heldout=fit.heldout_rmse / fit.noise.std,
-    )
+    data, heldout = fit.recordings or fit.releases, fit.heldout_rmse / fit.noise.std
+    story = tell(data, fit.before, laws=(before, fit.law), effects=added, heldout=heldout)
     return story_figure(story, f"{fit.before.name}: {fit.law}")

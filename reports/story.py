@@ -15,7 +15,6 @@ import numpy as np
 from reports.evidence import Evidence, LastDiagnosis
 from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
-from sysid.comparison.release import ComparedRelease
 from sysid.diagnosis.demand import TorqueProfile, demand_of
 from sysid.diagnosis.report import TIE as TIED
 from sysid.effects import effect
@@ -221,33 +220,22 @@ def _missing(
     law = after.law
     torques = [name for name in law.structure.effects if effect(name).role == "torque"]
     named = tuple(name for name in torques if name in effects)
-    each = [_torque(law, named, release) for release in after.releases]
+    others = [name for name in torques if name not in named]
     try:
-        demand = demand_of(
-            releases,
-            law,
-            after.noise.std,
-            rate=after.is_rate,
-            beside=[name for name in torques if name not in named],
-        )
+        demand = demand_of(releases, law, after.noise.std, rate=after.is_rate, beside=others)
     except SysidError:
         return None, None
     angle = np.concatenate([r.roll for r in after.releases]) - law.rest_angle
     rate = np.concatenate([r.rate for r in after.releases])
-    torque = np.concatenate(each)
+    each = [[effect_torque(law, name, r.time, r.roll, r.rate) for r in after.releases] for name in named]
+    torque = np.sum([np.concatenate(parts) for parts in each], axis=0) if named else None
     over_rate = Missing(demand.over(demand.rate), *_averaged(rate, torque))
     return over_rate, Missing(demand.over(demand.angle), *_averaged(angle, torque))
 
 
-def _torque(law: JointLaw, names: Sequence[str], release: ComparedRelease) -> Array:
-    """Return the torque of some effects of a law along its own motion [N*m], shape (n,)."""
-    each = [effect_torque(law, name, release.time, release.roll, release.rate) for name in names]
-    return np.sum(each, axis=0) if each else np.full(len(release.time), np.nan)
-
-
-def _averaged(at: Array, torque: Array) -> tuple[Array, Array]:
+def _averaged(at: Array, torque: Array | None) -> tuple[Array, Array]:
     """Average a torque over bins of equal count; empty without a named effect."""
-    if np.isnan(torque).any():
+    if torque is None or np.isnan(torque).any():
         return np.zeros(0), np.zeros(0)
     parts = np.array_split(np.argsort(at), min(MOST_POINTS, len(at)))
     return np.array([at[p].mean() for p in parts]), np.array([torque[p].mean() for p in parts])
@@ -275,14 +263,9 @@ def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
 def for_report(found: "Diagnosis", board: Board) -> dict[str, Any]:
     """Return the data of a diagnosis for a report besides its JSON: its record, and the model behind its verdict."""
     law = found.best.fit.law
-    parameters = {
-        name: {"value": float(value)}
-        for name, value in zip(law.structure.parameters, law.vector, strict=True)
-    }
-    return {
-        "record": board.digest,
-        "best": {"effects": list(found.best.effects), "parameters": parameters},
-    }
+    values = zip(law.structure.parameters, law.vector, strict=True)
+    parameters = {name: {"value": float(value)} for name, value in values}
+    return {"record": board.digest, "best": {"effects": list(found.best.effects), "parameters": parameters}}
 
 
 def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story:
@@ -333,14 +316,9 @@ def ranked(
 
     Each has effects and score.
     """
-    models = [
-        Ranked(tuple(names), score, tuple(names) == tuple(chosen))
-        for names, score in candidates
-        if score is not None and np.isfinite(score)
-    ]
-    return tuple(
-        model for place, model in enumerate(models) if place < MOST_SHOWN or model.chosen or not model.effects
-    )
+    known = [(tuple(names), score) for names, score in candidates if score is not None and np.isfinite(score)]
+    models = [Ranked(names, score, names == tuple(chosen)) for names, score in known]
+    return (*models[:MOST_SHOWN], *(one for one in models[MOST_SHOWN:] if one.chosen or not one.effects))
 
 
 def law_of_candidate(board: Board, candidate: Mapping[str, Any]) -> JointLaw | None:
@@ -349,12 +327,8 @@ def law_of_candidate(board: Board, candidate: Mapping[str, Any]) -> JointLaw | N
     known = {name: quantity["value"] for name, quantity in candidate["parameters"].items()}
     # A joint that hangs has no spring, and no rest angle beside the sensor's zero.
     hangs = "stiffness" not in known
-    held = {
-        "inertia": board.inertia.value,
-        "stiffness": 0.0,
-        "rest_angle": 0.0 if hangs else board.rest_angle,
-    }
-    values = {**held, **known}
+    rest = 0.0 if hangs else board.rest_angle
+    values = {"inertia": board.inertia.value, "stiffness": 0.0, "rest_angle": rest, **known}
     if not set(structure.parameters) <= set(values):
         return None
     return JointLaw.from_vector(structure, np.array([values[name] for name in structure.parameters]))

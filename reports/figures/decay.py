@@ -53,13 +53,9 @@ def draw_log(axes: "Axes", roll: Roll, decay: FreeDecay) -> "Axes":
     for release, group in mine:
         axes.axvspan(release.start, float(release.time[-1]), color=SIM, alpha=0.08, lw=0)
         if len(mine) <= MOST_MARKED:
-            corner: dict[str, Any] = {
-                "xycoords": ("data", "axes fraction"),
-                "xytext": (2, 2),
-                "textcoords": "offset points",
-            }
-            label = f"{release.number} {release.side}"
-            axes.annotate(label, (release.start, 1.0), **corner, fontsize=7.5, color=SIM)
+            corner: Any = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
+            label, at = f"{release.number} {release.side}", (release.start, 1.0)
+            axes.annotate(label, at, (2, 2), **corner, fontsize=7.5, color=SIM)
         at = [peak.time for peak in group]
         level = decay.position.scale * np.interp(at, roll.time, roll.roll)
         axes.plot(at, level, "o", ms=3.8, mfc="white", mec=REAL, mew=0.9)
@@ -67,9 +63,9 @@ def draw_log(axes: "Axes", roll: Roll, decay: FreeDecay) -> "Axes":
     return axes
 
 
-def draw_traces(axes: "Axes", decay: FreeDecay) -> "Axes":
+def draw_traces(axes: "Axes", decay: FreeDecay) -> None:
     """Draw every decay from its release on, with the fitted linear decay and its envelope."""
-    scale, unit = _unit(decay)
+    scale, unit = decay.show.scale, decay.show.unit.strip()
     decay_rate = decay.trace.decay_rate
     shown, height = _shown(decay), 0.0
     largest = max(decay.trace.releases, key=lambda fitted: float(np.ptp(fitted.modelled)))
@@ -103,14 +99,13 @@ def draw_traces(axes: "Axes", decay: FreeDecay) -> "Axes":
         axes.set_title("    ".join(f"{name} = {q}" for name, q in known.items() if math.isfinite(q.value)))
     else:
         axes.set_title(f"✗ {decay.status}: the line is the nearest linear decay", color=BAD)
-    return axes
 
 
-def draw_residual(axes: "Axes", decay: FreeDecay) -> "Axes":
+def draw_residual(axes: "Axes", decay: FreeDecay) -> None:
     """Draw fitted minus measured, over the ±2σ band of the sensor noise."""
     from matplotlib.ticker import StrMethodFormatter
 
-    scale, unit = _unit(decay)
+    scale, unit = decay.show.scale, decay.show.unit.strip()
     for release, fitted in zip(decay.releases, decay.trace.releases, strict=True):
         axes.plot(*thin(fitted.trace.time - release.start, -scale * fitted.residual), color=SIM, lw=0.7)
     band = 2 * decay.floor.std * scale
@@ -122,20 +117,18 @@ def draw_residual(axes: "Axes", decay: FreeDecay) -> "Axes":
     axes.set_title(
         f"residual {decay.trace.noise * scale:.2g}{gap}{unit}, sensor noise {decay.floor.std * scale:.2g}{gap}{unit} (grey: ±2σ)"
     )
-    return axes
 
 
-def draw_peak_line(axes: "Axes", decay: FreeDecay) -> "Axes":
+def draw_peak_line(axes: "Axes", decay: FreeDecay) -> None:
     """Draw ln(amplitude) of every usable peak against its number, the line through them, and the trace's slope."""
     from matplotlib.ticker import MaxNLocator
 
     used = [(i, group) for i, group in enumerate(decay.peaks) if group]
     if not used:
-        axes.text(
-            0.5, 0.5, "no peak stands clear of the noise", ha="center", transform=axes.transAxes, color=NOISE
-        )
+        empty = "no peak stands clear of the noise"
+        axes.text(0.5, 0.5, empty, ha="center", transform=axes.transAxes, color=NOISE)
         axes.set_axis_off()
-        return axes
+        return
     scale = decay.position.scale
     slope = -decay.numbers.log_decrement.value / 2
     for i, group in used:
@@ -146,27 +139,20 @@ def draw_peak_line(axes: "Axes", decay: FreeDecay) -> "Axes":
         label = "peaks ±2σ" if i == used[0][0] else None
         axes.errorbar(number, amplitude, yerr=error, fmt="o", ms=3.5, color=REAL, elinewidth=0.8, label=label)
         # The trace gives the slope, and the widest peak, which noise moves least, the height.
-        axes.plot(
-            number,
-            amplitude[0] * np.exp(slope * (number - number[0])),
-            color=SIM,
-            lw=1.0,
-            label=label and "fitted decay",
-        )
+        line = amplitude[0] * np.exp(slope * (number - number[0]))
+        axes.plot(number, line, color=SIM, lw=1.0, label=label and "fitted decay")
     axes.set_yscale("log")
     smallest = min(peak.amplitude for _, group in used for peak in group)
     axes.set_ylim(bottom=max(axes.get_ylim()[0], scale * smallest / 3))
     _readable_log_axis(axes)
-    axes.set(
-        xlabel="half-cycles since release", ylabel=f"amplitude about rest [{decay.position.unit.strip()}]"
-    )
+    unit = decay.position.unit.strip()
+    axes.set(xlabel="half-cycles since release", ylabel=f"amplitude about rest [{unit}]")
     axes.set_xlim(-0.25, max(1, *(peak.number for _, group in used for peak in group)) + 0.25)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     lines = [f"δ = {decay.numbers.log_decrement}  whole trace"]
     lines += [] if decay.two_peaks is None else [f"δ = {decay.two_peaks}  two peaks"]
     axes.set_title("\n".join(lines))
     axes.legend(loc="lower left" if len(used[0][1]) > 2 else "upper right")
-    return axes
 
 
 def _readable_log_axis(axes: "Axes") -> None:
@@ -180,10 +166,6 @@ def _readable_log_axis(axes: "Axes") -> None:
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high / low < 100 else (1.0,)))
     axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
-
-
-def _unit(decay: FreeDecay) -> tuple[float, str]:
-    return decay.show.scale, decay.show.unit.strip()
 
 
 def envelope(fitted: FittedTrace, since: Array, rate: float) -> Array:

@@ -35,16 +35,8 @@ def draw_ladder(axes: "Axes", steps: Sequence[Step], noise: tuple[float, float],
     for row, step in enumerate(steps):
         axes.annotate(times(step.error), (step.error, row), (0, 6), textcoords="offset points", ha="center")
     if np.isfinite(held).any():
-        axes.plot(
-            held,
-            rows,
-            "o",
-            color=HELD_OUT,
-            mfc="none",
-            mew=1.4,
-            ms=7,
-            label="held out: releases" if releases > 1 else "held out: parts of the release",
-        )
+        label = "held out: releases" if releases > 1 else "held out: parts of the release"
+        axes.plot(held, rows, "o", color=HELD_OUT, mfc="none", mew=1.4, ms=7, label=label)
     axes.plot(errors, rows, "o", color=SIM, ms=7, label="error")
     axes.set_yticks(rows, [fill(step.label, 22) for step in steps])
     axes.set_ylim(len(steps) - 0.5, -0.7)
@@ -60,15 +52,12 @@ def draw_ladder(axes: "Axes", steps: Sequence[Step], noise: tuple[float, float],
     axes.legend(loc="best")
 
 
-def fit_steps(fit: "Fit") -> tuple[Step, ...]:
-    """Return the ladder of a fit: the record as it stood, then each model."""
-    floor = fit.noise.std
-    steps = [Step(rung.label, rung.rmse / floor, rung.heldout_rmse / floor) for rung in fit.ladder]
-    return (Step(STOOD, fit.rmse_before / floor), *steps)
-
-
-def ladder_figure(steps: Sequence[Step], noise: tuple[float, float], title: str, releases: int) -> "Figure":
-    """Draw a ladder by itself."""
+def ladder_figure(fit: "Fit", title: str) -> "Figure":
+    """Draw the ladder of a fit by itself: the record as it stood, then each model."""
+    floor, releases = fit.noise.std, len(fit.joint.records)
+    steps = [Step(STOOD, fit.rmse_before / floor)]
+    steps += [Step(rung.label, rung.rmse / floor, rung.heldout_rmse / floor) for rung in fit.ladder]
+    noise = (fit.noise.lowest / floor, fit.noise.highest / floor)
     with styled(5.6, 1.5 + 0.45 * len(steps)) as figure:
         axes = figure.add_subplot()
         draw_ladder(axes, steps, noise, releases)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from textwrap import fill, wrap
 from typing import TYPE_CHECKING, Any
 
@@ -39,46 +40,32 @@ def panels(story: Story) -> list[Panel]:
     begun = "" if np.isnan(former) else f"{times(former)} → "
     fell = f"error {begun}{times(latter)} × noise"
     named = " and ".join(name for name in story.effects if effect(name).role == "torque")
-    drawn = [
-        Panel(
-            "decay", fell, f"{story.release}: the raw measurement" + (", the record as it stood," if story.before else "") + f" and the law, {story.labels[1]}.",
-            lambda axes: draw_decay(axes, story),
-        )
-    ]  # fmt: skip
+    stood = ", the record as it stood," if story.before else ""
+    caption = f"{story.release}: the raw measurement{stood} and the law, {story.labels[1]}."
+    drawn = [Panel("decay", fell, caption, lambda axes: draw_decay(axes, story))]
     slides = story.after.slides
     push = effort(slides=slides).split(" [")[0]
-    for missing, show in (
-        (story.over_rate, display(is_rate=True, slides=slides)),
-        (story.over_angle, display(is_rate=False, slides=slides)),
-    ):
-        if missing is not None:
-            drawn.append(
-                Panel(
-                    f"torque-{show.name}", f"Missing {push} over {show.name}",
-                    f"{push.capitalize()} beyond spring and damper. Orange: the torque that the motion demands, averaged by {show.name}, with its 95 % band." + (f" Blue: the law of {named}." if named else ""),
-                    lambda axes, m=missing, s=show: draw_missing(axes, m, s, named, slides=slides),
-                )
-            )  # fmt: skip
-    drawn.append(
-        Panel(
-            "ladder", "Ladder of errors", "Error of each model in multiples of the noise; grey: the noise's own 95 % interval.",
-            lambda axes: draw_ladder(axes, story.steps, story.noise_range, len(story.after.releases)),
+    for missing, is_rate in ((story.over_rate, True), (story.over_angle, False)):
+        if missing is None:
+            continue
+        show = display(is_rate=is_rate, slides=slides)
+        caption = (
+            f"{push.capitalize()} beyond spring and damper. Orange: the torque that the motion demands, averaged by "
+            f"{show.name}, with its 95 % band.{f' Blue: the law of {named}.' if named else ''}"
         )
-    )  # fmt: skip
+        draw = partial(draw_missing, missing=missing, show=show, named=named, slides=slides)
+        drawn.append(Panel(f"torque-{show.name}", f"Missing {push} over {show.name}", caption, draw))
+    caption = "Error of each model in multiples of the noise; grey: the noise's own 95 % interval."
+    draw = partial(
+        draw_ladder, steps=story.steps, noise=story.noise_range, releases=len(story.after.releases)
+    )
+    drawn.append(Panel("ladder", "Ladder of errors", caption, draw))
     if story.ranked:
-        drawn.append(
-            Panel(
-                "candidates", f"Chosen: {story.why}" if story.why else "Candidates",
-                "Twice the log evidence of each candidate below the best. Candidates in the grey zone tie with it.",
-                lambda axes: draw_candidates(axes, story.ranked),
-            )
-        )  # fmt: skip
-    drawn.append(
-        Panel(
-            "whiteness", "Is the rest noise?", "Autocorrelation of the residual; inside the grey 99 % band it is noise.",
-            lambda axes: draw_whiteness(axes, story),
-        )
-    )  # fmt: skip
+        title = f"Chosen: {story.why}" if story.why else "Candidates"
+        caption = "Twice the log evidence of each candidate below the best. Candidates in the grey zone tie with it."
+        drawn.append(Panel("candidates", title, caption, partial(draw_candidates, ranked=story.ranked)))
+    caption = "Autocorrelation of the residual; inside the grey 99 % band it is noise."
+    drawn.append(Panel("whiteness", "Is the rest noise?", caption, partial(draw_whiteness, story=story)))
     return drawn
 
 

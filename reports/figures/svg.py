@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Sequence
 from contextlib import contextmanager
+from html import escape
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 600
 """Points kept of one curve: about one a pixel; the numbers beside it use all of them."""
-
-
 PIXELS_PER_INCH = 104
 """Width on the page of an inch of a figure [CSS px]."""
 
@@ -91,20 +90,13 @@ def figure_to_svg(figure: "Figure", identifier: str, title: str) -> str:
     text = re.sub(r"(fill|stroke): ?#000000", r"\1: currentColor", text)
     # Figures narrower than the page stay narrow: type is of one size on all of the page.
     width = PIXELS_PER_INCH * figure.get_figwidth()
-    text = re.sub(
-        r'<svg [^>]*?(viewBox="[^"]+")[^>]*>', _open_tag(identifier, title, width, r"\1"), text, count=1
+    head = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" id="{identifier}" class="figure" '
+        f'\\1 style="max-width: {width:.0f}px" role="img" aria-label="{escape(title)}">'
     )
+    text = re.sub(r'<svg [^>]*?(viewBox="[^"]+")[^>]*>', head, text, count=1)
     hover = json.dumps(_hover_data(figure), separators=(",", ":"), allow_nan=False)
     return text.replace("</svg>", f'<script type="application/json" class="hover">{hover}</script></svg>')
-
-
-def _open_tag(identifier: str, title: str, width: float, view_box: str) -> str:
-    escaped = title.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
-        f'id="{identifier}" class="figure" {view_box} style="max-width: {width:.0f}px" '
-        f'role="img" aria-label="{escaped}">'
-    )
 
 
 def _hover_data(figure: "Figure") -> list[dict[str, object]]:

@@ -10,18 +10,13 @@ from reports.page.page import Page, figure, paragraph, table, verdict, warning_l
 from sysid.batch.jobs import QUANTITIES, column, failure, with_interval
 
 SHOWN = {
-    "job": "job",
-    "board": "board",
-    "task": "task",
+    **{name: name for name in ("job", "board", "task")},
     "stiffness_nm_rad": "k [N·m/rad]",
     "damping_nms_rad": "d [N·m·s/rad]",
     "omega_n_rad_s": "ω_n [rad/s]",
     "damping_ratio": "ζ",
     "nrmse": "NRMSE",
-    "verdict": "verdict",
-    "effects": "effects",
-    "confidence": "confidence",
-    "warnings": "warnings",
+    **{name: name for name in ("verdict", "effects", "confidence", "warnings")},
 }
 """Columns of the page's table, and their heads; empty ones are left out."""
 CAPTION = "With 95 % intervals, by board; hollow: the decay is not linear, so there is no one value."
@@ -41,14 +36,12 @@ def batch_page(name: str, rows: Sequence[Mapping[str, Any]]) -> str:
                 page.section(title, figure(figure_to_svg(batch_figure(found, key), key, title), CAPTION))
     columns = {key: head for key, head in SHOWN.items() if any(key in row for row in done)}
     measured = {column(name): name for name in QUANTITIES}
-    cells = [
-        [with_interval(row, measured[key]) if key in measured else _cell(row.get(key, "")) for key in columns]
-        for row in done
-    ]
+
+    def cell(row: Mapping[str, Any], key: str) -> str:
+        value = with_interval(row, measured[key]) if key in measured else row.get(key, "")
+        return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+    cells = [[cell(row, key) for key in columns] for row in done]
     page.section("Table", table(list(columns.values()), cells) if done else paragraph("Nothing was done."))
     page.section("Failed", warning_list(failed))
     return page.render()
-
-
-def _cell(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

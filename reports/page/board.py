@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from html import escape
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,17 +21,14 @@ from reports.page.page import (
     answers,
     choices,
     figure,
-    law,
-    note,
     panels,
     paragraph,
-    preformatted,
     sliders,
     table,
     verdict,
     warning_list,
 )
-from reports.page.summary import effect_lines, history_table, law_text, parameters, pretty, title
+from reports.page.summary import history_table, parameters, pretty, title
 from reports.playground import playground
 from reports.story import release_name, story_of_board
 from sysid.board import Board
@@ -38,6 +36,7 @@ from sysid.decay.report import inertia_share
 from sysid.diagnosis.signatures import ALIKE, LookAlikes
 from sysid.effects import effect
 from sysid.fitting.covariance import correlation_of
+from sysid.joint import JointLaw
 from sysid.quantity import SURE, Quantity, slide_unit
 from sysid.shown import MOST_SHOWN
 from sysid.text import count, display, percent, short
@@ -78,21 +77,22 @@ def board_report(
     with page_style():
         if evidence is not None:
             page.section("How it came here", *_story(evidence, diagnosis))
-        page.section("Warnings", *_warnings(board, evidence, files))
+        page.section("Warnings", _warnings(board, evidence, files))
         page.section("Parameters", _parameters(board, files), *_inertia_share(board))
         page.section("Identified law", *_law(board))
         if evidence is not None:
             page.section("Measured against simulated", *_releases(evidence))
             page.section("Where it fails", *_where(evidence))
-        page.section("Fits so far", _history(board))
+        unfitted = "The record holds no fit yet: its numbers come from its source."
+        page.section("Fits so far", table(*history_table(board)) if board.history else paragraph(unfitted))
         page.section("Effects that look alike", *_look_alikes(board, evidence))
         if evidence is not None:
-            page.section("Backbone", *_backbone(evidence))
+            page.section("Backbone", _backbone(evidence))
             page.section("Correlation of parameters", *_correlation(evidence))
         page.section("Frequency response", _frequency_response(board))
-        page.section("Check in the training scene", *_check(board, files, provenance.space))
+        page.section("Check in the training scene", _check(board, files, provenance.space))
         if evidence is not None:
-            page.section("The logs", *_logs(evidence))
+            page.section("The logs", _logs(evidence))
         page.section("Provenance", *_provenance(board, files, provenance))
     return page.render()
 
@@ -108,13 +108,13 @@ def _lead(
     parts = [answers(four_answers(board, evidence, diagnosis, files, space))]
     if any(file.truth for file in files):
         remark = "These logs are synthetic: made from a known truth to show and to test the tool. "
-        parts.append(note(remark + "Nothing on this page was measured on a real board."))
+        parts.append(paragraph(remark + "Nothing on this page was measured on a real board.", "note"))
     play = None if evidence is None else playground(evidence, diagnosis)
     if play is not None:
         remark = "Each effect's slider multiplies its fitted strength; angle and rate at each release are fitted again at once."
         if play.left_out:
             remark += f" Not on a slider: {', '.join(play.left_out)}."
-        parts.append(sliders(play.code, play.to_json(), remark))
+        parts.append(sliders(play, remark))
     return parts
 
 
@@ -128,7 +128,7 @@ def _story(evidence: Evidence, diagnosis: LastDiagnosis | None) -> list[str]:
     return [panels(drawn), *_diagnosis(diagnosis, {part.name for part in evidence.board.effects})]
 
 
-def _warnings(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]") -> list[str]:
+def _warnings(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]") -> str:
     warnings = [f"{file.path}: {file.state}" for file in files if file.found is None]
     if evidence is not None:
         warnings += map(pretty, evidence.warnings)
@@ -138,7 +138,7 @@ def _warnings(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]
         warnings.append("the record was changed since it was checked: check it again")
     elif not board.passed:
         warnings.append("the training scene does not decay like the board (see the check below)")
-    return [warning_list(warnings) if warnings else paragraph("No warnings.")]
+    return warning_list(warnings, "No warnings.")
 
 
 def _parameters(board: Board, files: "Sequence[LogFile]") -> str:
@@ -189,8 +189,11 @@ def _law(board: Board) -> list[str]:
     what = "the joint's position, with the sign of the log"
     if board.geometry:
         what = "the roll, right edge down positive"
-    parts = [law(law_text(board)), paragraph(f"SI units{'' if board.slides else ', radians'}; φ is {what}.")]
-    lines = effect_lines(board)
+    parts = [
+        paragraph(str(JointLaw.from_board(board)), "law"),
+        paragraph(f"SI units{'' if board.slides else ', radians'}; φ is {what}."),
+    ]
+    lines = [(part.name, effect(part.name).law, effect(part.name).does) for part in board.effects]
     if lines:
         parts.append(table(("effect", "law", "what it does"), lines))
     return parts
@@ -235,12 +238,6 @@ def _where(evidence: Evidence) -> list[str]:
             "negative where there is less than noise."
         ),
     ]
-
-
-def _history(board: Board) -> str:
-    if not board.history:
-        return paragraph("The record holds no fit yet: its numbers come from its source.")
-    return table(*history_table(board))
 
 
 def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
@@ -292,21 +289,22 @@ def _diagnosis(diagnosis: LastDiagnosis | None, own: set[str]) -> list[str]:
     logs = ", ".join(Path(log).name for log in diagnosis.content.get("logs", []))
     said = f"{found['explanation']} Confidence {percent(found['confidence'])}, from {logs}."
     if not diagnosis.is_current:
-        return [note(f"The diagnosis was made before the record was last changed, and then said: {said}")]
+        history = f"The diagnosis was made before the record was last changed, and then said: {said}"
+        return [paragraph(history, "note")]
     parts = [paragraph(said)]
     if found.get("next_experiment") and not own.issuperset(found["effects"] or ["-"]):
         parts.append(paragraph(f"Next experiment: {found['next_experiment']}"))
     return parts
 
 
-def _backbone(evidence: Evidence) -> list[str]:
+def _backbone(evidence: Evidence) -> str:
     result = evidence.comparison
     if not len(result.measured_backbone.amplitude):
-        return [paragraph("Too few swings stand clear of the noise.")]
+        return paragraph("Too few swings stand clear of the noise.")
     caption = (
-        "Each point is one half swing. A linear joint has the same period and damping at every amplitude."
+        "Each point is one half swing. A linear joint has the same period and damping at each amplitude."
     )
-    return [_figure(board_figures.backbone_figure(result), "backbone", caption)]
+    return _figure(board_figures.backbone_figure(result), "backbone", caption)
 
 
 def _correlation(evidence: Evidence) -> list[str]:
@@ -338,31 +336,29 @@ def _frequency_response(board: Board) -> str:
     )
 
 
-def _check(board: Board, files: "Sequence[LogFile]", space: Workspace) -> list[str]:
+def _check(board: Board, files: "Sequence[LogFile]", space: Workspace) -> str:
     check = board.last_check
     if not check:
         found = [file.found for file in files if file.found is not None]
         command = space.command("check", *board.options, logs=found)
         scene = "the joint in its model" if board.model else "the deck in the scene that policies train in"
-        text = f"Not checked yet. {command} releases {scene}, and compares."
-        return [verdict(text, good=False)]
+        return verdict(f"Not checked yet. {command} releases {scene}, and compares.", good=False)
     if board.check_is_stale:
         text = "Out of date: the record was changed since it was checked. Check it again."
-        return [verdict(text, good=False)]
-    tolerance = check.get("tolerance", 0.02)
+        return verdict(text, good=False)
     text = (
         f"{'Passed' if board.passed else 'Failed'}: NRMSE {100 * check.get('nrmse', float('nan')):.2f} %, tolerance "
-        f"{100 * tolerance:g} %, on {check.get('date', '?')} in: {check.get('scene', '?')}."
+        f"{100 * check.get('tolerance', 0.02):g} %, on {check.get('date', '?')} in: {check.get('scene', '?')}."
     )
-    return [verdict(text, good=board.passed)]
+    return verdict(text, good=board.passed)
 
 
-def _logs(evidence: Evidence) -> list[str]:
+def _logs(evidence: Evidence) -> str:
     drawn: list[tuple[str, str]] = []
     for i, roll in enumerate(evidence.rolls[:MOST_SHOWN]):
         picture = _figure(board_figures.log_figure(evidence, i), f"log{i + 1}", "; ".join(roll.notes))
         drawn.append((Path(roll.log).name, picture))
-    return [choices(drawn)]
+    return choices(drawn)
 
 
 def _provenance(board: Board, files: "Sequence[LogFile]", provenance: Provenance) -> list[str]:
@@ -370,7 +366,7 @@ def _provenance(board: Board, files: "Sequence[LogFile]", provenance: Provenance
     return [
         table(("log", "sha256", "state"), rows) if rows else paragraph("No logs."),
         table(("what", "value"), made_of(board, provenance)),
-        preformatted(provenance.command),
+        f"<pre>{escape(provenance.command)}</pre>",
     ]
 
 

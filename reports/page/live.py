@@ -70,16 +70,10 @@ def _sliders(session: Session) -> str:
         rest_angle=float(np.median(rests)),
     )  # fmt: skip
     try:
-        evidence = Evidence(
-            board=board, files=(), rolls=(), releases=tuple(session.releases), phases=(),
-            comparison=compare(session.releases, board, law=found), ladder=(), fit=None, look_alikes=None,
-            stood=JointLaw.from_board(board), warnings=(),
-        )  # fmt: skip
+        compared = compare(session.releases, board, law=found)
+        stood, releases = JointLaw.from_board(board), tuple(session.releases)
+        evidence = Evidence(board=board, releases=releases, comparison=compared, stood=stood)
         play = playground(evidence, None, "as measured")
     except SysidError:
         return ""
-    return (
-        ""
-        if play is None
-        else sliders(play.code, play.to_json(), "Roll and rate at each release are fitted at once.")
-    )
+    return "" if play is None else sliders(play, "Roll and rate at each release are fitted at once.")

@@ -1,10 +1,14 @@
 """One self-contained HTML page: no external source, light and dark, printable."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
 from importlib.resources import files
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from reports.playground import Playground
 
 
 @dataclass(slots=True)
@@ -41,24 +45,9 @@ class Page:
         )
 
 
-def paragraph(text: str) -> str:
-    """Return a paragraph of plain text."""
-    return f"<p>{escape(text)}</p>"
-
-
-def note(text: str) -> str:
-    """Return a remark in a frame."""
-    return f'<p class="note">{escape(text)}</p>'
-
-
-def law(equation: str) -> str:
-    """Return an equation set apart."""
-    return f'<p class="law">{escape(equation)}</p>'
-
-
-def preformatted(text: str) -> str:
-    """Return text in a fixed pitch."""
-    return f"<pre>{escape(text)}</pre>"
+def paragraph(text: str, kind: str = "") -> str:
+    """Return a paragraph of plain text; its kind is 'note' for a frame, 'law' for an equation set apart."""
+    return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
 
 
 def verdict(text: str, *, good: bool) -> str:
@@ -66,10 +55,10 @@ def verdict(text: str, *, good: bool) -> str:
     return f'<p class="verdict {"good" if good else "bad"}">{"✓" if good else "✗"} {escape(text)}</p>'
 
 
-def warning_list(warnings: Sequence[str]) -> str:
-    """Return warnings as a list; "No warnings." without any."""
+def warning_list(warnings: Sequence[str], without: str = "None.") -> str:
+    """Return warnings as a list; the other text without any."""
     if not warnings:
-        return paragraph("None.")
+        return paragraph(without)
     return '<ul class="warnings">' + "".join(f"<li>{escape(text)}</li>" for text in warnings) + "</ul>"
 
 
@@ -106,9 +95,9 @@ def panels(parts: Sequence[str]) -> str:
     return f'<div class="panels">{"".join(parts)}</div>'
 
 
-def sliders(code: str, data: Mapping[str, object], remark: str) -> str:
+def sliders(play: "Playground", remark: str) -> str:
     """Return sliders over a joint: its functions in JavaScript, and their data."""
-    content = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    content = json.dumps(play.to_json(), separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     return (
         '<div id="play"><div class="presets"></div>'
         '<div class="table"><div><p class="big"><span class="error"></span> × noise'
@@ -117,7 +106,7 @@ def sliders(code: str, data: Mapping[str, object], remark: str) -> str:
         f'<div><div class="sliders"></div><p class="sub">{escape(remark)}</p></div></div>'
         "<noscript>The sliders need JavaScript; everything below does not.</noscript></div>"
         f'<script type="application/json" id="play-data">{content}</script>'
-        f'<script>\n"use strict";\n{code}{_asset("play.js")}</script>'
+        f'<script>\n"use strict";\n{play.code}{_asset("play.js")}</script>'
     )
 
 

@@ -25,7 +25,7 @@ def board_summary(evidence: "Evidence") -> str:
     if any(file.truth for file in evidence.files):
         lines += ["", "Logs are **synthetic**: made with a known truth; nothing was measured."]
     text = evidence.comparison.report()
-    return _markdown(f"{board.name}: {law_text(board)}", text, lines, evidence.warnings)
+    return _markdown(f"{board.name}: {JointLaw.from_board(board)}", text, lines, evidence.warnings)
 
 
 def decay_summary(board: str, decay: "FreeDecay") -> str:
@@ -56,19 +56,9 @@ def parameters(board: Board) -> dict[str, Quantity]:
     return own
 
 
-def law_text(board: Board) -> str:
-    """Return the identified law, as it would be written on a board."""
-    return str(JointLaw.from_board(board))
-
-
 def pretty(text: str) -> str:
     """Return a text with the powers of its units set high."""
     return text.replace("^2", "²").replace("^3", "³")
-
-
-def effect_lines(board: Board) -> list[tuple[str, str, str]]:
-    """Return name, law and consequence of each effect of a board."""
-    return [(part.name, effect(part.name).law, effect(part.name).does) for part in board.effects]
 
 
 def history_table(board: Board) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:

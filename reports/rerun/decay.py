@@ -8,7 +8,7 @@ import hashlib
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,9 +20,7 @@ from reports.rerun.stream import (
     TIMELINE,
     Look,
     log_model,
-    log_points,
     log_poses,
-    log_properties,
     log_series,
     log_states,
     log_summary,
@@ -53,11 +51,7 @@ PHASES = {"rest": "#555555", "held": REAL, "free": SIM, "caught": "#CC79A7"}
 
 
 def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> None:
-    """Write the recording of one log and of the linear decay found in it, with a summary in Markdown.
-
-    Raises:
-        SysidError: rerun-sdk is not installed, or the path cannot be written.
-    """
+    """Write the recording of one log and of the linear decay found in it, with a summary in Markdown."""
     import rerun.blueprint as rrb
 
     phases = log_phases(roll, decay.releases)
@@ -72,23 +66,20 @@ def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> N
         error = float(np.abs(fitted.residual).max())
         whole = _signal(release, signal)
         tabs.append(_release_tab(root, f"release {release.number}", signal, span, whole, error))
-    blueprint = _blueprint(
-        rrb.Tabs(*tabs, name="releases"),
-        rrb.Vertical(
-            *_log_views("log", roll, decay.releases[0].start),
-            rrb.TextDocumentView(origin="summary", name="summary"),
-        ),
-        last,
+    first = decay.releases[0].start
+    beside = rrb.Vertical(
+        *_log_views("log", roll, first), rrb.TextDocumentView(origin="summary", name="summary")
     )
+    blueprint = _blueprint(rrb.Tabs(*tabs, name="releases"), beside, last)
     with recording(path, _identity(summary, "decay", roll.log), blueprint) as stream:
-        first = decay.releases[0].start
         _log_whole_log(stream, "log", roll, phases, first)
         for i, (release, peaks) in enumerate(zip(decay.releases, decay.peaks, strict=True)):
             _log_fitted(stream, f"release{release.number}", decay, i)
             _log_peaks(stream, f"log/roll/peaks{release.number}", peaks, first)
-        log_summary(stream, summary)
         rests = [rest.value for rest in decay.rest_angles]
-        log_properties(stream, {"log": roll.log, "rest_angles": rests, **_values(decay.numbers.to_json())})
+        values = zip(decay.numbers.to_json(), decay.numbers.items(), strict=True)
+        numbers = {name: quantity.value for name, (_, quantity) in values if np.isfinite(quantity.value)}
+        log_summary(stream, summary, {"log": roll.log, "rest_angles": rests, **numbers})
 
 
 def _log_fitted(stream: "rr.RecordingStream", root: str, decay: FreeDecay, number: int) -> None:
@@ -112,17 +103,13 @@ def _log_peaks(stream: "rr.RecordingStream", entity: str, peaks: Sequence[Peak],
     """Log turning points, if there are any; their time counts from the first release's [s]."""
     if peaks:
         times, values = np.array([(peak.time - first, peak.roll) for peak in peaks]).T
-        log_points(stream, entity, times, values, name="peaks", colour=REAL)
+        log_series(stream, entity, times, values, Look("peaks", REAL, 5.0), points=True)
 
 
 def comparison_recording(
     path: Path, evidence: Evidence, summary: str, films: "Sequence[FilmFrames]" = ()
 ) -> None:
-    """Write the recording of a board beside its logs and the frames of those that are films, with a summary in Markdown.
-
-    Raises:
-        SysidError: rerun-sdk is not installed, or the path cannot be written.
-    """
+    """Write the recording of a board beside its logs and the frames of those that are films, with a summary in Markdown."""
     import rerun.blueprint as rrb
 
     result = evidence.comparison
@@ -139,12 +126,9 @@ def comparison_recording(
     right: list[rrb.View | rrb.Container] = [rrb.TextDocumentView(origin="summary", name="summary")]
     right += [rrb.Spatial2DView(origin="missing_torque", name="missing torque")] if result.missing else []
     right += [rrb.Spatial2DView(origin=f"film{i + 1}", name="film") for i in range(len(films))]
-    right += [
-        rrb.Vertical(
-            *_log_views(f"log{i + 1}", roll, _first(evidence, roll)), name=f"log {Path(roll.log).name}"
-        )
-        for i, roll in enumerate(evidence.rolls)
-    ]
+    for i, roll in enumerate(evidence.rolls):
+        views = _log_views(f"log{i + 1}", roll, _first(evidence, roll))
+        right.append(rrb.Vertical(*views, name=f"log {Path(roll.log).name}"))
     beside: rrb.Container = rrb.Tabs(*right)
     if evidence.board.geometry:  # else there is no shape to draw
         scene = rrb.Spatial3DView(
@@ -164,8 +148,7 @@ def comparison_recording(
         _log_missing(stream, result)
         for i, film in enumerate(films):
             film.log(stream, f"film{i + 1}")
-        log_summary(stream, summary)
-        log_properties(stream, _board_properties(evidence))
+        log_summary(stream, summary, _board_properties(evidence))
 
 
 def _first(evidence: Evidence, roll: Roll) -> float:
@@ -339,15 +322,10 @@ def _blueprint(left: "rrb.Tabs", right: "rrb.Container", end: float) -> "rrb.Blu
     import rerun.blueprint as rrb
 
     played = rrb.components.AbsoluteTimeRange(min=rr.TimeInt(seconds=0.0), max=rr.TimeInt(seconds=end))
+    loop: Any = {"time_selection": played, "loop_mode": "selection", "play_state": "playing"}
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[3, 2]),
-        rrb.TimePanel(
-            timeline=TIMELINE,
-            state="collapsed",
-            time_selection=played,
-            loop_mode="selection",
-            play_state="playing",
-        ),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", **loop),
         rrb.SelectionPanel(state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),
     )
@@ -405,13 +383,4 @@ def _board_properties(evidence: Evidence) -> dict[str, object]:
         "noise_floor": result.noise.std,
         "logs": [file.path for file in evidence.files] or [roll.log for roll in evidence.rolls],
         "sha256": [file.digest for file in evidence.files] or None,
-    }
-
-
-def _values(quantities: dict[str, object]) -> dict[str, object]:
-    """Return the plain values of a dictionary of quantities in JSON's shape."""
-    return {
-        name: quantity["value"]  # pyright: ignore[reportUnknownVariableType]
-        for name, quantity in quantities.items()
-        if isinstance(quantity, dict)
     }

@@ -20,11 +20,7 @@ BLACK = "#444444"
 
 
 def ride_recording(model: mujoco.MjModel, ride: Recording, name: str, path: Path) -> None:
-    """Write a recorded ride: the moving scene, speed, heading, tilt, contacts and phases.
-
-    Raises:
-        SysidError: rerun-sdk is not installed, or the path cannot be written.
-    """
+    """Write a recorded ride: the moving scene, speed, heading, tilt, contacts and phases."""
     import rerun as rr
     import rerun.blueprint as rrb
 
@@ -62,11 +58,7 @@ def ride_recording(model: mujoco.MjModel, ride: Recording, name: str, path: Path
 
 
 def motion_recording(model: mujoco.MjModel, motions: list[Motion], path: Path) -> None:
-    """Write reference motions side by side, one lane each, two metres apart.
-
-    Raises:
-        SysidError: rerun-sdk is not installed, or the path cannot be written.
-    """
+    """Write reference motions side by side, one lane each, two metres apart."""
     import rerun as rr
     import rerun.blueprint as rrb
 

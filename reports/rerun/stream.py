@@ -57,9 +57,8 @@ def recording(path: Path, recording_id: str, blueprint: "rrb.Blueprint") -> "Gen
     need_rerun()
     import rerun as rr
 
-    application = re.sub(
-        r"[^A-Za-z0-9_\- ]", "-", f"{APPLICATION} {recording_id}"
-    )  # letters that Rerun allows
+    # Only letters that Rerun allows.
+    application = re.sub(r"[^A-Za-z0-9_\- ]", "-", f"{APPLICATION} {recording_id}")
     was_strict = rr.strict_mode()
     rr.set_strict_mode(True)
     try:
@@ -89,32 +88,18 @@ class Look(NamedTuple):
     colour: str
     """'#RRGGBB'."""
     width: float = 1.5
-    """[points]."""
+    """Of a curve or of a point [points]."""
 
 
-def log_series(stream: "rr.RecordingStream", entity: str, time: Array, values: Array, look: Look) -> None:
-    """Log one curve with its style: values over the recording's time line [s], shape (n,) each."""
+def log_series(
+    stream: "rr.RecordingStream", entity: str, time: Array, values: Array, look: Look, *, points: bool = False
+) -> None:
+    """Log a curve, or separate points, with its style: values over the recording's time line [s], shape (n,) each."""
     import rerun as rr
 
     style = rr.SeriesLines(colors=[rgb(look.colour)], names=[look.name], widths=[look.width])
-    _send(stream, entity, time, values, style)
-
-
-def log_points(
-    stream: "rr.RecordingStream", entity: str, time: Array, values: Array, *, name: str, colour: str
-) -> None:
-    """Log separate points (peaks) with their style; arguments as in `log_series`."""
-    import rerun as rr
-
-    style = rr.SeriesPoints(colors=[rgb(colour)], names=[name], marker_sizes=[5.0])
-    _send(stream, entity, time, values, style)
-
-
-def _send(
-    stream: "rr.RecordingStream", entity: str, time: Array, values: Array, style: "rr.AsComponents"
-) -> None:
-    import rerun as rr
-
+    if points:
+        style = rr.SeriesPoints(colors=[rgb(look.colour)], names=[look.name], marker_sizes=[look.width])
     stream.log(entity, style, static=True)
     times = rr.TimeColumn(TIMELINE, duration=time)
     stream.send_columns(entity, indexes=[times], columns=rr.Scalars.columns(scalars=values))
@@ -220,17 +205,11 @@ def log_poses(
         stream.send_columns(f"{root}/{body_entity(model, body)}", indexes=[times], columns=moves)
 
 
-def log_summary(stream: "rr.RecordingStream", text: str) -> None:
-    """Log a text in Markdown that holds for all of the recording."""
+def log_summary(stream: "rr.RecordingStream", text: str, properties: Mapping[str, object]) -> None:
+    """Log a text in Markdown, and attach values (hashes, versions, parameters) to the recording itself."""
     import rerun as rr
 
     stream.log("summary", rr.TextDocument(text, media_type="text/markdown"), static=True)
-
-
-def log_properties(stream: "rr.RecordingStream", properties: Mapping[str, object]) -> None:
-    """Attach values (hashes, versions, parameters) to the recording itself."""
-    import rerun as rr
-
     known: dict[str, Any] = {key: value for key, value in properties.items() if value is not None}
     stream.send_property("sysid", rr.AnyValues(**known))
 

@@ -119,10 +119,13 @@ def table_row(row: Mapping[str, Any]) -> dict[str, Any]:
             values = (found["value"], *found["ci95"])
             cells |= {column(name, end): value for end, value in zip(ENDS, values, strict=True)}
     verdict = result.get("verdict", {})
+    status = result.get("residual", {}).get("status")
+    if "passed" in result:
+        status = "matches" if result["passed"] else "differs"
     cells |= {
         "logs": "; ".join(row["logs"]),
         "effects": ", ".join(verdict.get("effects", result.get("effects", ()))),
-        "verdict": verdict.get("status", _passed(result)),
+        "verdict": verdict.get("status", status),
         "confidence": verdict.get("confidence"),
         "nrmse": result.get("nrmse"),
         "rmse_rad": result.get("rmse_rad", verdict.get("error_before_rad")),
@@ -130,12 +133,6 @@ def table_row(row: Mapping[str, Any]) -> dict[str, Any]:
         "warnings": len(result.get("warnings", ())),
     }
     return {name: cells[name] for name in COLUMNS if cells.get(name) not in (None, "")}
-
-
-def _passed(result: Mapping[str, Any]) -> str | None:
-    if "passed" in result:
-        return "matches" if result["passed"] else "differs"
-    return result.get("residual", {}).get("status")
 
 
 def unfinished(

@@ -32,28 +32,20 @@ def _flag(value: Any) -> bool:
     return known[str(value).lower()]
 
 
-READING: Mapping[str, tuple[str, Callable[[Any], Any]]] = {
-    "column": ("column", str),
-    "unit": ("unit", str),
-    "axis": ("axis", str),
-    "rate": ("rate", float),
-    "time-column": ("time_column", str),
-    "source": ("source", str),
-    "keep-outliers": ("keep_outliers", _flag),
-    "from": ("start", float),
-    "to": ("stop", float),
-    "release": ("release", _numbers),
-    "keep-zero": ("keep_zero", _flag),
+READING: Mapping[str, Callable[[Any], Any]] = {
+    **dict.fromkeys(("column", "unit", "axis", "time-column", "source"), str),
+    **dict.fromkeys(("rate", "from", "to"), float),
+    **dict.fromkeys(("keep-outliers", "keep-zero"), _flag),
+    "release": _numbers,
 }
-"""Options of reading: name in the commands, name in `Recording.read`, and kind."""
+"""Options of reading by their names in the commands, and their kinds."""
+READ_AS = {"from": "start", "to": "stop"}
+"""Names in `Recording.read` that are other than in the commands."""
 FIELDS: Mapping[str, Callable[[Any], Any]] = {
-    "name": str,
-    "task": str,
-    "board": str,
-    "logs": _words,
+    **dict.fromkeys(("name", "task", "board"), str),
+    **dict.fromkeys(("logs", "effects"), _words),
     "together": _flag,
-    "effects": _words,
-    **{name: kind for name, (_, kind) in READING.items()},
+    **READING,
 }
 """Fields of a job. In a table of text, lists are separated by ';'."""
 
@@ -85,7 +77,12 @@ def read_manifest(path: Path) -> list[Job]:
         )
     try:
         text = read_small(path, "utf-8-sig")
-        rows, defaults = _toml(path, text) if path.suffix.lower() == ".toml" else _csv(text)
+        defaults: Mapping[str, Any] = {}
+        if path.suffix.lower() == ".toml":
+            rows, defaults = _toml(path, text)
+        else:
+            table = csv.DictReader(text.splitlines(), restkey="a cell beyond the header")
+            rows = [{str(key).strip(): value for key, value in row.items() if value} for row in table]
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError, csv.Error) as error:
         raise SysidError(f"{path}: cannot be read as a manifest ({error}).") from error
     if not rows:
@@ -112,11 +109,6 @@ def _toml(path: Path, text: str) -> tuple[list[Mapping[str, Any]], Mapping[str, 
     if not (isinstance(jobs, list) and all(isinstance(table, dict) for table in (defaults, *jobs))):
         raise SysidError(f"{path}: expected one table [defaults] and tables [[job]].")
     return jobs, defaults
-
-
-def _csv(text: str) -> tuple[list[Mapping[str, Any]], Mapping[str, Any]]:
-    rows = csv.DictReader(text.splitlines(), restkey="a cell beyond the header")
-    return [{str(key).strip(): value for key, value in row.items() if value} for row in rows], {}
 
 
 def _jobs(path: Path, number: int, row: Mapping[str, Any]) -> list[Job]:
@@ -146,19 +138,15 @@ def _jobs(path: Path, number: int, row: Mapping[str, Any]) -> list[Job]:
             f"{where}: effects are added by 'fit' only. Leave them out, or ask for task = 'fit'."
         )
     logs = _logs(where, path.parent, values.get("logs", ()))
-    reading = {READING[name][0]: value for name, value in values.items() if name in READING}
+    reading = {
+        READ_AS.get(name, name.replace("-", "_")): value for name, value in values.items() if name in READING
+    }
     groups = [logs] if values.get("together", False) else [(log,) for log in logs]
-    name = values.get("name", "")
+    name, board, effects = values.get("name", ""), values.get("board"), values.get("effects", ())
+    names = [name if name and len(groups) == 1 else f"{name} {group[0].name}".strip() for group in groups]
     return [
-        Job(
-            name=name if name and len(groups) == 1 else " ".join(filter(None, (name, group[0].name))),
-            task=task,
-            logs=group,
-            board=values.get("board"),
-            effects=values.get("effects", ()),
-            reading=reading,
-        )
-        for group in groups
+        Job(name=one, task=task, logs=group, board=board, effects=effects, reading=reading)
+        for one, group in zip(names, groups, strict=True)
     ]
 
 

@@ -221,27 +221,16 @@ def overview(*, everything: bool) -> str:
     It is plain text, because the package that formats the help of a command takes longer to import than all this.
     """
     shown = {name for names in GROUPS.values() for name in names}
-    groups = {
-        **GROUPS,
-        **({"More": tuple(name for name in COMMANDS if name not in shown)} if everything else {}),
-    }
+    rest = tuple(name for name in COMMANDS if name not in shown)
     width = max(map(len, COMMANDS)) + 2
     lines = [PURPOSE, "", "Usage: husky-sysid COMMAND [OPTIONS]"]
-    for title, names in groups.items():
+    for title, names in (GROUPS | ({"More": rest} if everything else {})).items():
         lines += ["", title, *(f"  {name:{width}}{COMMANDS[name].help}" for name in names)]
-    left = (
-        ""
-        if everything
-        else f"More commands and options: husky-sysid {HELP_ALL}, husky-sysid COMMAND {HELP_ALL}\n"
-    )
-    return "\n".join(
-        [
-            *lines,
-            "",
-            f"{left}Help of one: husky-sysid COMMAND --help. Also: --version, --install-completion.",
-            EXIT_CODES,
-        ]
-    )
+    lines.append("")
+    if not everything:
+        lines.append(f"More commands and options: husky-sysid {HELP_ALL}, husky-sysid COMMAND {HELP_ALL}")
+    lines.append("Help of one: husky-sysid COMMAND --help. Also: --version, --install-completion.")
+    return "\n".join([*lines, EXIT_CODES])
 
 
 def epilogue(name: str) -> str:
@@ -278,25 +267,20 @@ def build_app(*, everything: bool = False) -> "cyclopts.App":
     app.register_install_completion_command(
         help="Let the shell complete commands and options (bash, zsh, fish)."
     )
-    every = {**{name: name for name in COMMANDS}, **ALIASES}
-    for name, meant in every.items():
+    for name in (*COMMANDS, *ALIASES):
+        meant = ALIASES.get(name, name)
         command = COMMANDS[meant]
         more: dict[str, Any] = {} if command.has_parts else {"help_epilogue": epilogue(meant)}
         if command.first and not everything:
             more["help_formatter"] = FirstScreen(shown=command.first.split())
         home = meant.replace("-", "_")
-        app.command(
-            f"sysid.cli.{home}:{home}", name=name, help=command.help, show=name not in ALIASES, **more
-        )
+        more |= {"help": command.help, "show": name not in ALIASES}
+        app.command(f"sysid.cli.{home}:{home}", name=name, **more)
     return app
 
 
 def _require_finite(_app: object, _commands: object, arguments: "cyclopts.ArgumentCollection") -> None:
-    """Accept finite numbers only.
-
-    Raises:
-        cyclopts.ValidationError: One is; it names the option.
-    """
+    """Accept finite numbers only."""
     from cyclopts import ValidationError
 
     for argument in arguments:
@@ -332,11 +316,7 @@ def main() -> None:
 
 
 def require_own_packages() -> None:
-    """Check that the packages `sysid` and `reports` are those of this tool: other projects use these names too.
-
-    Raises:
-        SysidError: One of them is another project's.
-    """
+    """Check that the packages `sysid` and `reports` are those of this tool: other projects use these names too."""
     from importlib.util import find_spec
 
     root = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))  # noqa: PTH100, PTH120  starts sooner

@@ -3,7 +3,7 @@
 import csv
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -58,24 +58,20 @@ def batch(
     place = {job.name: number for number, job in enumerate(jobs)}
     rows.sort(key=lambda row: place[row["job"]])
     table = [table_row(row) for row in rows]
-    write_atomically(folder / "table.csv", _csv(COLUMNS, table))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(table)
+    write_atomically(folder / "table.csv", text.getvalue())
     write_json(folder / "table.json", table)
     write_atomically(folder / "page.html", batch_page(manifest.name, table))
     head = ("job", "task", "board", "k [N·m/rad]", "d [N·m·s/rad]", "f [Hz]", "verdict")
     printer.table(head, [_shown(row) for row in table])
     failed = sum(row["state"] == "failed" for row in table)
     printer.say(f"{len(table) - failed} of {count(len(table), 'job')} done, {failed} failed")
-    printer.written(*(folder / name for name in ("table.csv", "table.json", "page.html")))
-    printer.result({"jobs": table, "failed": failed, "table": str(folder / "table.csv")})
+    written = [folder / name for name in ("table.csv", "table.json", "page.html")]
+    printer.result({"jobs": table, "failed": failed, "table": written[0]}, *written)
     return int(failed > 0)
-
-
-def _csv(columns: Sequence[str], table: Sequence[Mapping[str, Any]]) -> str:
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(table)
-    return text.getvalue()
 
 
 def _shown(row: Mapping[str, Any]) -> tuple[str, ...]:

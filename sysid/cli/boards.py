@@ -9,13 +9,14 @@ from sysid.cli.console import Common, Printer
 from sysid.decay.report import LABELS
 from sysid.errors import SysidError
 from sysid.quantity import Quantity
+from sysid.text import count
 from sysid.workspace import Workspace
 
 if TYPE_CHECKING:
     from sysid.free_decay import DecayNumbers
 
 
-def boards(name: str | None = None, /, *, common: Common = Common()) -> int:
+def boards(name: str | None = None, /, *, common: Common = Common()) -> None:
     """List boards, their parameters with their sources, and the state of the check.
 
     Args:
@@ -26,7 +27,6 @@ def boards(name: str | None = None, /, *, common: Common = Common()) -> int:
         _show(common.space, name, printer)
     else:
         _list(common.space, printer)
-    return 0
 
 
 def _list(space: Workspace, printer: Printer) -> None:
@@ -47,7 +47,7 @@ def _list(space: Workspace, printer: Printer) -> None:
 
 
 def _row(board: Board) -> tuple[str, ...]:
-    ratio, frequency = damping_ratio(board), natural_frequency(board)
+    ratio, frequency = _swing(board)
     return (
         board.name,
         *(_bare(one, board) for one in (board.tilt["stiffness"], board.tilt["damping"], board.inertia)),
@@ -93,10 +93,9 @@ def _show(space: Workspace, name: str, printer: Printer) -> None:
             printer.table(("field", "value"), [(key, _told(value)) for key, value in content.items()], title)
     show_history(board, printer)
     printer.say(f"check: {verdict(board)}")
-    tables = {key: _json(getattr(board, key)) for key in ("geometry", "rolling", "mass", "tilt")}
-    effect = [{"name": part.name, "parameters": _json(part.parameters)} for part in board.effects]
-    told = {"fit": plain(board.fit), "check": plain(board.last_check), "history": plain(board.history)}
-    printer.result({**summary(space, board), **tables, "effect": effect, **told})
+    whole = {key: getattr(board, key) for key in ("geometry", "rolling", "mass", "tilt", "fit", "history")}
+    effect = [{"name": part.name, "parameters": part.parameters} for part in board.effects]
+    printer.result({**summary(space, board), **whole, "effect": effect, "check": board.last_check})
 
 
 def show_history(board: Board, printer: Printer) -> None:
@@ -141,14 +140,12 @@ def derivation_line(board: Board) -> str:
     return line
 
 
-def damping_ratio(board: Board) -> float | None:
-    """Return ζ = d / (2 √(k I)); None for a joint without a spring."""
-    return board.damping / (2 * math.sqrt(board.stiffness * board.inertia.value)) if board.stiffness else None
-
-
-def natural_frequency(board: Board) -> float | None:
-    """Return √(k/I) / 2π [Hz]; None for a joint without a spring."""
-    return math.sqrt(board.stiffness / board.inertia.value) / (2 * math.pi) if board.stiffness else None
+def _swing(board: Board) -> tuple[float | None, float | None]:
+    """Return ζ = d / (2 √(k I)) and √(k/I) / 2π [Hz]; None for a joint without a spring."""
+    k, inertia = board.stiffness, board.inertia.value
+    if not k:
+        return None, None
+    return board.damping / (2 * math.sqrt(k * inertia)), math.sqrt(k / inertia) / (2 * math.pi)
 
 
 def provenance(board: Board) -> str:
@@ -157,7 +154,7 @@ def provenance(board: Board) -> str:
         logs = board.fit.get("logs", ())
         rmse = board.fit.get("rmse")
         error = f", rmse {1e3 * rmse:.3g} m{board.error_unit}" if isinstance(rmse, int | float) else ""
-        return f"fitted to {len(logs)} log{'s' if len(logs) != 1 else ''}{error}"
+        return f"fitted to {count(len(logs), 'log')}{error}"
     return "period and two peaks" if board.decay else "entered by hand"
 
 
@@ -173,27 +170,28 @@ def verdict(board: Board) -> str:
 
 
 def summary(space: Workspace, board: Board) -> dict[str, Any]:
-    """Return the table as JSON-ready data."""
+    """Return the table as data."""
     numbers = derivation(board)
     path = space.board_path(board.name)
+    ratio, frequency = _swing(board)
     return {
         "board": board.name,
         "description": board.description,
         "source": board.source,
-        "record": str(path),
+        "record": path,
         "shipped": space.boards not in path.parents,
-        "stiffness": board.tilt["stiffness"].to_json(),
-        "damping": board.tilt["damping"].to_json(),
-        "inertia": board.inertia.to_json(),
-        "damping_ratio": damping_ratio(board),
-        "natural_frequency_hz": natural_frequency(board),
+        "stiffness": board.tilt["stiffness"],
+        "damping": board.tilt["damping"],
+        "inertia": board.inertia,
+        "damping_ratio": ratio,
+        "natural_frequency_hz": frequency,
         "effects": [effect.name for effect in board.effects],
         "provenance": provenance(board),
         "checked": bool(board.last_check),
         "passed": board.passed,
-        "decay": _json(board.decay),
+        "decay": board.decay,
         "derivation": numbers.to_json() if numbers else None,
-        "published": _json(board.published),
+        "published": board.published,
     }
 
 
@@ -212,18 +210,3 @@ def _told(value: Any) -> str:
             value["path"] if "path" in value else [f"{key} {_told(own)}" for key, own in value.items()]
         )
     return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def _json(quantities: Mapping[str, Quantity]) -> dict[str, object]:
-    return {key: quantity.to_json() for key, quantity in quantities.items()}
-
-
-def plain(content: Any) -> Any:
-    """Return TOML values for JSON: dates become text, NaN becomes null."""
-    if isinstance(content, Mapping):
-        return {str(key): plain(value) for key, value in content.items()}
-    if isinstance(content, list | tuple):
-        return [plain(value) for value in content]
-    if isinstance(content, float) and not math.isfinite(content):
-        return None
-    return content if isinstance(content, bool | int | float | str) else str(content)

@@ -7,7 +7,7 @@ from typing import Literal
 
 from cyclopts import Group, Parameter
 
-from sysid.cli.console import Printer, Step, Tolerance
+from sysid.cli.console import Coupling, Printer, Step, Tolerance
 from sysid.cli.measurement import DriveMeasurement, MeasuredLogs, read_logs
 from sysid.errors import QualityGateError, UsageError
 
@@ -21,7 +21,7 @@ class SceneArguments:
     """An MJCF scene with a board, instead of the built one. --joint names its tilt joint (default board_tilt_joint)."""
     timestep: Step | None = None
     """Step in s; 0.005, or that of the scene file or model, if left out."""
-    coupling: Literal["equality", "direct"] = "equality"
+    coupling: Coupling = "equality"
     """Steering of the built scene's trucks by tilt: a joint equality, or set directly after each step."""
     export: Literal["in-scene", "step-compensated", "physical"] = "in-scene"
     """Parameters of the built scene: compensated for the whole scene, for the step alone, or not at all."""
@@ -34,24 +34,22 @@ def check(
     measurement: DriveMeasurement = DriveMeasurement(),
     tolerance: Tolerance = 0.02,
     scene: SceneArguments = SceneArguments(),
-) -> int:
+) -> None:
     """Release the joint in its MuJoCo scene as in the logs, and compare.
 
     Args:
         logs: Measured decays; those of the record's fit, if left out.
         measurement: Joint and reading of its logs; a model's joint is released in the model itself.
-
-    Raises:
-        QualityGateError: The scene does not decay as measured.
     """
     from sim.board.bodies import TILT_JOINT
     from sim.gate import GateOptions, check_joint
     from sysid.cli.bars import working
 
     if measurement.drive.given:
-        from sysid.cli.driven import driven_check, run_driven
+        from sysid.cli.driven import driven_replay, run_driven
 
-        return run_driven("check", partial(driven_check, tolerance=tolerance), logs, measurement)
+        run_driven("check", partial(driven_replay, tolerance=tolerance, gate=True), logs, measurement)
+        return
     printer = Printer(measurement.common)
     subject, file = measurement.subject, scene.scene_file
     if file is not None:
@@ -83,7 +81,6 @@ def check(
     printer.warnings(verdict.warnings)
     if file is None:
         printer.say(f"next: {_next_step(found)}")
-    return 0
 
 
 def _next_step(found: MeasuredLogs) -> str:

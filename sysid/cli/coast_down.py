@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,7 +27,7 @@ def coast_down(
     free: float = 2.0,
     save: bool = False,
     common: Common = Common(),
-) -> int:
+) -> None:
     """Measure rake and rolling resistance of a whole board that rolls by itself, after a push or on a slope.
 
     Args:
@@ -59,19 +59,9 @@ def coast_down(
     else:
         rows.insert(0, ("rake", found.rake))
     printer.quantities(rows, f"{record.name}: {len(runs)} roll-out{'s' * (len(runs) > 1)}")
-    content: dict[str, Any] = {
-        "rake": None if found.rake is None else found.rake.to_json(),
-        "deceleration": found.deceleration.to_json(),
-        "at_speed": found.at_speed,
-    }
-    if save:
-        path = common.space.save_board(found.board(record), since=record)
-        printer.say(f"saved: {path}")
-        if record.last_check:
-            printer.warn(f"{board}: the check of the old record no longer counts; run it again.")
-        content["saved"] = str(path)
-    printer.result(content)
-    return 0
+    saved = {"saved": printer.saved(found.board(record), record)} if save else {}
+    numbers = {"rake": found.rake, "deceleration": found.deceleration, "at_speed": found.at_speed}
+    printer.result({**numbers, **saved})
 
 
 def _read(path: Path, rest: float, free: float) -> "RollOut":

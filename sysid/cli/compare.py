@@ -17,7 +17,7 @@ def compare(
     tolerance: Tolerance = 0.02,
     picture: Drawn = True,
     rerun: Made | None = None,
-) -> int:
+) -> None:
     """Compare the joint's simulated decay with measured ones: how far off, and where.
 
     Args:
@@ -29,9 +29,10 @@ def compare(
     from sysid.progress import stage
 
     if measurement.drive.given:
-        from sysid.cli.driven import driven_compare, run_driven
+        from sysid.cli.driven import driven_replay, run_driven
 
-        return run_driven("compare", partial(driven_compare, tolerance=tolerance), logs, measurement)
+        run_driven("compare", partial(driven_replay, tolerance=tolerance, gate=False), logs, measurement)
+        return
     printer = Printer(measurement.common)
     record = measurement.load(printer)
     folder = measurement.space.outputs(record.name)
@@ -57,6 +58,4 @@ def compare(
     printer.say(result.report(printer.width))
     why, verb = ("check it in MuJoCo", "check") if result.passed else ("find the missing effect", "diagnose")
     printer.say(found.next_step(why, verb))
-    printer.written(*written)
-    printer.result(content)
-    return 0
+    printer.result(content, *written)

@@ -1,7 +1,6 @@
 """`husky-sysid decay`: stiffness and damping of a joint from its log."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from sysid.cli.console import Drawn, Made, Printer
 from sysid.cli.log_options import load_roll, recording_of, refuse_overwriting_logs
@@ -9,10 +8,6 @@ from sysid.cli.measurement import Measurement
 from sysid.errors import SysidError
 from sysid.files import require_writable, write_figure, write_json
 from sysid.recording import refuse_duplicates
-
-if TYPE_CHECKING:
-    from sysid.free_decay import FreeDecay
-    from sysid.recording import Recording
 
 
 def decay(
@@ -22,7 +17,7 @@ def decay(
     measurement: Measurement = Measurement(),
     picture: Drawn = True,
     rerun: Made | None = None,
-) -> int:
+) -> None:
     """Identify a joint from its free decays.
 
     Args:
@@ -55,7 +50,17 @@ def decay(
         made = " (`new NAME` writes the record for it)" if record is None else ""
         command = measurement.space.command("diagnose", *options, logs=logs)
         printer.say(f"next: find the missing effect: {command}{made}")
-    written = [] if folder is None else _written(folder, result, recordings, picture=picture)
+    written: list[Path] = []
+    if folder is not None:
+        written.append(folder / "decay.json")
+        write_json(written[0], result.to_json())
+    if folder is not None and picture:
+        from reports.figures.decay import decay_figure
+
+        names = ", ".join(recording.path.name for recording in recordings)
+        rolls = [recording.roll for recording in recordings]
+        figure = decay_figure(rolls, result, f"{result.board}: free decay in {names}")
+        written.append(write_figure(folder / "decay.png", figure))
     if rerun is not None:
         from reports.page.summary import decay_summary
         from reports.rerun.decay import decay_recording
@@ -63,22 +68,4 @@ def decay(
         summary = decay_summary("a joint" if record is None else record.name, result)
         decay_recording(rerun, recordings[0].roll, result, summary)
         written.append(rerun)
-    if written:
-        printer.written(*written)
-    printer.result(result.to_json())
-    return 0
-
-
-def _written(
-    folder: Path, result: "FreeDecay", recordings: "list[Recording]", *, picture: bool
-) -> list[Path]:
-    """Write decay.json, and decay.png if asked for."""
-    write_json(folder / "decay.json", result.to_json())
-    if not picture:
-        return [folder / "decay.json"]
-    from reports.figures.decay import decay_figure
-
-    names = ", ".join(recording.path.name for recording in recordings)
-    rolls = [recording.roll for recording in recordings]
-    figure = decay_figure(rolls, result, f"{result.board}: free decay in {names}")
-    return [folder / "decay.json", write_figure(folder / "decay.png", figure)]
+    printer.result(result.to_json(), *written)

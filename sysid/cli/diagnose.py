@@ -15,7 +15,7 @@ def diagnose(
     *,
     measurement: DriveMeasurement = DriveMeasurement(),
     fix: Fix = (),
-) -> int:
+) -> None:
     """Name the missing physical effects, or report that the model is complete.
 
     Args:
@@ -24,7 +24,8 @@ def diagnose(
     if measurement.drive.given:
         from sysid.cli.driven import driven_diagnose, run_driven
 
-        return run_driven("diagnose", partial(driven_diagnose, fix=fix), logs, measurement)
+        run_driven("diagnose", partial(driven_diagnose, fix=fix), logs, measurement)
+        return
     from reports.figures.story import story_figure
     from reports.story import for_report, story_of_diagnosis
     from sysid.cli.bars import told_bar
@@ -50,6 +51,4 @@ def diagnose(
     write_json(folder / "diagnose.json", {**content, **for_report(result, record)})
     picture = story_figure(story_of_diagnosis(result, record), f"{record.name}: {headline(result)}")
     write_figure(folder / "diagnose.png", picture, dpi=110)
-    printer.written(folder / "diagnose.json", folder / "diagnose.png")
-    printer.result(content)
-    return 0
+    printer.result(content, folder / "diagnose.json", folder / "diagnose.png")

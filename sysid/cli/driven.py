@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from sim.model.setup import Setup
     from sysid.cli.fit import FitArguments
     from sysid.driven.log import DrivenLog, InputKind
-    from sysid.driven.runs import Agreement
 
 EVERY = "all"
 """Joint name for all joints with an actuator."""
@@ -59,17 +59,12 @@ class Driven:
     @property
     def name(self) -> str:
         """Name of the outputs' folder."""
-        return f"{self.setup.file.stem}_{self.joints[0] if len(self.joints) == 1 else EVERY}".replace(
-            "/", "_"
-        )
+        joint = self.joints[0] if len(self.joints) == 1 else EVERY
+        return f"{self.setup.file.stem}_{joint}".replace("/", "_")
 
 
 def read_driven(paths: Sequence[Path], measurement: DriveMeasurement, printer: Printer) -> Driven:
-    """Read logs of driven joints.
-
-    Raises:
-        SysidError: A log, a column or the model cannot be read, or options conflict.
-    """
+    """Read logs of driven joints."""
     from sim.model.driven import Course, load_along, stated
     from sysid.driven.log import log_of
 
@@ -125,11 +120,7 @@ def read_driven(paths: Sequence[Path], measurement: DriveMeasurement, printer: P
 def _columns(
     path: Path, joints: Sequence[str], others: Sequence[str], kind: "InputKind", motion: str | None, acted: str | None
 ) -> tuple[dict[str, str | None], dict[str, str], dict[str, str]]:  # fmt: skip
-    """Return the columns of motion and input of each joint in a log, and those of the other joints' motion.
-
-    Raises:
-        SysidError: A column is missing.
-    """
+    """Return the columns of motion and input of each joint in a log, and those of the other joints' motion."""
     from sysid.driven import columns
     from sysid.logs.formats.registry import open_log
 
@@ -152,11 +143,8 @@ def _columns(
         return columns.require_columns(found, joints, what, names, option)
 
     positions = every((motion,) if motion else columns.MOTIONS, "positions", "--column")
-    return (
-        dict(positions),
-        every((acted,) if acted else columns.INPUTS[kind], f"the {kind}", "--input"),
-        measured,
-    )
+    inputs = every((acted,) if acted else columns.INPUTS[kind], f"the {kind}", "--input")
+    return dict(positions), inputs, measured
 
 
 def _joints(setup: "Setup", printer: Printer) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -224,7 +212,7 @@ def run_driven(
     run: Callable[[Driven, Printer], dict[str, Any]],
     logs: Sequence[Path],
     measurement: DriveMeasurement,
-) -> int:
+) -> None:
     """Read logs of driven joints, run a command, and write its result to NAME.json."""
     printer = Printer(measurement.common)
     driven = read_driven(logs, measurement, printer)
@@ -236,19 +224,10 @@ def run_driven(
     printer.written(path)
     printer.say(f"next: {content['next']}")
     printer.result(content)
-    return 0
 
 
-def driven_compare(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
-    """Replay the inputs in the model, print its error, and what to do next."""
-    content = _replayed(driven, printer, tolerance)
-    if content["passed"]:
-        return {**content, "next": f"the model moves as measured, and is ready to use: {driven.setup.file}"}
-    return {**content, "next": driven.next_step("fit", "measure armature, damping, friction and delay")}
-
-
-def _replayed(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
-    """Replay the inputs in the model, and print its error."""
+def driven_replay(driven: Driven, printer: Printer, tolerance: float, *, gate: bool) -> dict[str, Any]:
+    """Replay the inputs in the model and print its error; a gate refuses a model beyond the tolerance."""
     from sim.model.driven import replay
 
     found: list[dict[str, Any]] = []
@@ -256,28 +235,26 @@ def _replayed(driven: Driven, printer: Printer, tolerance: float) -> dict[str, A
         logs = {joint: driven.logs[joint][number] for joint in driven.joints}
         paths = replay(driven.setup, logs, driven.stated)
         found += [_error(joint, log, log.angle - paths[joint], tolerance) for joint, log in logs.items()]
-    rows = [
-        (
-            one["joint"],
-            Path(one["log"]).name,
-            f"{one['rmse_rad']:.4g}",
-            f"{100 * one['nrmse']:.2f} %",
-            "✓" if one["passed"] else "✗",
-            one["where"][0]["text"],
-        )
-        for one in found
-    ]
+    rows: list[tuple[str, ...]] = []
+    for one in found:
+        errors = f"{one['rmse_rad']:.4g}", f"{100 * one['nrmse']:.2f} %", "✓" if one["passed"] else "✗"
+        rows.append((one["joint"], Path(one["log"]).name, *errors, one["where"][0]["text"]))
     unit = "m" if driven.logs[driven.joints[0]][0].slides else "rad"
-    printer.table(
-        ("joint", "log", f"RMS error [{unit}]", "of the motion", "", "where"),
-        rows,
-        "replay of the input in plain MuJoCo",
+    head = ("joint", "log", f"RMS error [{unit}]", "of the motion", "", "where")
+    printer.table(head, rows, "replay of the input in plain MuJoCo")
+    passed, worst = all(one["passed"] for one in found), max(found, key=lambda one: one["nrmse"])
+    content = {"joints": found, "passed": passed, "nrmse": worst["nrmse"]}
+    if passed:
+        if gate:
+            printer.say(f"passed: NRMSE {100 * worst['nrmse']:.2f} %")
+        return {**content, "next": f"the model moves as measured, and is ready to use: {driven.setup.file}"}
+    if not gate:
+        return {**content, "next": driven.next_step("fit", "measure armature, damping, friction and delay")}
+    printer.result(content)
+    raise QualityGateError(
+        f"joint '{worst['joint']}' has an error of {100 * worst['nrmse']:.2f} % of its motion, {100 * tolerance:.2f} % allowed. "
+        "Run diagnose on the same log."
     )
-    return {
-        "joints": found,
-        "passed": all(f["passed"] for f in found),
-        "nrmse": max(f["nrmse"] for f in found),
-    }
 
 
 def _error(joint: str, log: "DrivenLog", error: Any, tolerance: float) -> dict[str, Any]:
@@ -302,10 +279,8 @@ def _where(log: "DrivenLog", error: Any) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     for axis, values, unit in (("time", log.time, "s"), ("velocity", rate, "m/s" if log.slides else "rad/s")):
         ends = np.quantile(values, [0, 1 / 3, 2 / 3, 1])
-        shares = [
-            float((error[(values >= a) & (values <= b)] ** 2).sum() / (error**2).sum())
-            for a, b in pairwise(ends)
-        ]
+        parts = [error[(values >= a) & (values <= b)] for a, b in pairwise(ends)]
+        shares = [float((part**2).sum() / (error**2).sum()) for part in parts]
         i = int(np.argmax(shares))
         text = f"{100 * shares[i]:.0f} % of it at {ends[i]:.3g} to {ends[i + 1]:.3g} {unit}"
         span = [float(ends[i]), float(ends[i + 1])]
@@ -317,19 +292,15 @@ def driven_diagnose(driven: Driven, printer: Printer, fix: Sequence[str]) -> dic
     """Find the missing effects of each joint; each log of a joint has a process of its own."""
     from sysid.batch.runner import run_all
 
+    fixed = parse_fixed(fix)
     cases = [
-        (joint, log, driven.stated[joint], parse_fixed(fix))
-        for joint in driven.joints
-        for log in driven.logs[joint]
+        (joint, log, driven.stated[joint], fixed) for joint in driven.joints for log in driven.logs[joint]
     ]
     results: dict[str, Any] = {}
     # Effects of the user's own files are known in this process only.
     here = len(cases) == 1 or printer.common.effect_file
-    for row in (
-        (_diagnosed(*case, told=lambda text: printer.note(f"  tried: {text}")) for case in cases)
-        if here
-        else run_all(_diagnosed, cases, None)
-    ):
+    tried = partial(_diagnosed, told=lambda text: printer.note(f"  tried: {text}"))
+    for row in (tried(*case) for case in cases) if here else run_all(_diagnosed, cases, None):
         printer.say(row["text"])
         results.setdefault(row["joint"], []).append(row["verdict"])
     found = [one for own in results.values() for one in own]
@@ -364,6 +335,7 @@ def driven_fit(
     from sim.model.driven import patch_driven
     from sim.model.driven_fit import fit_joints
     from sim.model.patch import copy_path
+    from sysid.driven.next_motion import next_motion
     from sysid.driven.report import fit_text
     from sysid.driven.runs import agreement
     from sysid.effects import coulomb, delay
@@ -371,21 +343,27 @@ def driven_fit(
 
     path = output or copy_path(driven.setup, driven.name, printer.common.space.outputs(driven.name))
     require_writable(path)
-    stated, usual = driven.stated, (coulomb.EFFECT.name, delay.EFFECT.name)
+    stated = driven.stated
     if model.plain:
-        usual = ()
-        stated = {
-            joint: replace(one, structure=replace(one.structure, effects=())) for joint, one in stated.items()
-        }
-    effects, fixed, bounds = model.effect or usual, parse_fixed(model.fix), parse_bounds(model.bound)
-    fits = fit_joints(driven.setup, driven.logs, stated, effects, fixed=fixed, bounds=bounds)
+        bare = {joint: replace(one.structure, effects=()) for joint, one in stated.items()}
+        stated = {joint: replace(one, structure=bare[joint]) for joint, one in stated.items()}
+    usual = () if model.plain else (coulomb.EFFECT.name, delay.EFFECT.name)
+    fixed, bounds = parse_fixed(model.fix), parse_bounds(model.bound)
+    fits = fit_joints(driven.setup, driven.logs, stated, model.effect or usual, fixed=fixed, bounds=bounds)
     merged = {joint: agreement(one) for joint, one in fits.items()}
     for joint, one in merged.items():
         printer.say(fit_text(joint, fits[joint], one, driven.stated[joint].values))
-    if model.next_motion is not None:
-        _write_next_motion(model.next_motion, merged, printer)
     if all(one.log.held is False for own in fits.values() for one in own):
         driven = driven.smooth()
+    motion = model.next_motion
+    for joint, one in merged.items():
+        if motion is None:
+            break
+        found = next_motion(one.combined)
+        own = motion if len(merged) == 1 else motion.with_stem(f"{motion.stem}_{joint}")
+        write_atomically(own, found.csv())
+        narrower = f"the interval of {found.worst} becomes {100 * found.narrower:.0f} % as wide"
+        printer.say(f"{own}: {found.text}; {narrower}")
     made = patch_driven(driven.setup, {joint: one.combined for joint, one in merged.items()})
     refuse_overwriting([driven.setup.file, *made.files], {"--output": path})
     for line in made.remarks:
@@ -401,18 +379,6 @@ def driven_fit(
     return {"joints": joints, "model": str(path), "next": then}
 
 
-def _write_next_motion(path: Path, merged: "Mapping[str, Agreement]", printer: Printer) -> None:
-    """Write the next motion of each joint; the joint is in the file's name where there are several."""
-    from sysid.driven.next_motion import next_motion
-
-    for joint, one in merged.items():
-        found = next_motion(one.combined)
-        own = path if len(merged) == 1 else path.with_stem(f"{path.stem}_{joint}")
-        write_atomically(own, found.csv())
-        narrower = f"the interval of {found.worst} becomes {100 * found.narrower:.0f} % as wide"
-        printer.say(f"{own}: {found.text}; {narrower}")
-
-
 def driven_export(path: Path, output: Path | None, timestep: float, printer: Printer) -> dict[str, Any]:
     """Write a fit of driven joints as a module for mjlab, and as JSON."""
     from sysid.driven.export import handed_over, mjlab_module
@@ -424,21 +390,3 @@ def driven_export(path: Path, output: Path | None, timestep: float, printer: Pri
     write_json(module.with_suffix(".json"), {"joints": joints})
     printer.written(module, module.with_suffix(".json"))
     return {"joints": joints, "module": str(module)}
-
-
-def driven_check(driven: Driven, printer: Printer, tolerance: float) -> dict[str, Any]:
-    """Replay the inputs in the model, and compare its error with the tolerance.
-
-    Raises:
-        QualityGateError: The error is larger.
-    """
-    content = _replayed(driven, printer, tolerance)
-    if not content["passed"]:
-        worst = max(content["joints"], key=lambda one: one["nrmse"])
-        printer.result(content)
-        raise QualityGateError(
-            f"joint '{worst['joint']}' has an error of {100 * worst['nrmse']:.2f} % of its motion, {100 * tolerance:.2f} % allowed. "
-            "Run diagnose on the same log."
-        )
-    printer.say(f"passed: NRMSE {100 * content['nrmse']:.2f} %")
-    return {**content, "next": f"it is ready to use: {driven.setup.file}"}

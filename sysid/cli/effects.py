@@ -17,7 +17,7 @@ def effects(
     *,
     output: Output | None = None,
     common: Common = Common(),
-) -> int:
+) -> None:
     """List all effects with law and provenance, show one, or write the file of a new one.
 
     Args:
@@ -27,20 +27,19 @@ def effects(
 
     printer = Printer(common)
     if name == "new":
-        return _write(new, printer)
-    if new is not None:
+        _write(new, printer)
+    elif new is not None:
         raise SysidError(f"effects {name} {new}: expected one name, or: effects new NAME")
-    if name is not None:
-        return _show(name, output, printer)
-    rows = [(n, part.title, part.law, origin(n) or "catalogue") for n, part in catalogue().items()]
-    printer.table(("effect", "what it is", "law", "from"), rows)
-    printer.result(
-        {"effects": [dict(zip(("name", "title", "law", "from"), row, strict=True)) for row in rows]}
-    )
-    return 0
+    elif name is not None:
+        _show(name, output, printer)
+    else:
+        rows = [(n, part.title, part.law, origin(n) or "catalogue") for n, part in catalogue().items()]
+        printer.table(("effect", "what it is", "law", "from"), rows)
+        fields = ("name", "title", "law", "from")
+        printer.result({"effects": [dict(zip(fields, row, strict=True)) for row in rows]})
 
 
-def _write(name: str | None, printer: Printer) -> int:
+def _write(name: str | None, printer: Printer) -> None:
     from sysid.effects import catalogue, effect_file
 
     if name is None:
@@ -53,11 +52,10 @@ def _write(name: str | None, printer: Printer) -> int:
         raise SysidError(f"there is an effect '{called}' already. Give another name.")
     write_atomically(path, effect_file(called))
     printer.say(f"written: {path}. Try it: husky-sysid fit LOG --board BOARD --effect-file {path}")
-    printer.result({"name": called, "file": str(path)})
-    return 0
+    printer.result({"name": called, "file": path})
 
 
-def _show(name: str, output: Path | None, printer: Printer) -> int:
+def _show(name: str, output: Path | None, printer: Printer) -> None:
     from sysid.effects import effect, origin
 
     part = effect(name)
@@ -69,10 +67,10 @@ def _show(name: str, output: Path | None, printer: Printer) -> int:
         ("tell it apart", part.experiment_on()), ("from", origin(name) or "catalogue"),
     ]  # fmt: skip
     printer.table((name, ""), rows)
+    written: list[Path] = []
     if output is not None:
         from reports.figures.effect import effect_figure
 
-        printer.written(write_figure(output, effect_figure(part), dpi=120))
-    called = {"also_called": list(part.also_called)}
-    printer.result({"name": name, **dict(rows), **called, "picture": None if output is None else str(output)})
-    return 0
+        written = [write_figure(output, effect_figure(part), dpi=120)]
+    content = {"name": name, **dict(rows), "also_called": part.also_called, "picture": output}
+    printer.result(content, *written)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Group, Parameter
 from cyclopts.validators import Number
 
-from sysid.cli.console import BoardName, Common, Output, Printer
+from sysid.cli.console import BoardName, Common, Output, Printer, Terrain
 from sysid.errors import SysidError, UsageError
 from sysid.text import count
 
@@ -42,7 +42,7 @@ class Condition:
     """Gradient of the ground along the start's direction [degrees], uphill positive."""
     push: float = 0.0
     """Force on the pelvis for 0.1 s, in a drawn direction, every 5 to 10 s [N]."""
-    terrain: Literal["flat", "slopes", "steps"] = "flat"
+    terrain: Terrain = "flat"
     """The ground: level, descents of 5 to 10 degrees, or ledges of 3 to 6 cm to roll down."""
     coupling: Literal["equality", "direct", "none"] = "equality"
     """Steering of the trucks by the deck's tilt: a constraint, set after every step, or none."""
@@ -60,11 +60,7 @@ class Condition:
     """Draw every world as in training: friction, centres of mass, boards (mjlab only)."""
 
     def protocol(self) -> "Protocol":
-        """Return the conditions of the episodes.
-
-        Raises:
-            SysidError: A number is out of range.
-        """
+        """Return the conditions of the episodes."""
         from policy_runtime.evaluation.plain import Protocol
         from policy_runtime.evaluation.stress import Stress
         from sim.board.scaled import parse_factors
@@ -98,12 +94,6 @@ class Effort:
     workers: int | None = None
     """Processes in plain MuJoCo; one a processor if not given."""
 
-    @property
-    def text(self) -> str:
-        """The effort in words."""
-        episodes, seeds = count(self.episodes, "episode"), count(self.seeds, "seed")
-        return f"in {self.simulator}: {episodes} × {seeds}"
-
 
 def evaluate(
     policy: str,
@@ -116,7 +106,7 @@ def evaluate(
     output: Output | None = None,
     force: bool = False,
     common: Common = Common(),
-) -> int:
+) -> None:
     """Measure a policy, or several, over many episodes.
 
     Args:
@@ -142,29 +132,24 @@ def evaluate(
     record = common.space.load_board(board)
     processes = effort.workers or len(os.sched_getaffinity(0))
     rides: list[tuple[str, Evaluation]] = []
+    size: Any = {"episodes": effort.episodes, "seeds": tuple(range(effort.seeds))}
     with bar(printer) as progress, riders(processes) as pool:
         plain = partial(evaluate_policy, pool=pool)
         measure = evaluate_in_parallel if effort.simulator == "mjlab" else plain
         for name, protocol in SUITE if suite else (("as asked for", given),):
             for one in policies:
                 task = progress.add_task(f"{Path(one).stem}, {name}", total=effort.episodes * effort.seeds)
-                result = measure(
-                    one,
-                    record,
-                    episodes=effort.episodes,
-                    seeds=tuple(range(effort.seeds)),
-                    protocol=protocol,
-                    force=force,
-                    progress=partial(progress.advance, task),
-                )
+                told = partial(progress.advance, task)
+                result = measure(one, record, **size, protocol=protocol, force=force, progress=told)
                 rides.append((name, result))
     folder = output or common.space.outputs(record.name)
     named = "-".join(dict.fromkeys(one.policy for _, one in rides))
     report, kind = (_report_table, "suite") if len(rides) > 1 else (_report_one, "evaluate")
     picture = folder / f"{kind}-{named}-{effort.simulator}.png"
-    content = report(rides, f"{record.name} {effort.text}", picture, printer)
-    printer.result(content | {"simulator": effort.simulator, "randomised": condition.randomised})
-    return 0
+    rode = f"{count(effort.episodes, 'episode')} × {count(effort.seeds, 'seed')}"
+    content = report(rides, f"{record.name} in {effort.simulator}: {rode}", picture, printer)
+    content |= {"simulator": effort.simulator, "randomised": condition.randomised, "picture": str(picture)}
+    printer.result(content, picture)
 
 
 def _report_table(
@@ -175,16 +160,8 @@ def _report_table(
     from reports.figures.ride import suite_figure
     from sysid.text import in_brackets as text
 
-    errors = [
-        "E_vel_mean_speed",
-        "E_yaw",
-        "E_contact",
-        "E_stop",
-        "stride_period",
-        "foot_travel",
-        "slip",
-        "style_distance",
-    ]
+    errors = ["E_vel_mean_speed", "E_yaw", "E_contact", "E_stop"]
+    errors += ["stride_period", "foot_travel", "slip", "style_distance"]
     policies = list(dict.fromkeys(one.policy for _, one in rides))
     head = ["condition", "policy", "E_succ", "standing", "median [s]"]
     rows = [
@@ -195,12 +172,7 @@ def _report_table(
     head += [f"{error} [{METRICS[error]}]" for error in errors]
     printer.table(head, rows, f"{', '.join(policies)} on {title}")
     suite_figure([(name, one.policy, one.success) for name, one in rides], title, picture)
-    printer.written(picture)
-    return {
-        "policies": policies,
-        "conditions": [{"name": name} | one.to_json() for name, one in rides],
-        "picture": str(picture),
-    }
+    return {"policies": policies, "conditions": [{"name": name} | one.to_json() for name, one in rides]}
 
 
 def _report_one(
@@ -224,5 +196,4 @@ def _report_one(
     endings = ", ".join(f"{ending} {count}" for ending, count in result.endings.items())
     printer.say(f"endings: {endings}")
     paths_figure(result.paths, result.headings, title, picture)
-    printer.written(picture)
-    return {**result.to_json(), "picture": str(picture)}
+    return result.to_json()

@@ -2,11 +2,10 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Output, Printer, Step
+from sysid.cli.console import BoardName, Common, Coupling, Output, Printer, Step, Terrain
 from sysid.errors import UsageError
 
 
@@ -17,9 +16,9 @@ class World:
 
     policy: Path | None = None
     """ONNX policy to include."""
-    coupling: Literal["equality", "direct"] = "equality"
+    coupling: Coupling = "equality"
     """Steering of the trucks by the deck's tilt."""
-    terrain: Literal["flat", "slopes", "steps"] = "flat"
+    terrain: Terrain = "flat"
     """The ground."""
     force: bool = False
     """Export even if policy and board disagree, or the board has not passed `check`."""
@@ -27,13 +26,13 @@ class World:
 
 def export(
     *,
-    board: Annotated[str | None, Parameter(name=("--board", "-b"))] = None,
+    board: BoardName | None = None,
     mjlab: Path | None = None,
     timestep: Step = 0.005,
     world: World = World(),
     output: Output | None = None,
     common: Common = Common(),
-) -> int:
+) -> None:
     """Pack scene, policy and board record into one folder that runs by itself.
 
     Args:
@@ -49,27 +48,17 @@ def export(
         from sysid.cli.driven import driven_export
 
         printer.result(driven_export(mjlab, output, timestep, printer))
-        return 0
+        return
     if board is None:
         raise UsageError(
             "export what? Name a board (--board), or the fit of driven joints (--mjlab fit.json)."
         )
     printer.keep([world.policy] if world.policy else [])
     record = common.space.load_board(board)
-    if not record.passed:
-        printer.warn(f"board '{board}' has not passed `check`; the folder's manifest records it.")
+    printer.require_passed(record, force=True)
     folder = output or common.space.outputs(board) / "export"
     files = export_folder(record, folder, **vars(world))
     size = sum(path.stat().st_size for path in files)
     printer.say(f"{folder}: {len(files)} files, {size / 1e6:.1f} MB")
-    printer.result(
-        {
-            "folder": str(folder),
-            "board": record.name,
-            "board_passed": record.passed,
-            "policy": None if world.policy is None else str(world.policy),
-            "files": [str(path) for path in files],
-            "bytes": size,
-        }
-    )
-    return 0
+    content = {"folder": folder, "board": record.name, "board_passed": record.passed}
+    printer.result({**content, "policy": world.policy, "files": files, "bytes": size})

@@ -12,7 +12,6 @@ from cyclopts import Parameter
 from sysid.board import Board
 from sysid.cli.console import FIT, Common, Fix, Output, Printer, Texts
 from sysid.cli.drive_options import DRIVE
-from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.measurement import DriveMeasurement, MeasuredLogs, read_logs
 from sysid.cli.parameter_options import SHORT, parse_bounds, parse_fixed
 from sysid.errors import SysidError, UsageError
@@ -26,6 +25,7 @@ from sysid.files import (
 
 if TYPE_CHECKING:
     from sysid.fit_mjcf import Fit
+    from sysid.fitting.result import JointFit
 
 
 @Parameter(name="*", group=FIT)
@@ -62,17 +62,20 @@ def fit(
     measurement: DriveMeasurement = DriveMeasurement(),
     model: FitArguments = FitArguments(),
     output: Output | None = None,
-) -> int:
+) -> None:
     """Fit stiffness, damping and effects to logs, and save the record.
 
     Args:
         logs: Logs of one joint.
         output: The patched copy of a model; MODEL_JOINT.xml beside it if left out. A board has none.
     """
+    from sysid.fitting.result import TOLERANCE
+
     if measurement.drive.given:
         from sysid.cli.driven import driven_fit, run_driven
 
-        return run_driven("fit", partial(driven_fit, model=model, output=output), logs, measurement)
+        run_driven("fit", partial(driven_fit, model=model, output=output), logs, measurement)
+        return
     common = measurement.common
     printer = Printer(common)
     record = measurement.load(printer)
@@ -85,11 +88,12 @@ def fit(
         printer.warnings(soft_friction_warning(result.joint, slides=record.slides))
     new, text, scene = _described(result, found, model, printer)
     printer.say(text)
-    draws, profile = model.bootstrap, model.profile
-    intervals = show_intervals(result.joint, found.record, common, printer, profile=profile, draws=draws)
+    intervals = _intervals(result.joint, found.record, model, printer)
     for line in scene.lines() if scene else ():
         printer.say(line)
-    printer.say(_next_step(result, found))
+    missing = result.joint.excess > TOLERANCE
+    why, verb = ("find the missing effect", "diagnose") if missing else ("check it in MuJoCo", "check")
+    printer.say(found.next_step(why, verb))
     written = _drawn(common, result, printer)
     unwritten: SysidError | None = None
     if copy is not None:
@@ -101,7 +105,6 @@ def fit(
     printer.result({**result.to_json(), **intervals, **entry})
     if unwritten is not None:
         raise unwritten
-    return 0
 
 
 def _fitted(
@@ -167,25 +170,39 @@ def _described(
     return new, text, scene
 
 
-def _next_step(result: "Fit", found: MeasuredLogs) -> str:
-    from sysid.fitting.result import TOLERANCE
+def _intervals(fit: "JointFit", board: Board, model: FitArguments, printer: Printer) -> dict[str, Any]:
+    """Compute, print and draw profiles and a bootstrap, if asked for; return their intervals for the JSON."""
+    if not model.profile and not model.bootstrap:
+        return {}
+    from reports.figures.intervals import interval_figure
+    from sysid.cli.bars import working
+    from sysid.fitting.bootstrap import bootstrap
+    from sysid.fitting.intervals import agreements
+    from sysid.fitting.profile import profiles
+    from sysid.fitting.report import interval_json, interval_report
+    from sysid.progress import stage
 
-    missing = result.joint.excess > TOLERANCE
-    why, verb = ("find the missing effect", "diagnose") if missing else ("check it in MuJoCo", "check")
-    return found.next_step(why, verb)
+    half = 0.5 if model.profile and model.bootstrap else float(model.profile)
+    with working(printer):
+        with stage(0.0, half, "profiles"):
+            shapes = list(profiles(fit, board)) if model.profile else []
+        with stage(half, 1.0, "bootstrap"):
+            again = bootstrap(fit, board, model.bootstrap) if model.bootstrap else None
+    verdicts = agreements(fit.quantities, shapes, again)
+    printer.say(interval_report(fit, shapes, again, verdicts, printer.width))
+    title = f"{board.name}: range of each parameter while the others follow"
+    figure = interval_figure(fit.quantities, shapes, again, title)
+    printer.written(write_figure(printer.common.space.outputs(board.name) / "intervals.png", figure))
+    return interval_json(shapes, again, verdicts)
 
 
 def _drawn(common: Common, result: "Fit", printer: Printer) -> list[Path]:
     """Write the ladder, and of a learned torque its picture and its formula as an effect."""
-    from reports.figures.ladder import fit_steps, ladder_figure
+    from reports.figures.ladder import ladder_figure
 
     name, formula = result.before.name, result.formula
     folder = common.space.outputs(name)
-    noise = (result.noise.lowest / result.noise.std, result.noise.highest / result.noise.std)
-    ladder = ladder_figure(
-        fit_steps(result), noise, f"{name}: errors of the models", len(result.joint.records)
-    )
-    written = [write_figure(folder / "ladder.png", ladder)]
+    written = [write_figure(folder / "ladder.png", ladder_figure(result, f"{name}: errors of the models"))]
     if result.joint.problem.smoothing:
         from reports.figures.learned import learned_figure
 
@@ -202,11 +219,7 @@ def _drawn(common: Common, result: "Fit", printer: Printer) -> list[Path]:
 
 
 def _copy_of(record: Board, output: Path | None, common: Common) -> Path | None:
-    """Return the path of the patched copy of a record's model, None without a model.
-
-    Raises:
-        SysidError: The joint's text cannot be patched, or the copy cannot be written.
-    """
+    """Return the path of the patched copy of a record's model, None without a model."""
     if not record.model:
         if output is not None:
             raise UsageError(
@@ -231,9 +244,6 @@ def _patched(record: Board, copy: Path, printer: Printer) -> tuple[Board, list[P
 
     Returns:
         The record with the copy as its model; the written files; an error if the copy does not load.
-
-    Raises:
-        SysidError: A fitted number is not physical, or MuJoCo has no element for an effect.
     """
     from sim.model.patch import patch
     from sim.model.setup import Setup

@@ -74,13 +74,13 @@ MAX_INERTIA = 0.5
 """Largest roll inertia without a warning of wrong units [kg m^2]: that of a plank of 10 kg and 0.7 m width."""
 
 
-def _formula_command(method: Callable[..., Quantity]) -> Callable[..., int]:
+def _formula_command(method: Callable[..., Quantity]) -> Callable[..., None]:
     """Return the command of a method that is one formula."""
     name = method.__name__.replace("_", "-")
 
-    def run(outcome: Outcome = Outcome(), **inputs: Quantity | None) -> int:
+    def run(outcome: Outcome = Outcome(), **inputs: Quantity | None) -> None:
         given = {key: value for key, value in inputs.items() if value is not None}
-        return _finish(name, method(**given), outcome, given, error_budget(method, given))
+        _finish(name, method(**given), outcome, given, error_budget(method, given))
 
     own = [
         inspect.Parameter(
@@ -109,7 +109,7 @@ def parts(
     point: Texts = (),
     body: Texts = (),
     outcome: Outcome = Outcome(),
-) -> int:
+) -> None:
     """Sum of several parts by the parallel-axis theorem.
 
     Args:
@@ -133,7 +133,7 @@ def parts(
             named[f"{kind} {number}"] = method(*fields)
     result = methods.parts(list(named.values()))
     budget = {name: (part.std / result.std) ** 2 for name, part in named.items() if part.std > 0}
-    return _finish("parts", result, outcome, inputs=named, budget=budget)
+    _finish("parts", result, outcome, inputs=named, budget=budget)
 
 
 @inertia.command(name="static-tilt")
@@ -143,7 +143,7 @@ def static_tilt(
     height: Annotated[Quantity, OPTIONS["height"][0]] = ON_AXIS,
     frequency: Annotated[Quantity | None, FREQUENCY] = None,
     outcome: Outcome = Outcome(),
-) -> int:
+) -> None:
     """Known weights at known offsets give the stiffness k itself; with a decay, I = k / ω_n².
 
     Args:
@@ -171,27 +171,25 @@ def static_tilt(
             "the readings scatter more than their uncertainties allow: friction, a nonlinear spring, or too small "
             "uncertainties of the angles. The interval was widened."
         )
-    content = {"stiffness": test.stiffness.to_json(), "rest_angle": test.rest.to_json()}
+    content = {"stiffness": test.stiffness, "rest_angle": test.rest}
     if frequency is None:
         if outcome.save is not None:
             raise SysidError("k alone is no inertia; give the natural frequency of a decay with --frequency.")
         printer.note("for the inertia, add --frequency with ω_n of a decay of the same deck")
         printer.result({"method": "static-tilt", "inertia": None, **content})
-        return 0
+        return
 
     def ratio(stiffness: Quantity, natural_frequency: Quantity) -> Quantity:
         return replace(test, stiffness=stiffness).inertia(natural_frequency)
 
     inputs = {"stiffness": test.stiffness, "natural_frequency": frequency}
-    return _finish(
-        "static-tilt", ratio(**inputs), outcome, inputs, error_budget(ratio, inputs), extra=content
-    )
+    _finish("static-tilt", ratio(**inputs), outcome, inputs, error_budget(ratio, inputs), extra=content)
 
 
 @inertia.command
 def combine(
     *estimates: Annotated[str, Parameter(allow_leading_hyphen=True)], outcome: Outcome = Outcome()
-) -> int:
+) -> None:
     """Weighted mean of several methods, and whether they agree.
 
     Args:
@@ -224,9 +222,9 @@ def combine(
         "p_value": result.p_value,
         "agree": result.agree,
         "stands_out": result.odd_one,
-        "pulls": dict(result.pulls),
+        "pulls": result.pulls,
     }
-    return _finish("combine", result.inertia, outcome, named, {}, extra=extra)
+    _finish("combine", result.inertia, outcome, named, {}, extra=extra)
 
 
 def _finish(
@@ -236,7 +234,7 @@ def _finish(
     inputs: Mapping[str, Quantity],
     budget: Mapping[str, float],
     extra: Mapping[str, Any] | None = None,
-) -> int:
+) -> None:
     """Print result and error budget, save it if `--save` is given, write the JSON."""
     printer = Printer(outcome)
     # The method of an input from a result file is that file's name.
@@ -257,30 +255,12 @@ def _finish(
             f"{result.value:.3g} kg·m² is far more than the inertia of a deck (about 0.01). Lengths without a unit "
             "are metres; write 20cm."
         )
-    content: dict[str, Any] = {
-        "method": name,
-        "inertia": result.to_json(),
-        "inputs": {key: quantity.to_json() for key, quantity in inputs.items()},
-        "budget": dict(budget),
-        **(extra or {}),
-    }
+    content = {"method": name, "inertia": result, "inputs": inputs, "budget": budget, **(extra or {})}
     if outcome.save is not None:
-        content["saved"] = _save(outcome.save, result, outcome, printer)
+        old = outcome.space.load_board(outcome.save)
+        new = methods.with_inertia(old, result)
+        content["saved"] = printer.saved(new, old)
+        for key in ("stiffness", "damping"):
+            change = f"{key} {old.tilt[key]} → {new.tilt[key]}"
+            printer.note(f"{old.name}: {change}, as the decay fixes its ratio to I")
     printer.result(content)
-    return 0
-
-
-def _save(board: str, result: Quantity, outcome: Outcome, printer: Printer) -> str:
-    from sysid.inertia import with_inertia
-
-    old = outcome.space.load_board(board)
-    new = with_inertia(old, result)
-    path = outcome.space.save_board(new, since=old)
-    for name in ("stiffness", "damping"):
-        printer.note(
-            f"{board}: {name} {old.tilt[name]} → {new.tilt[name]}, as the decay fixes its ratio to I"
-        )
-    if old.last_check:
-        printer.warn(f"{board}: the check of the old record no longer counts; run it again.")
-    printer.say(f"saved: {path}")
-    return str(path)

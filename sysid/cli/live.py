@@ -3,7 +3,7 @@
 import json
 import threading
 import time
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import datetime
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -12,7 +12,6 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter, validators
 
-from sysid.board import Board
 from sysid.cli.console import OUTPUT, Printer
 from sysid.cli.log_options import LogArguments, recording_of
 from sysid.cli.measurement import Measurement
@@ -39,7 +38,7 @@ def live(
     watch: Path | None = None,
     releases: Annotated[int | None, Parameter(validator=validators.Number(gte=1))] = None,
     port: Annotated[int, Parameter(group=OUTPUT, validator=validators.Number(gte=0, lte=65535))] = 8123,
-) -> int:
+) -> None:
     """Read a phone while the board rocks, and show stiffness and damping after each release.
 
     Args:
@@ -48,6 +47,8 @@ def live(
         releases: End after so many.
         port: Of the page; 0 takes a free one.
     """
+    from reports.page.live import live_page
+
     printer, space, reading = Printer(measurement.common), measurement.space, measurement.reading
     record = measurement.load(printer)
     if (phone is None) == (watch is None):
@@ -57,13 +58,17 @@ def live(
     stamp = f"{datetime.now():%Y%m%d-%H%M%S}"
     log = watch if watch is not None else space.root / "logs" / f"{record.name}-{stamp}"
     session = Session(record, grows=phone is not None)
-    _warm_up(record)
+    # Once on a shipped log, to load and compile all code before the first release.
+    trial = Session(record)
+    trial.take([Recording.read(shipped_data() / "decays" / "pink_imu.csv")])
+    live_page(trial, 0, "")
     look = (
         _watching(watch, reading, printer)
         if watch is not None
         else _phoning(str(phone), log, reading, printer)
     )
-    with _served(_Shown(session, str(log)), port, printer) as shown:
+    pages = [live_page(session, 1, str(log))]
+    with _served(pages, port, printer):
         printer.say(session.next_step)
         try:
             while releases is None or len(session.releases) < releases:
@@ -71,7 +76,7 @@ def live(
                 found = look()
                 if found is not None and (new := session.take(found)):
                     _say(session, new, printer)
-                    shown.renew()
+                    pages.append(live_page(session, len(pages) + 1, str(log)))
                 time.sleep(max(0.0, POLL_PERIOD - (time.monotonic() - begin)))
         except KeyboardInterrupt:
             printer.note("ended")
@@ -82,16 +87,6 @@ def live(
     printer.result(
         {**numbers, "log": str(log), "releases_found": len(session.releases), "next": session.next_step}
     )
-    return 0
-
-
-def _warm_up(board: Board) -> None:
-    """Run once on a shipped log, to load and compile all code before the first release."""
-    from reports.page.live import live_page
-
-    session = Session(board)
-    session.take([Recording.read(shipped_data() / "decays" / "pink_imu.csv")])
-    live_page(session, 0, "")
 
 
 def _say(session: Session, new: Mapping[int, Release], printer: Printer) -> None:
@@ -166,24 +161,9 @@ def _watching(
     return look
 
 
-class _Shown:
-    """The current page and its version."""
-
-    def __init__(self, session: Session, log: str) -> None:
-        self.session, self.log, self.version, self.page = session, log, 0, b""
-        self.renew()
-
-    def renew(self) -> None:
-        """Rebuild the page."""
-        from reports.page.live import live_page
-
-        self.page = live_page(self.session, self.version + 1, self.log).encode()
-        self.version += 1
-
-
 @contextmanager
-def _served(shown: _Shown, port: int, printer: Printer) -> Generator[_Shown]:
-    """Serve a page on this machine only while the block runs."""
+def _served(pages: Sequence[str], port: int, printer: Printer) -> Generator[None]:
+    """Serve the last of the pages on this machine only, while the block runs."""
 
     class Handler(BaseHTTPRequestHandler):
         timeout = 5.0
@@ -193,13 +173,13 @@ def _served(shown: _Shown, port: int, printer: Printer) -> Generator[_Shown]:
             if self.headers.get("Host", "").rpartition(":")[0] not in ("127.0.0.1", "localhost"):
                 self.send_error(403)  # a page from elsewhere whose name leads here
                 return
-            state = json.dumps({"version": shown.version}).encode()
-            kinds = {"/": ("text/html; charset=utf-8", shown.page), "/state": ("application/json", state)}
-            kind, body = kinds.get(self.path, ("text/plain", b""))
+            state = json.dumps({"version": len(pages)})
+            kinds = {"/": ("text/html; charset=utf-8", pages[-1]), "/state": ("application/json", state)}
+            kind, body = kinds.get(self.path, ("text/plain", ""))
             self.send_response(200 if self.path in kinds else 404)
             self.send_header("Content-Type", kind)
             self.end_headers()
-            self.wfile.write(body)
+            self.wfile.write(body.encode())
 
         def log_message(self, format: str, *args: Any) -> None:
             del format, args
@@ -217,7 +197,7 @@ def _served(shown: _Shown, port: int, printer: Printer) -> Generator[_Shown]:
     printer.say(f"page: http://127.0.0.1:{server.server_address[1]}/")
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
-        yield shown
+        yield
     finally:
         server.shutdown()
         server.server_close()

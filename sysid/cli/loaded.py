@@ -20,7 +20,7 @@ def loaded(
     reading: Texts = (),
     rider: Annotated[float, Parameter(validator=Number(gt=0))] = 33.3,
     common: Common = Common(),
-) -> int:
+) -> None:
     """Measure the tilt spring under load, from decays of the deck with known weights on it.
 
     Args:
@@ -51,24 +51,19 @@ def loaded(
         printer.warn(f"{rider:g} kg is far more than the weights tried; the line is extrapolated.")
     printer.result(
         {
-            "stiffness": [k.to_json() for k in found.stiffness],
-            "bare": found.bare.to_json(),
-            "per_newton": found.per_newton.to_json(),
+            "stiffness": found.stiffness,
+            "bare": found.bare,
+            "per_newton": found.per_newton,
             "rider_kg": rider,
-            "under_rider": ridden.to_json(),
+            "under_rider": ridden,
             "chi_square": found.chi_square,
             "degrees_of_freedom": found.degrees_of_freedom,
         }
     )
-    return 0
 
 
 def _read(text: str) -> "LoadedDecay":
-    """Return one decay of '--reading MASS,HEIGHT,OMEGA[,OWN]'.
-
-    Raises:
-        SysidError: A field is missing, not a quantity, or negative.
-    """
+    """Return one decay of '--reading MASS,HEIGHT,OMEGA[,OWN]'."""
     from sysid.experiments.loaded_decays import LoadedDecay
 
     where, fields = f"--reading {text}", text.split(",")

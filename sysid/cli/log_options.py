@@ -106,11 +106,7 @@ class LogArguments:
         return LogOptions(**given)
 
     def part(self, roll: Roll) -> Roll:
-        """Return the part of a roll between --from and --to.
-
-        Raises:
-            SysidError: It is empty.
-        """
+        """Return the part of a roll between --from and --to."""
         low = -math.inf if self.start is None else self.start
         high = math.inf if self.stop is None else self.stop
         rows = (roll.time >= low) & (roll.time <= high)
@@ -150,33 +146,22 @@ def refuse_overwriting_logs(
         logs: The measurements; the camera's calibration is protected too.
         arguments: They name the overlay, an output of reading a film.
         outputs: Other outputs of the command, by option.
-
-    Raises:
-        SysidError: An output is a log.
     """
     calibration = arguments.video.calibration
     inputs = [*logs, *(() if calibration is None else (calibration,))]
     printer.keep(inputs, {"--overlay": arguments.video.overlay, **(outputs or {})})
 
 
-def unused_options(log: Path, arguments: LogArguments) -> list[str]:
-    """Return the given options that belong to the other kind of log."""
-    given, usual = (arguments, LogArguments()) if is_film(log) else (arguments.video, _NO_VIDEO)
-    names = ("column", "unit", "axis", "time_column", "source", "lever_arm", "keep_outliers")
-    if not is_film(log):
-        names = tuple(field.name for field in fields(VideoArguments) if field.name != "pivot")
-    return ["--" + name.replace("_", "-") for name in names if getattr(given, name) != getattr(usual, name)]
-
-
 def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
-    """Read one log and print notes and warnings on stderr.
-
-    Raises:
-        SysidError: The log cannot be read as roll.
-    """
-    if unused := unused_options(log, arguments):
-        kind = "a film" if is_film(log) else "no film"
-        printer.warn(f"{log}: not used: {', '.join(unused)}; this is {kind}")
+    """Read one log and print notes and warnings on stderr."""
+    kind, given, usual = "a film", arguments, LogArguments()
+    names = ["column", "unit", "axis", "time_column", "source", "lever_arm", "keep_outliers"]
+    if not is_film(log):
+        kind, given, usual = "no film", arguments.video, _NO_VIDEO
+        names = [field.name for field in fields(VideoArguments) if field.name != "pivot"]
+    if unused := [name for name in names if getattr(given, name) != getattr(usual, name)]:
+        words = ", ".join("--" + name.replace("_", "-") for name in unused)
+        printer.warn(f"{log}: not used: {words}; this is {kind}")
     with _with_bar(arguments, printer) if is_film(log) else nullcontext(arguments.options) as options:
         roll = read_roll(log, options)
     say_notes(log, roll, printer)
@@ -215,11 +200,7 @@ def say_notes(log: Path, roll: Roll, printer: Printer) -> None:
 def recording_of(
     roll: Roll, arguments: LogArguments, printer: Printer | None = None, *, rest: float = 0.0
 ) -> Recording:
-    """Find the releases in the selected part of a roll, and print their problems on stderr.
-
-    Raises:
-        SysidError: It has no release.
-    """
+    """Find the releases in the selected part of a roll, and print their problems on stderr."""
     from sysid.driven.columns import driving_input
 
     acted = driving_input(Path(roll.log)) if printer is not None and roll.free is None else None

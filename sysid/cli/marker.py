@@ -6,7 +6,7 @@ from sysid.cli.console import Common, Output, Printer
 from sysid.errors import SysidError
 
 
-def marker(*, output: Output = Path("marker.pdf"), number: int = 0, common: Common = Common()) -> int:
+def marker(*, output: Output = Path("marker.pdf"), number: int = 0, common: Common = Common()) -> None:
     """Write an A4 page with an ArUco marker in two sizes, and instructions to fix and film it.
 
     Args:
@@ -22,10 +22,5 @@ def marker(*, output: Output = Path("marker.pdf"), number: int = 0, common: Comm
     printer = Printer(common)
     write_marker_page(output, number)
     printer.say(f"{output}: ArUco 4x4 markers {number} (80 mm) and {number + 1} (40 mm); print at 100 %")
-    printer.result(
-        {
-            "output": str(output),
-            "markers": [{"number": number, "side_mm": 80.0}, {"number": number + 1, "side_mm": 40.0}],
-        }
-    )
-    return 0
+    markers = [{"number": number, "side_mm": 80.0}, {"number": number + 1, "side_mm": 40.0}]
+    printer.result({"output": output, "markers": markers})

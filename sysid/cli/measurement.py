@@ -95,9 +95,6 @@ def read_logs(
         outputs: Outputs of the command, by option.
         films: Keep the pictures of films.
         may_be_gone: Accept that all logs of the fit are gone.
-
-    Raises:
-        SysidError: No log is known or there, one cannot be read or was given twice, or an output would overwrite one.
     """
     from reports.log_files import find_logs
 
@@ -137,11 +134,7 @@ def read_logs(
 
 
 def _reading_of_fit(record: Board, given: LogArguments, printer: Printer) -> LogArguments:
-    """Return the reading options of a record's fit, unless others are given.
-
-    Raises:
-        SysidError: The record's options are unknown.
-    """
+    """Return the reading options of a record's fit, unless others are given."""
     words = record.fit.get("reading", "")
     if given != LogArguments() or not words:
         return given

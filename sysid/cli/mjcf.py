@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Literal
 
-from sysid.cli.console import BoardName, Common, Output, Printer, Step
+from sysid.cli.console import BoardName, Common, Coupling, Output, Printer, Step
 from sysid.files import refuse_other_kind, write_atomically
 
 if TYPE_CHECKING:
@@ -16,10 +16,10 @@ def mjcf(
     bench: bool = False,
     timestep: Step = 0.005,
     export: Literal["physical", "step-compensated", "in-scene"] | None = None,
-    coupling: Literal["equality", "direct"] = "equality",
+    coupling: Coupling = "equality",
     usd: bool = False,
     common: Common = Common(),
-) -> int:
+) -> None:
     """Write a board as MJCF: the free board with trucks and wheels on the ground.
 
     Args:
@@ -66,7 +66,6 @@ def mjcf(
     if done.decay_error > TOLERANCE and not made.substitutes:
         printer.warn(f"the unloaded decay of this {kind} is {error}. {_why(made, kind, coupling)}")
     printer.result(_json(made, board, str(output), kind))
-    return 0
 
 
 def _json(made: "Mjcf", board: str, file: str, kind: str) -> dict[str, object]:

@@ -4,7 +4,6 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sysid.cli.boards import plain
 from sysid.cli.console import Common, Made, Printer
 from sysid.errors import SysidError
 
@@ -14,7 +13,7 @@ if TYPE_CHECKING:
 
 def motions(
     *motion: Path, plot: Made | None = None, rerun: Made | None = None, common: Common = Common()
-) -> int:
+) -> None:
     """List reference motions and their properties; draw them, or play them in Rerun.
 
     Args:
@@ -50,14 +49,12 @@ def motions(
         from reports.figures.motion import motion_figure
 
         motion_figure(clips, [fact.planted for fact in facts.values()], plot)
-        printer.written(plot)
     if rerun is not None:
         from reports.rerun.ride import motion_recording
 
         motion_recording(model, clips, rerun)
-        printer.written(rerun)
-    printer.result({"motions": [_json(name, fact, JOINTS) for name, fact in facts.items()]})
-    return 0
+    written = [path for path in (plot, rerun) if path is not None]
+    printer.result({"motions": [_json(name, fact, JOINTS) for name, fact in facts.items()]}, *written)
 
 
 def _row(name: str, fact: "MotionFacts") -> tuple[str, ...]:
@@ -74,22 +71,13 @@ def _row(name: str, fact: "MotionFacts") -> tuple[str, ...]:
 
 
 def _json(name: str, fact: "MotionFacts", joints: tuple[str, ...]) -> dict[str, object]:
-    """Return the facts; NaN becomes null."""
-    own = (
-        "speed",
-        "stance",
-        "slide",
-        "penetration",
-        "limit_margin",
-        "peak_speed",
-        "peak_speed_joint",
-        "self_contacts",
-    )
+    own = ("speed", "stance", "slide", "penetration", "limit_margin", "period", "support_margin")
+    peaks = ("peak_speed", "peak_speed_joint", "self_contacts")
     ranges = zip(joints, fact.joint_low, fact.joint_high, strict=True)
     return {
         "name": name,
         "frames": fact.frames,
         "duration_s": fact.duration,
-        **{key: plain(getattr(fact, key)) for key in (*own, "period", "support_margin")},
+        **{key: getattr(fact, key) for key in (*own, *peaks)},
         "ranges": {joint: [float(low), float(high)] for joint, low, high in ranges},
     }

@@ -36,7 +36,7 @@ def new(
     arm: Annotated[Quantity | None, measured("m")] = None,
     subject: Subject = Subject(),
     common: Common = Common(),
-) -> int:
+) -> None:
     """Write the smallest record of a joint; a terminal asks for missing options.
 
     Args:
@@ -73,7 +73,6 @@ def new(
     else:
         raise UsageError(f"'{chosen}' is not one of {', '.join(get_args(Kind))}.")
     _report(record, chosen, printer)
-    return 0
 
 
 def _report(record: Board, kind: str, printer: Printer) -> None:
@@ -94,9 +93,7 @@ def _report(record: Board, kind: str, printer: Printer) -> None:
     effects = tuple(word for name in usual for word in ("--effect", name))
     command = space.command("fit", "--board", record.name, *effects, logs=())
     printer.say(f"next: record a release and run: {command}")
-    printer.result(
-        {"board": record.name, "record": str(path), "kind": kind, "inertia": record.inertia.to_json()}
-    )
+    printer.result({"board": record.name, "record": path, "kind": kind, "inertia": record.inertia})
 
 
 def _pendulum(name: str, mass: Quantity, arm: Quantity, own: Quantity | None) -> Board:
@@ -128,11 +125,7 @@ def _ask_quantity(option: str, unit: str) -> Quantity:
 
 
 def _ask(option: str) -> str:
-    """Return the answer to a question.
-
-    Raises:
-        UsageError: There is no terminal.
-    """
+    """Return the answer to a question."""
     if not sys.stdin.isatty():
         raise UsageError(f"--{option} is missing, and there is no terminal to ask at. {QUESTIONS[option]}")
     return input(f"{QUESTIONS[option]}\n> ").strip()

@@ -16,20 +16,12 @@ SHORT = {"rest": "rest_angle"}
 
 
 def parse_fixed(texts: Sequence[str], option: str = "--fix") -> dict[str, float]:
-    """Return names and values of '--fix NAME=VALUE', or of another option of that shape.
-
-    Raises:
-        SysidError: A text has another shape.
-    """
+    """Return names and values of '--fix NAME=VALUE', or of another option of that shape."""
     return {name: _number(value, f"{option} {name}") for name, value in _pairs(texts, option, "VALUE")}
 
 
 def parse_bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Return parameters and ends of '--bound NAME=LOW:HIGH'.
-
-    Raises:
-        SysidError: A text has another shape.
-    """
+    """Return parameters and ends of '--bound NAME=LOW:HIGH'."""
     found: dict[str, tuple[float, float]] = {}
     for name, value in _pairs(texts, "--bound", "LOW:HIGH"):
         low, colon, high = value.partition(":")
@@ -54,11 +46,7 @@ def measured(unit: str, *, key: str = "", positive: bool = True) -> Parameter:
 
 
 def parse_or_read(text: str, key: str, unit: str, where: str) -> Quantity:
-    """Return a typed positive quantity, or the one under a key of a result file (.json).
-
-    Raises:
-        SysidError: The text is not a quantity, or the file lacks one in this unit.
-    """
+    """Return a typed positive quantity, or the one under a key of a result file (.json)."""
     if not text.endswith(".json"):
         return parse_quantity(text, unit, where)
     try:
@@ -78,11 +66,7 @@ def parse_or_read(text: str, key: str, unit: str, where: str) -> Quantity:
 def parse_fields(
     where: str, text: str, units: Sequence[str], needed: int, any_sign: Collection[int]
 ) -> list[Quantity]:
-    """Return quantities between commas: at least `needed`, positive but for the places in `any_sign`.
-
-    Raises:
-        SysidError: There are too few or too many, or one is not a quantity.
-    """
+    """Return quantities between commas: at least `needed`, positive but for the places in `any_sign`."""
     fields = text.split(",")
     if not needed <= len(fields) <= len(units):
         count = f"{needed}" if needed == len(units) else f"{needed} or {len(units)}"

@@ -15,7 +15,7 @@ def play(
     output: Output | None = None,
     viewer: bool = False,
     common: Common = Common(),
-) -> int:
+) -> None:
     """Ride in simulation at full speed, and write a recording and pictures.
 
     Args:
@@ -61,4 +61,3 @@ def play(
     printer.result(
         {"board": ride.board.name, "policy": ride.policy.name, **result.to_json(), "files": files, **known}
     )
-    return 0

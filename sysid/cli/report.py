@@ -20,7 +20,7 @@ def report(
     output: Output | None = None,
     one_page: Annotated[bool, Parameter(group=OUTPUT)] = False,
     tolerance: Tolerance = 0.02,
-) -> int:
+) -> None:
     """Write one HTML file with all results of a joint.
 
     Args:
@@ -42,12 +42,13 @@ def report(
     if output is not None:
         refuse_other_kind(output, ".html", ".htm")
     record, files, space, model = found.record, found.files, found.space, measurement.subject.model
+    source = model or space.board_path(record.name)
+    if model is None:
+        own = source.is_relative_to(space.root)
+        source = source.relative_to(space.root) if own else f"{source.name}, as shipped with the tool"
     provenance = Provenance(
-        command=shlex.join(["husky-sysid", *sys.argv[1:]]),
-        space=space,
-        made=date.today().isoformat(),
-        record=str(model or _shown(space.board_path(record.name), space.root)),
-    )
+        command=shlex.join(["husky-sysid", *sys.argv[1:]]), space=space, made=date.today().isoformat(), record=str(source),
+    )  # fmt: skip
     diagnosis = last_diagnosis(record, space)
     evidence = None
     with working(printer):
@@ -67,15 +68,5 @@ def report(
 
         sheet = board_sheet(evidence, files, provenance, diagnosis)
         written += [write_figure(path.with_suffix(kind), sheet, dpi=150) for kind in (".pdf", ".png")]
-    printer.written(*written)
-    printer.result(
-        {"board": record.name, "report": str(path), "logs": [file.path for file in files if file.found]}
-    )
-    return 0
-
-
-def _shown(record: Path, root: Path) -> str:
-    """Return a board record's path as seen from the workspace."""
-    if record.is_relative_to(root):
-        return str(record.relative_to(root))
-    return f"{record.name}, as shipped with the tool"
+    shown = [file.path for file in files if file.found]
+    printer.result({"board": record.name, "report": path, "logs": shown}, *written)

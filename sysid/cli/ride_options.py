@@ -10,7 +10,7 @@ from cyclopts import Group, Parameter
 from cyclopts.validators import Number
 
 from sysid.board import Board
-from sysid.cli.console import Printer
+from sysid.cli.console import BoardName, Coupling, Printer, Terrain
 from sysid.errors import SysidError
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 class RideOptions:
     """Options of `run` and `play`."""
 
-    board: Annotated[str | None, Parameter(name=["--board", "-b"])] = None
+    board: BoardName | None = None
     """The board to ride; an exported folder brings its own."""
     duration: Annotated[float, Parameter(validator=Number(gt=0))] = 12.0
     """Length of the ride [s]."""
@@ -40,9 +40,9 @@ class RideOptions:
     """Correct the heading errors of earlier turns, by the IMU's yaw."""
     start: Literal["stand", "push", "steer"] = "stand"
     """Begin with one foot on the ground, or in a canonical pose on the rolling board."""
-    terrain: Literal["flat", "slopes", "steps"] = "flat"
+    terrain: Terrain = "flat"
     """The ground: level, descents of 5 to 10 degrees, or ledges of 3 to 6 cm to roll down."""
-    coupling: Literal["equality", "direct"] = "equality"
+    coupling: Coupling = "equality"
     """Steering of the trucks by the deck's tilt."""
     gantry: bool = False
     """Hold the pelvis upright, like a robot on a trolley."""
@@ -98,11 +98,7 @@ class Ride:
 
 
 def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: bool = True) -> Ride:
-    """Open policy, board and world; `visuals` keeps the robot's meshes.
-
-    Raises:
-        SysidError: A file is missing, or policy and board do not fit.
-    """
+    """Open policy, board and world; `visuals` keeps the robot's meshes."""
     from policy_runtime.evaluation.plain import policy_named
     from policy_runtime.export import MANIFEST, load_folder
     from policy_runtime.loop.policy import OnnxPolicy
@@ -140,20 +136,13 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
     if isinstance(rider, OnnxPolicy):
         for note in rider.file.notes:
             printer.note(note)
-    if not board.passed:
-        printer.warn(
-            f"the current record of board '{board.name}' has not passed `check`: its tilt joint may not move like the real one."
-        )
+    printer.require_passed(board, force=True)
     world.reset()
     return Ride(board, rider, world, commands)
 
 
 def command_source(options: RideOptions) -> "CommandSource":
-    """Return the source of the commands.
-
-    Raises:
-        SysidError: The file of commands is not valid, or a number is out of the trained range.
-    """
+    """Return the source of the commands."""
     from policy_runtime.loop.commands import SPEED_RANGE, TURN_RANGE, Command, constant, load_script
 
     if options.commands is not None:

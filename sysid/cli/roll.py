@@ -26,7 +26,7 @@ def roll(
     preview: bool = False,
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
-) -> int:
+) -> None:
     """Extract the roll angle of any log or video into a CSV file.
 
     Args:
@@ -43,7 +43,8 @@ def roll(
         [log, *([] if align is None else [align])], arguments, printer, {"--output": output}
     )
     if preview:
-        return _preview(log, output, arguments, printer)
+        _preview(log, output, arguments, printer)
+        return
     signal = load_roll(log, arguments, printer)
     offset = None if align is None else _offset(log, signal, align, printer)
     if offset is not None:
@@ -62,17 +63,16 @@ def roll(
         )
     printer.result(
         {
-            "log": str(log),
-            "output": str(output),
+            "log": log,
+            "output": output,
             "rows": len(part.time),
-            "clock_offset": None if offset is None else offset.to_json(),
+            "clock_offset": offset,
             "rate_hz": signal.sampling_rate,
             "origin": part.origin,
-            "notes": list(part.notes),
-            "warnings": list(part.warnings),
+            "notes": part.notes,
+            "warnings": part.warnings,
         }
     )
-    return 0
 
 
 def _offset(log: Path, signal: Roll, other: Path, printer: Printer) -> Quantity:
@@ -97,7 +97,7 @@ def _write(roll: Roll, output: Path) -> None:
         table.to_csv(temporary, index=False, float_format="%.9g")
 
 
-def _preview(log: Path, output: Path, arguments: LogArguments, printer: Printer) -> int:
+def _preview(log: Path, output: Path, arguments: LogArguments, printer: Printer) -> None:
     """Write the page beside the output, and open it if there is a display."""
     if not is_film(log):
         raise SysidError(f"--preview: {log} is no film. Leave it out.")
@@ -120,7 +120,4 @@ def _preview(log: Path, output: Path, arguments: LogArguments, printer: Printer)
         what = write_preview(reel, command, page)
     shown = printer.common.json is None and webbrowser.open(page.absolute().as_uri())
     printer.say(f"{page if shown else page.with_suffix('.png')}: {what}")
-    printer.result(
-        {"log": str(log), "page": str(page), "picture": str(page.with_suffix(".png")), "what": what}
-    )
-    return 0
+    printer.result({"log": log, "page": page, "picture": page.with_suffix(".png"), "what": what})

@@ -11,7 +11,7 @@ from cyclopts import Group, Parameter
 
 from sysid.cli.console import Common, Output, Printer
 from sysid.cli.ride_options import Ride, RideOptions, SafetyOptions, choose_renderer, prepare
-from sysid.errors import QualityGateError, SysidError, UsageError
+from sysid.errors import SysidError, UsageError
 
 if TYPE_CHECKING:
     from policy_runtime.loop.commands import CommandSource
@@ -60,23 +60,15 @@ class RobotOptions:
         )
 
     def require_fit(self, ride: Ride, options: RideOptions, printer: Printer) -> None:
-        """Check that ride and robot fit together.
-
-        Raises:
-            SysidError: An option is for the other kind of robot, or the board has not passed its check.
-        """
+        """Check that ride and robot fit together."""
         if self.dry_run and self.robot == "simulated":
             raise UsageError(
                 "--dry-run compares a robot's sensors with the training's. Add --robot rehearsal or unitree."
             )
         if self.robot == "unitree" and options.gantry:
             raise UsageError("--gantry holds a simulated robot. Hold the real one yourself.")
-        if self.robot == "unitree" and not ride.board.passed and not options.force:
-            command = printer.common.space.command("check", *ride.board.options, logs=())
-            raise QualityGateError(
-                f"board '{ride.board.name}' has not passed `check`: a policy for it may fail on the robot. Run {command}, or "
-                "add --force."
-            )
+        if self.robot == "unitree" and not options.force:
+            printer.require_passed(ride.board, force=False)
 
 
 def run(
@@ -216,8 +208,7 @@ def _report(
     ]
     if rows:
         printer.table(("per tick [ms]", "p50", "p99", "max"), rows)
-    printer.written(log)
-    printer.result(content)
+    printer.result(content, log)
 
 
 def _report_ranges(ranges: "RangeCheck", printer: Printer) -> None:

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from cyclopts import Group, Parameter
 
 from sysid.board import Board
-from sysid.cli.console import Common, Printer, Texts
+from sysid.cli.console import BoardName, Common, Printer, Texts
 from sysid.cli.parameter_options import parse_fixed
 from sysid.errors import SysidError, UsageError
 
@@ -24,7 +24,7 @@ SUBJECT = Group("Joint", sort_key=0)
 class Subject:
     """The joint of a command: that of a board, or one of a MuJoCo model in the setup of the measurement."""
 
-    board: Annotated[str | None, Parameter(name=("--board", "-b"))] = None
+    board: BoardName | None = None
     """Name of the board."""
     model: Path | None = None
     """MuJoCo model, instead of a board."""
@@ -43,11 +43,7 @@ class Subject:
 
     @property
     def setup(self) -> "Setup | None":
-        """Setup of the measurement of a model's joint; None for a board.
-
-        Raises:
-            SysidError: Options conflict.
-        """
+        """Setup of the measurement of a model's joint; None for a board."""
         if self.model is None:
             given = {"--joint": self.joint, "--keyframe": self.keyframe, "--pose": self.pose, "--free": self.free,
                      "--payload": self.payload}  # fmt: skip
@@ -66,11 +62,7 @@ class Subject:
         )  # fmt: skip
 
     def load(self, common: Common, printer: Printer) -> Board:
-        """Return the record of the board, or that of the model's joint.
-
-        Raises:
-            SysidError: Board and model are missing, or cannot be read.
-        """
+        """Return the record of the board, or that of the model's joint."""
         record = self.find(common, printer)
         if record is None:
             raise UsageError(
@@ -96,11 +88,7 @@ class Subject:
         return record
 
     def logs(self, given: Sequence[Path]) -> "tuple[list[Path], list[Setup]]":
-        """Return the logs, with the logs of lists (TOML files), and the setup of each; no setups for a board.
-
-        Raises:
-            SysidError: A list cannot be read, or is not of a model's joint.
-        """
+        """Return the logs, with the logs of lists (TOML files), and the setup of each; no setups for a board."""
         setup = self.setup
         if setup is None or not any(path.suffix == ".toml" for path in given):
             if lists := [path for path in given if path.suffix == ".toml"]:

@@ -59,11 +59,7 @@ class SensorArguments:
     """Place of an IMU, from the tilt axis: forward, left, up [m]."""
 
     def sensor(self, show: Display) -> Sensor:
-        """Return the sensor of a joint with that display; its noise is 0.1 degrees or mm if left out.
-
-        Raises:
-            SysidError: A size is negative or in the unit of the other kind of joint.
-        """
+        """Return the sensor of a joint with that display; its noise is 0.1 degrees or mm if left out."""
         noise, step = (
             _position("0.1" if text is None else text, show) for text in (self.noise, self.quantisation)
         )
@@ -84,7 +80,7 @@ def synth(
     recording: RecordingArguments = RecordingArguments(),
     sensor: SensorArguments = SensorArguments(),
     common: Common = Common(),
-) -> int:
+) -> None:
     """Make a synthetic log with a known truth, to try the tool.
 
     Args:
@@ -129,51 +125,35 @@ def synth(
     printer.say(f"  hidden: {hidden or 'nothing'}")
     printer.say(f"truth: {truth}")
     printer.result({"log": str(path), **log.truth()})
-    return 0
 
 
 def _angles_of(
     record: Board, effects: Mapping[str, Sequence[float]], given: Sequence[str], count: int | None, show: Display,
     printer: Printer,
 ) -> tuple[float, ...]:  # fmt: skip
-    """Return the release angles or positions [rad or m].
-
-    Raises:
-        SysidError: They are not angles, or the joint has no restoring torque.
-    """
+    """Return the release angles or positions [rad or m]."""
     own = {part.name: [q.value for q in part.parameters.values()] for part in record.effects}
     law, limit = true_law(record, {**own, **effects}), record.tilt["range"].value
     rest = law.equilibrium() if record.model else 0.0
-    angles = _angles(tuple(given), count, limit, rest, show)
+    if given and count is not None and count != len(given):
+        raise SysidError(f"--releases {count} and {len(given)} release angles; give one or the other.")
+    if count is not None and count < 1:
+        raise SysidError(f"--releases is {count}; expected at least 1.")
+    first = min(DEFAULT_ANGLE * limit, WIDEST)
+    usual = (first * max(0.4, 1 - 0.12 * number) * (-1) ** number for number in range(count or 1))
+    angles = tuple(_position(text, show) for text in given) or tuple(rest + angle for angle in usual)
     if not any(law.pull(angle) for angle in angles):
         raise SysidError(
             f"nothing pulls '{record.name}' back to its rest, neither a spring nor a weight: a released joint stays where it is. "
             "Give it a stiffness, or choose another joint."
         )
     if beyond := [a for a in angles if abs(a - rest) > limit]:
+        reach = f"±{show(limit, 3)}" if rest == 0 else f"{show(rest - limit, 3)} to {show(rest + limit, 3)}"
         printer.warn(
-            f"release at {show(beyond[0], 3)} is beyond the range of the record ({_about(rest, limit, show)}); "
+            f"release at {show(beyond[0], 3)} is beyond the range of the record ({reach}); "
             "the synthetic joint has no stop there unless you add end-stop."
         )
     return angles
-
-
-def _about(rest: float, limit: float, show: Display) -> str:
-    return f"±{show(limit, 3)}" if rest == 0 else f"{show(rest - limit, 3)} to {show(rest + limit, 3)}"
-
-
-def _angles(
-    given: tuple[str, ...], count: int | None, limit: float, rest: float, show: Display
-) -> tuple[float, ...]:
-    if given and count is not None and count != len(given):
-        raise SysidError(f"--releases {count} and {len(given)} release angles; give one or the other.")
-    if given:
-        return tuple(_position(text, show) for text in given)
-    if count is not None and count < 1:
-        raise SysidError(f"--releases is {count}; expected at least 1.")
-    first = min(DEFAULT_ANGLE * limit, WIDEST)
-    sizes = [first * max(0.4, 1 - 0.12 * number) for number in range(count or 1)]
-    return tuple(rest + size * (-1) ** number for number, size in enumerate(sizes))
 
 
 def _position(text: str, show: Display) -> float:

@@ -15,8 +15,8 @@ from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolde
 from sim.skate.cycle.start import AT_REST, Start
 from sim.skate.options import SkateOptions
 from sysid.board import Board, load_board
-from sysid.cli.console import Common, Output, Printer, Texts
-from sysid.errors import QualityGateError, SysidError, UsageError, install_extra
+from sysid.cli.console import BoardName, Common, Output, Printer, Texts
+from sysid.errors import SysidError, UsageError, install_extra
 
 
 @Parameter(name="*")
@@ -39,11 +39,7 @@ class Options:
     copy."""
 
     def config(self, done: int = 0) -> RunConfig:
-        """Return all options, for a run that begins after so many iterations.
-
-        Raises:
-            SysidError: An option is unknown or out of range.
-        """
+        """Return all options, for a run that begins after so many iterations."""
         iterations = done + LearnOptions().iterations if self.iterations is None else self.iterations
         if iterations <= done:
             raise SysidError(
@@ -75,11 +71,7 @@ class Machines:
     """Address of machine 0, HOST:PORT."""
 
     def torchrun(self) -> list[str]:
-        """Return torchrun's options.
-
-        Raises:
-            SysidError: The machines do not fit together.
-        """
+        """Return torchrun's options."""
         processes = f"--nproc-per-node={self.gpus or 1}"
         if self.nodes == 1 and self.node == 0 and self.rendezvous is None:
             return ["--standalone", processes]
@@ -95,7 +87,7 @@ class Machines:
 
 def train(
     *,
-    board: Annotated[str | None, Parameter(name=("--board", "-b"))] = None,
+    board: BoardName | None = None,
     options: Options = Options(),
     machines: Machines = Machines(),
     output: Output | None = None,
@@ -103,7 +95,7 @@ def train(
     start_from: Annotated[Path | None, Parameter(name="--from")] = None,
     force: bool = False,
     common: Common = Common(),
-) -> int:
+) -> None:
     """Train a policy for a board.
 
     Args:
@@ -119,16 +111,21 @@ def train(
             "--resume goes on with a run in its own folder. Leave --from and --output out, or begin a new run without --resume."
         )
     record = _record(board, resume, common)
-    _gate(record, force, printer)
+    printer.require_passed(record, force=force)
     _require_mjlab()
     machines.torchrun()
-    if machines.node > 0:
-        _join(resume or output, machines, printer)
-        return 0
+    if machines.node > 0:  # machine 0 begins the run
+        path = resume or output
+        if path is None:
+            raise SysidError(
+                f"--node {machines.node}: name the run's folder, which machine 0 shares, by --output."
+            )
+        _run(RunFolder(path), machines, printer)
+        return
     if resume is not None:
         folder = _resume(resume, record, options, machines, printer)
     else:
-        folder = _new_run(record, output, common, printer)
+        folder = RunFolder(output or next_run(common.space.outputs(record.name)))
         _begin(folder, common.space.board_path(record.name), options, start_from, machines, printer)
     rows = folder.read_curves()
     if not rows:
@@ -139,9 +136,9 @@ def train(
     last = rows[-1]
     printer.say(f"{last['iteration']:.0f} iterations, {last['samples']:,.0f} steps of the world")
     printer.say(f"survival {last['survival']:.2f}, speed error {last['speed_error']:.3f} m/s")
-    printer.written(folder.policy, picture)
-    printer.result({"run": str(folder.path), "policy": str(folder.policy), "last": last})
-    return 0
+    printer.result(
+        {"run": str(folder.path), "policy": str(folder.policy), "last": last}, folder.policy, picture
+    )
 
 
 def _record(board: str | None, resume: Path | None, common: Common) -> Board:
@@ -154,53 +151,12 @@ def _record(board: str | None, resume: Path | None, common: Common) -> Board:
     return load_board(folder.board)
 
 
-def _gate(record: Board, force: bool, printer: Printer) -> None:
-    if record.passed:
-        return
-    if not force:
-        raise QualityGateError(
-            f"the current record of board '{record.name}' has not passed `check`: a policy for it may not fit the real board. "
-            f"Run {printer.common.space.command('check', *record.options, logs=())}, or train anyway with --force."
-        )
-    printer.warn(f"board '{record.name}' has not passed its check; training anyway")
-
-
-def _require_gpus(count: int) -> None:
-    import torch
-
-    found = torch.cuda.device_count()
-    if count > found:
-        raise SysidError(
-            f"--gpus {count}: PyTorch sees {found} GPUs here. Train on fewer, or slowly on the processor with --gpus 0."
-        )
-
-
 def _require_mjlab() -> None:
     missing = [name for name in ("torch", "mjlab", "rsl_rl") if find_spec(name) is None]
     if missing:
         raise SysidError(
             f"training needs {', '.join(missing)}, which is not installed: {install_extra('train')}."
         )
-
-
-def _require_same_board(folder: RunFolder, record: Board) -> RunConfig:
-    config = folder.read_config()
-    name = load_board(folder.board).name
-    if name != record.name:
-        raise SysidError(
-            f"{folder.path}: a run for board '{name}', not '{record.name}'. To go on with another board, begin a run "
-            f"with --from and a checkpoint of this one."
-        )
-    return config
-
-
-def _join(path: Path | None, machines: Machines, printer: Printer) -> None:
-    """Join a run of machine 0."""
-    if path is None:
-        raise SysidError(
-            f"--node {machines.node}: name the run's folder, which machine 0 shares, by --output."
-        )
-    _run(RunFolder(path), machines, printer)
 
 
 def _begin(
@@ -212,6 +168,11 @@ def _begin(
     printer: Printer,
 ) -> None:
     """Begin a run in a new folder, which goes again if nothing was learned."""
+    if folder.config.exists():
+        raise SysidError(
+            f"{folder.path}: holds a run already. Go on with it by --resume {folder.path}, or choose another."
+        )
+    printer.note(f"run folder {folder.path}")
     config = options.config(0 if start_from is None else _iterations_of(start_from))
     clips = [] if options.motions is None else [options.motions]
     folder.begin(
@@ -227,7 +188,12 @@ def _begin(
 def _resume(path: Path, record: Board, options: Options, machines: Machines, printer: Printer) -> RunFolder:
     """Go on with a run, if it has iterations left; a new total is written into its configuration."""
     folder = RunFolder(path)
-    config = _require_same_board(folder, record)
+    config, name = folder.read_config(), load_board(folder.board).name
+    if name != record.name:
+        raise SysidError(
+            f"{path}: a run for board '{name}', not '{record.name}'. To go on with another board, begin a run "
+            f"with --from and a checkpoint of this one."
+        )
     if options != Options(iterations=options.iterations):
         raise UsageError(
             f"--resume goes on with the run's own options ({folder.config}); only --iterations may change. Begin a new run "
@@ -262,18 +228,15 @@ def _iterations_of(checkpoint: Path) -> int:
     return int(read_checkpoint(checkpoint)["iteration"])
 
 
-def _new_run(record: Board, output: Path | None, common: Common, printer: Printer) -> RunFolder:
-    path = next_run(common.space.outputs(record.name)) if output is None else output
-    if (path / "config.toml").exists():
-        raise SysidError(f"{path}: holds a run already. Go on with it by --resume {path}, or choose another.")
-    printer.note(f"run folder {path}")
-    return RunFolder(path)
-
-
 def _run(folder: RunFolder, machines: Machines, printer: Printer) -> None:
     """Train in separate processes, so that a crash is reported and leaves the files intact."""
-    gpus = 1 if machines.gpus is None else machines.gpus
-    _require_gpus(gpus)
+    import torch
+
+    gpus, found = 1 if machines.gpus is None else machines.gpus, torch.cuda.device_count()
+    if gpus > found:
+        raise SysidError(
+            f"--gpus {gpus}: PyTorch sees {found} GPUs here. Train on fewer, or slowly on the processor with --gpus 0."
+        )
     command = [sys.executable, "-m"]
     if gpus > 1 or machines.nodes > 1:
         command += ["torch.distributed.run", *machines.torchrun(), "-m"]

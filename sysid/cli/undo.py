@@ -6,7 +6,7 @@ from sysid.cli.console import BoardName, Common, Printer
 from sysid.text import count
 
 
-def undo(*, board: BoardName, common: Common = Common()) -> int:
+def undo(*, board: BoardName, common: Common = Common()) -> None:
     """Undo the last change of a record: a fit, an inertia, a check.
 
     Args:
@@ -22,8 +22,7 @@ def undo(*, board: BoardName, common: Common = Common()) -> int:
     printer.table(("what", "was", "is again"), changes)
     left = len(common.space.earlier(board))
     printer.say(f"written: {path}; {count(left, 'step')} more to go back")
-    printer.result({"board": board, "record": str(path), "undo_steps": left})
-    return 0
+    printer.result({"board": board, "record": path, "undo_steps": left})
 
 
 def _told(board: Board) -> dict[str, str]:

@@ -16,7 +16,7 @@ def view(
     *logs: Path,
     measurement: Measurement = Measurement(),
     output: Output | None = None,
-) -> int:
+) -> None:
     """Show logs and model of a joint in Rerun.
 
     Args:
@@ -27,8 +27,9 @@ def view(
     found = read_logs(measurement, logs, printer, outputs={"--output": output}, films=True)
     path = output or found.space.outputs(found.record.name) / "view.rrd"
     evidence = write_recording(path, found, printer)
-    printer.written(path)
-    printer.result({"board": found.record.name, "recording": str(path), "rmse_rad": evidence.comparison.rmse})
+    printer.result(
+        {"board": found.record.name, "recording": str(path), "rmse_rad": evidence.comparison.rmse}, path
+    )
     if output is None:
         # Its own process, so that the window stays when this command has ended.
         subprocess.Popen(
@@ -37,17 +38,12 @@ def view(
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
-    return 0
 
 
 def write_recording(
     path: Path, found: MeasuredLogs, printer: Printer, *, tolerance: float = 0.02
 ) -> "Evidence":
-    """Compare a joint with its logs and write the recording of it.
-
-    Raises:
-        SysidError: rerun-sdk is not installed, or the path cannot be written.
-    """
+    """Compare a joint with its logs and write the recording of it."""
     from reports.evidence import gather
     from reports.page.summary import board_summary
     from reports.rerun.decay import comparison_recording

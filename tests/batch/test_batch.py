@@ -6,6 +6,7 @@ import json
 import pytest
 from command_line import husky
 
+import sysid
 from sysid.batch.jobs import COLUMNS
 from sysid.batch.manifest import read_manifest
 from sysid.batch.runner import read_rows
@@ -29,6 +30,14 @@ def logs(tmp_path_factory):
     return folder
 
 
+BOTH = """[[job]]
+name = "both"
+board = "black"
+logs = ["black-1.csv", "black-2.csv"]
+together = true
+"""
+
+
 def manifest(folder, text, name="week.toml"):
     path = folder / name
     path.write_text(text)
@@ -36,12 +45,8 @@ def manifest(folder, text, name="week.toml"):
 
 
 def both(folder):
-    return manifest(
-        folder,
-        '[defaults]\ntask = "decay"\n[[job]]\nboard = "pink"\nlogs = ["pink-*.csv"]\n'
-        '[[job]]\nname = "both"\nboard = "black"\nlogs = ["black-1.csv", "black-2.csv"]\ntogether = true\n'
-        '[[job]]\nname = "broken"\nlogs = ["notes.csv"]\n',
-    )
+    pink = '[defaults]\ntask = "decay"\n[[job]]\nboard = "pink"\nlogs = ["pink-*.csv"]\n'
+    return manifest(folder, f'{pink}{BOTH}[[job]]\nname = "broken"\nlogs = ["notes.csv"]\n')
 
 
 def test_one_table_and_one_page(logs, tmp_path):
@@ -59,10 +64,8 @@ def test_one_table_and_one_page(logs, tmp_path):
         middle, half = (low + high) / 2, (high - low) / 2
         assert abs(middle - STIFFNESS[row["board"]]) < 2 * half
     assert rows[3]["state"] == "failed"
-    alone = husky(
-        "decay", logs / "pink-1.csv", "--board", "pink", "--json", "-", "--workspace", tmp_path, "--no-picture",
-    )  # fmt: skip
-    assert json.loads(alone.stdout)["stiffness"]["value"] == pytest.approx(float(rows[0]["stiffness_nm_rad"]))
+    alone = sysid.fit_decay(sysid.Recording.read(logs / "pink-1.csv"), board=sysid.Board.load("pink"))
+    assert alone.numbers.stiffness.value == pytest.approx(float(rows[0]["stiffness_nm_rad"]))
     page = (folder / "page.html").read_text()
     assert page.count("<svg") == 2
     assert "3 of 4 jobs done" in page
@@ -70,11 +73,8 @@ def test_one_table_and_one_page(logs, tmp_path):
 
 
 def test_a_missing_log_fails_its_own_job_only(logs, tmp_path):
-    path = manifest(
-        logs,
-        '[[job]]\nlogs = ["none.csv"]\n[[job]]\nlogs = ["none-*.csv"]\n[[job]]\nlogs = ["pink-1.csv"]\n',
-        "missing.toml",
-    )
+    jobs = "".join(f'[[job]]\nlogs = ["{log}.csv"]\n' for log in ("none", "none-*", "pink-1"))
+    path = manifest(logs, jobs, "missing.toml")
     done = husky("batch", path, "--workspace", tmp_path, "--workers", 1)
     assert done.returncode == 1
     assert "1 of 3 jobs done, 2 failed" in done.stdout
@@ -106,30 +106,17 @@ def test_what_was_done_is_not_done_again(logs, tmp_path):
     ],
 )
 def test_every_task_fills_its_columns(logs, tmp_path, task, columns):
-    path = manifest(
-        logs, f'[[job]]\nboard = "pink"\ntask = "{task}"\nlogs = ["pink-1.csv"]\n', f"{task}.toml"
-    )
+    job = f'[[job]]\nboard = "pink"\ntask = "{task}"\nlogs = ["pink-1.csv"]\n'
+    path = manifest(logs, job, f"{task}.toml")
     assert husky("batch", path, "--workspace", tmp_path, "--workers", 1).returncode == 0
     row = json.loads((tmp_path / f"reports/batch/{task}/table.json").read_text())[0]
     assert columns <= set(row)
 
 
 def test_a_table_of_jobs_says_the_same_as_toml(logs):
-    table = read_manifest(
-        manifest(
-            logs,
-            "name,board,logs,together,release\nboth,black,black-1.csv;black-2.csv,yes,1.5;3.2\n",
-            "week.csv",
-        )
-    )
-    toml = read_manifest(
-        manifest(
-            logs,
-            '[[job]]\nname = "both"\nboard = "black"\nlogs = ["black-1.csv", "black-2.csv"]\ntogether = true\n'
-            "release = [1.5, 3.2]\n",
-        )
-    )
-    assert table == toml
+    rows = "name,board,logs,together,release\nboth,black,black-1.csv;black-2.csv,yes,1.5;3.2\n"
+    table = manifest(logs, rows, "week.csv")
+    assert read_manifest(table) == read_manifest(manifest(logs, f"{BOTH}release = [1.5, 3.2]\n"))
 
 
 @pytest.mark.parametrize(

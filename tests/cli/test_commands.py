@@ -17,7 +17,6 @@ from sysid.cli import COMMANDS, EXIT_CODES, build_app, overview
 HEAVY = set(
     ["numpy", "pandas", "scipy", "matplotlib", "casadi", "mujoco", "av", "cv2", "rerun", "torch", "control"]
 )
-
 ROOT = Path(__file__).parents[2]
 
 
@@ -74,9 +73,8 @@ def test_command_modules_import_nothing_heavy():
     modules = {name.replace("-", "_") for name in COMMANDS}
     names = [*sorted(modules - {"train"}), "train"]
     done = subprocess.run([sys.executable, "-c", code, *names], capture_output=True, text=True, check=True)
-    heavy = {
-        name: HEAVY & set(modules) - {"numpy"} for name, *modules in map(str.split, done.stdout.splitlines())
-    }
+    lines = map(str.split, done.stdout.splitlines())
+    heavy = {name: HEAVY & set(modules) - {"numpy"} for name, *modules in lines}
     assert list(heavy) == names
     # The options of `train` are the task's own, and name MuJoCo's types.
     assert heavy.pop("train") <= {"mujoco"}
@@ -84,12 +82,9 @@ def test_command_modules_import_nothing_heavy():
 
 
 def test_the_shell_completes_commands_and_options(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-m", "sysid.cli", "--install-completion", "--shell", "bash"],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "HOME": str(tmp_path)},
-    )
+    command = [sys.executable, "-m", "sysid.cli", "--install-completion", "--shell", "bash"]
+    home = {**os.environ, "HOME": str(tmp_path)}
+    done = subprocess.run(command, capture_output=True, text=True, env=home)
     assert done.returncode == 0, done.stderr
     script = next(path for path in tmp_path.rglob("*") if path.is_file() and "decay" in path.read_text())
     assert "--time-column" in script.read_text()

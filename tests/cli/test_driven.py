@@ -48,9 +48,8 @@ def test_a_motor_without_gains_follows_no_command(tmp_path, command):
     servo = '<position name="shoulder servo" joint="shoulder" kp="12" kv="0.3"/>'
     text = MODEL.read_text()
     assert servo in text
-    (tmp_path / "motor.xml").write_text(
-        text.replace(servo, '<motor name="shoulder motor" joint="shoulder"/>')
-    )
+    motor = '<motor name="shoulder motor" joint="shoulder"/>'
+    (tmp_path / "motor.xml").write_text(text.replace(servo, motor))
     with pytest.raises(SysidError, match=r"'shoulder motor'.*--gains KP KD"):
         called(command, LOG, "--model", tmp_path / "motor.xml", *COMMAND, "--workspace", tmp_path)
 
@@ -104,8 +103,7 @@ def test_counts_and_degrees_of_a_servo_are_the_motion_in_radians(tmp_path, capsy
         log = np.column_stack([table[:, 0], table[:, 1:] * size + zero])
         np.savetxt(tmp_path / "log.csv", log, delimiter=",", header=f"time_s,{names}", comments="")
         every = ("--joint", "all", "--input", "action", "--input-is", "command", *options)
-        called(
-            "compare", tmp_path / "log.csv", "--model", MODEL, *every, "--workspace", tmp_path, "--json", "-"
-        )
+        asked = ("--model", MODEL, *every, "--workspace", tmp_path, "--json", "-")
+        called("compare", tmp_path / "log.csv", *asked)
         found.append(json.loads(capsys.readouterr().out)["nrmse"])
     assert found == pytest.approx([found[0]] * len(found), rel=1e-3)

@@ -24,13 +24,6 @@ def export(tmp_path_factory):
     return path
 
 
-def start(*arguments, board="pink"):
-    return subprocess.Popen(
-        [sys.executable, "-u", "-m", "sysid.cli", "live", "--board", board, "--port", "0", *map(str, arguments)],
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
-    )  # fmt: skip
-
-
 def fetch(address):
     with build_opener(ProxyHandler({})).open(address) as answer:
         return answer.read().decode()
@@ -38,19 +31,8 @@ def fetch(address):
 
 def test_a_replayed_phone_gives_numbers_and_a_kept_log(export, tmp_path):
     with recorded_phone(export, pace=2.0) as (_, address):
-        done = husky(
-            "live",
-            "-b",
-            "pink",
-            "--phone",
-            address,
-            "--releases",
-            "2",
-            "--port",
-            "0",
-            "--workspace",
-            tmp_path,
-        )
+        live = ("live", "-b", "pink", "--phone", address, "--port", "0", "--workspace", tmp_path)
+        done = husky(*live, "--releases", "2")
     assert done.returncode == 0, done.stderr
     lines = re.findall(
         r"release (\d): .* from the (\w+)   k = (.*) N·m/rad   d = (.*) N·m·s/rad", done.stdout
@@ -74,7 +56,9 @@ def test_a_phone_that_falls_silent_leaves_its_log(export, tmp_path):
 
 def test_files_that_appear_are_taken_and_the_page_shows_them(tmp_path):
     (tmp_path / "in").mkdir()
-    process = start("--watch", tmp_path / "in", "--workspace", tmp_path)
+    words = ("live", "--board", "pink", "--port", "0", "--watch", tmp_path / "in", "--workspace", tmp_path)
+    command, pipes = [sys.executable, "-u", "-m", "sysid.cli", *map(str, words)], subprocess.PIPE
+    process = subprocess.Popen(command, stdout=pipes, stderr=subprocess.STDOUT, text=True, cwd=ROOT)
     try:
         address = re.search(r"http://127\.0\.0\.1:\d+/", process.stdout.readline())[0]
         assert '"version": 1' in fetch(address + "state")

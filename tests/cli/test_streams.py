@@ -19,11 +19,11 @@ def shell(*arguments, **options):
 
 
 def test_any_encoding_of_the_output_will_do(tmp_path):
-    done = shell(
-        *("decay", LOG, "--board", "pink", "--workspace", tmp_path, "--no-picture"),
-        stdout=subprocess.PIPE,
-        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+    words, ascii_only = (
+        ("--board", "pink", "--workspace", tmp_path),
+        {**os.environ, "PYTHONIOENCODING": "ascii"},
     )
+    done = shell("decay", LOG, *words, "--no-picture", stdout=subprocess.PIPE, env=ascii_only)
     assert done.returncode == 0, done.stderr.decode()
     text = done.stdout.decode("ascii")
     assert "natural frequency omega_n" in text
@@ -42,12 +42,8 @@ def test_a_full_disk_is_one_line(arguments, tmp_path):
 
 def test_a_disk_without_room_for_a_recording_is_one_line(tmp_path):
     arguments = f"view {LOG} --board pink --workspace {tmp_path} -o {tmp_path / 'view.rrd'}"
-    done = subprocess.run(
-        ["bash", "-c", f"ulimit -f 100; {sys.executable} -m sysid.cli {arguments}"],
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
+    limited = f"ulimit -f 100; {sys.executable} -m sysid.cli {arguments}"
+    done = subprocess.run(["bash", "-c", limited], capture_output=True, text=True, timeout=60)
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].startswith(f"error: {tmp_path / 'view.rrd'}: cannot ")
     assert "Traceback" not in done.stderr
@@ -55,9 +51,8 @@ def test_a_disk_without_room_for_a_recording_is_one_line(tmp_path):
 
 
 def test_a_closed_output_is_no_failure():
-    done = subprocess.run(
-        f"{sys.executable} -m sysid.cli boards >&-", shell=True, stderr=subprocess.PIPE, timeout=60
-    )
+    command = f"{sys.executable} -m sysid.cli boards >&-"
+    done = subprocess.run(command, shell=True, stderr=subprocess.PIPE, timeout=60)
     assert (done.returncode, done.stderr) == (0, b"")
 
 
@@ -70,9 +65,8 @@ def test_another_projects_package_of_the_same_name_is_told(name, tmp_path):
         code = "from sysid.cli import main; import sys; sys.path.insert(0, ''); main()"
     else:
         code = "import sysid; sysid.__all__ = []; from sysid.cli import main; main()"
-    done = subprocess.run(
-        [sys.executable, "-c", code, "boards"], capture_output=True, text=True, cwd=tmp_path
-    )
+    command = [sys.executable, "-c", code, "boards"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr.startswith(f"error: the package '{name}' that Python finds is another project's")
     assert len(done.stderr.splitlines()) == 1
@@ -85,12 +79,9 @@ def test_a_signal_ends_a_command_in_one_line_and_leaves_nothing(number, code, wa
     temporary.mkdir()
     listening = "from sysid.cli import main; main() if not print(flush=True) else None"
     arguments = ("diagnose", LOG, "--board", "pink", "--workspace", workspace)
-    process = subprocess.Popen(
-        [sys.executable, "-c", listening, *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        env={**os.environ, "TMPDIR": str(temporary)},
-    )
+    command, pipe = [sys.executable, "-c", listening, *map(str, arguments)], subprocess.PIPE
+    own = {**os.environ, "TMPDIR": str(temporary)}
+    process = subprocess.Popen(command, stdout=pipe, stderr=pipe, env=own)
     process.stdout.readline()
     if wait is None:
         time.sleep(0.02)

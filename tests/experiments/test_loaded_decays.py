@@ -6,8 +6,8 @@ import math
 import mujoco
 import numpy as np
 import pytest
+from command_line import called
 
-from sysid.cli import build_app
 from sysid.errors import SysidError
 from sysid.experiments.loaded_decays import LoadedDecay, loaded_stiffness
 from sysid.quantity import Quantity
@@ -70,7 +70,7 @@ def test_a_spring_that_stiffens_with_its_load_is_told_from_one_that_does_not(per
 
 
 def test_the_command_takes_readings_and_results_of_decays(tmp_path, capsys):
-    words = ["loaded", "-b", "pink", "--json", str(tmp_path / "r.json")]
+    words = ["loaded", "-b", "pink", "--json", tmp_path / "r.json"]
     for mass in (0.0, 3.0, 6.0):
         one = reading(mass, 0.1, 15.0)
         omega = one.natural_frequency
@@ -79,15 +79,15 @@ def test_the_command_takes_readings_and_results_of_decays(tmp_path, capsys):
             (tmp_path / "d.json").write_text(json.dumps({"omega_n": omega.to_json()}))
             text = str(tmp_path / "d.json")
         words += ["--reading", f"{mass},{one.height.value},{text},{one.own.value}"]
-    assert build_app()(words, result_action="return_value") == 0
+    called(*words)
     said = capsys.readouterr()
     assert "the load does not change the spring significantly" in said.out
     assert "extrapolated" in said.err
     assert json.loads((tmp_path / "r.json").read_text())["bare"]["value"] == pytest.approx(15.0, rel=0.01)
     with pytest.raises(SysidError, match=r"expected MASS,HEIGHT,OMEGA"):
-        build_app()(["loaded", "-b", "pink", "--reading", "1,2"], result_action="return_value")
+        called("loaded", "-b", "pink", "--reading", "1,2")
     with pytest.raises(SysidError, match=r"none.json: cannot read it"):
-        build_app()(["loaded", "-b", "pink", "--reading", "1,0,none.json"], result_action="return_value")
+        called("loaded", "-b", "pink", "--reading", "1,0,none.json")
 
 
 def test_what_makes_no_line_is_refused():

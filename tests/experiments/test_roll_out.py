@@ -8,11 +8,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from command_line import called
 from riding import pink
 
 from sim.board.scene import TILT_JOINT, WHEELS, board_spec
 from sysid.board import load_board
-from sysid.cli import build_app
 from sysid.errors import SysidError
 from sysid.experiments.roll_out import from_imu, from_path, roll_out
 from sysid.quantity import Quantity
@@ -133,20 +133,19 @@ def test_the_command_reads_both_kinds_and_saves(tmp_path, capsys):
     np.savetxt(
         film, np.column_stack([t, x, y, roll]), delimiter=",", header="time_s,x_m,y_m,roll_rad", comments=""
     )
-    space = ["--workspace", str(tmp_path)]
-    call = lambda *words: build_app()(["rollout", *map(str, words), *space], result_action="return_value")  # noqa: E731
-    assert call(film, "-b", "pink", "--save", "--json", tmp_path / "r.json") == 0
+    space = ("--workspace", tmp_path)
+    called("rollout", film, "-b", "pink", "--save", "--json", tmp_path / "r.json", *space)
     said = capsys.readouterr()
     assert "rake" in said.out
     saved = json.loads((tmp_path / "r.json").read_text())
     board = load_board(Path(saved["saved"]))
     assert board.geometry["rake"].value == pytest.approx(saved["rake"]["value"])
     assert board.rolling["deceleration"].value == pytest.approx(saved["deceleration"]["value"])
-    assert build_app()(["boards", "pink", *space], result_action="return_value") == 0
+    called("boards", "pink", *space)
     assert "deceleration" in capsys.readouterr().out
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")
     with pytest.raises(SysidError, match="has columns a, b; expected time_s,x_m"):
-        call(tmp_path / "other.csv", "-b", "pink")
+        called("rollout", tmp_path / "other.csv", "-b", "pink", *space)
     (tmp_path / "bad.csv").write_text("time_s,x_m,y_m,roll_rad\n1,2,three,4\n")
     with pytest.raises(SysidError, match="cannot be read as numbers"):
-        call(tmp_path / "bad.csv", "-b", "pink")
+        called("rollout", tmp_path / "bad.csv", "-b", "pink", *space)

@@ -23,13 +23,23 @@ def export(tmp_path_factory):
     return path
 
 
-def test_every_sample_is_kept_once_and_reads_as_the_export_does(export, tmp_path):
+@contextmanager
+def connected(export, tmp_path):
     with recorded_phone(export, pace=100) as (served, address):
         phone = Phone(address, tmp_path / "log")
         phone.connect()
-        while served.now < 8.0:
-            phone.poll()
+        yield served, phone
+
+
+def poll_all(served, phone):
+    while served.now < 8.0:
         phone.poll()
+    phone.poll()
+
+
+def test_every_sample_is_kept_once_and_reads_as_the_export_does(export, tmp_path):
+    with connected(export, tmp_path) as (served, phone):
+        poll_all(served, phone)
         assert len(phone.poll()) == 0
     kept, whole = read_roll(tmp_path / "log"), read_roll(export)
     assert np.array_equal(kept.time, whole.time)
@@ -44,9 +54,7 @@ def test_an_experiment_without_a_gyroscope_is_refused_by_what_it_has(export, tmp
 
 
 def test_a_row_that_has_not_arrived_whole_comes_with_the_next_answer(export, tmp_path):
-    with recorded_phone(export, pace=100) as (served, address):
-        phone = Phone(address, tmp_path / "log")
-        phone.connect()
+    with connected(export, tmp_path) as (served, phone):
         whole = served.answer
 
         def torn(path):
@@ -59,9 +67,7 @@ def test_a_row_that_has_not_arrived_whole_comes_with_the_next_answer(export, tmp
         served.answer = torn
         phone.poll()
         served.answer = whole
-        while served.now < 8.0:
-            phone.poll()
-        phone.poll()
+        poll_all(served, phone)
     assert len(read_roll(tmp_path / "log").time) == len(read_roll(export).time)
 
 

@@ -113,7 +113,7 @@ def begun(tmp_path, monkeypatch):
 
     starts = []
     monkeypatch.setattr(curves, "draw_curves", lambda rows, picture, title: picture)
-    for name in ("_require_mjlab", "_require_gpus", "_iterations_of"):
+    for name in ("_require_mjlab", "_iterations_of"):
         monkeypatch.setattr(command, name, lambda *given: None)
     monkeypatch.setattr(command, "_run", lambda folder, machines, *given: starts.append(machines.gpus))
     folder = RunFolder(tmp_path / "run")

@@ -19,17 +19,8 @@ def gyro_roll():
     angle, rate = linear_decay(time, 15.0, 0.03, 0.2)
     rate = rate + np.random.default_rng(0).normal(0, 0.01, len(time))
     std = np.full(len(time), 0.01)
-    return Roll(
-        log="g",
-        time=time,
-        roll=angle,
-        std=std / 100,
-        origin="gyro",
-        zero="drifting",
-        measured="rate",
-        rate=rate,
-        rate_std=std,
-    )
+    gyro = {"origin": "gyro", "zero": "drifting", "measured": "rate", "rate": rate, "rate_std": std}
+    return Roll(log="g", time=time, roll=angle, std=std / 100, **gyro)
 
 
 ROLLS = {
@@ -73,6 +64,5 @@ def test_nothing_measured_is_cut_off_and_the_residual_is_simulated_minus_measure
     for release, fitted, drawn in zip(decay.releases, decay.trace.releases, residual.lines, strict=False):
         shown = np.rad2deg(release.roll - fitted.level)[release.time - release.start <= span]
         assert low < shown.min() < shown.max() < high
-        np.testing.assert_allclose(
-            drawn.get_ydata(), np.rad2deg(fitted.modelled - fitted.trace.measured), atol=1e-12
-        )
+        error = np.rad2deg(fitted.modelled - fitted.trace.measured)
+        np.testing.assert_allclose(drawn.get_ydata(), error, atol=1e-12)

@@ -32,16 +32,11 @@ def tab(tmp_path_factory):
 
 def with_effects(board, **effects):
     """The board, light, with effects at given parameters."""
-    own = [
-        BoardEffect(
-            name.replace("_", "-"),
-            {
-                p.name: Quantity(value, 0.0, p.unit)
-                for p, value in zip(effect(name.replace("_", "-")).parameters, values, strict=True)
-            },
-        )
-        for name, values in effects.items()
-    ]
+    own = []
+    for name, values in effects.items():
+        part = effect(name.replace("_", "-"))
+        pairs = zip(part.parameters, values, strict=True)
+        own.append(BoardEffect(part.name, {p.name: Quantity(value, 0.0, p.unit) for p, value in pairs}))
     light = board.with_tilt(
         stiffness=Quantity(STIFF, 0.1, "N*m/rad"), damping=Quantity(DAMP, 0.01, "N*m*s/rad"),
         rest_angle=Quantity(0.01, 0.001, "rad"),
@@ -63,11 +58,8 @@ def recording(board, *, rate=False, drifting=False, **_):
 
 
 def evidence_of(board, recorded, stood=None):
-    return Evidence(
-        board=board, files=(), rolls=(recorded.roll,), releases=recorded.releases, phases=(recorded.phases,),
-        comparison=compare(recorded, board), ladder=(), fit=None, look_alikes=None,
-        stood=JointLaw.from_board(stood or board), warnings=(),
-    )  # fmt: skip
+    stood, compared = JointLaw.from_board(stood or board), compare(recorded, board)
+    return Evidence(board=board, releases=recorded.releases, comparison=compared, stood=stood)
 
 
 CASES = {
@@ -87,7 +79,7 @@ CASES = {
 def opened(tab, tmp_path):
     def show(play):
         page = Page("play", "")
-        page.lead = sliders(play.code, play.to_json(), "")
+        page.lead = sliders(play, "")
         (tmp_path / "play.html").write_text(page.render(), encoding="utf-8")
         tab.open(tmp_path / "play.html")
         return tab
@@ -131,9 +123,8 @@ def test_a_slider_moves_the_law(pink, opened):
             f"(e => {{ e.value = {value}; e.dispatchEvent(new Event('input')); }})"
             f"(document.querySelectorAll('.sliders input')[{place}])"
         )
-    law = replace(play.presets[play.settings["begin"]].law, stiffness=1.1 * STIFF).with_effect(
-        "coulomb", 0.06
-    )
+    law = replace(play.presets[play.settings["begin"]].law, stiffness=1.1 * STIFF)
+    law = law.with_effect("coulomb", 0.06)
     expected = compare(recorded, board, law=law)
     assert expected.rmse / expected.noise.std > 3
     assert error_of(tab) == pytest.approx(expected.rmse / expected.noise.std, rel=0.005)
@@ -144,33 +135,22 @@ def test_a_slider_moves_the_law(pink, opened):
 
 def test_effects_that_were_tried_get_sliders_and_buttons(pink):
     board = with_effects(pink)
-    parameters = {"stiffness": STIFF, "damping": DAMP, "rest_angle": 0.01}
-    content = {
-        "verdict": {},
-        "best": {
-            "effects": ["coulomb"],
-            "parameters": {n: {"value": v} for n, v in {**parameters, "coulomb.torque": 0.12}.items()},
-        },
-        "candidates": [
-            {"effects": [name], "heldout_rmse_rad": 1e-3, "parameters": {n: {"value": v} for n, v in {**parameters, **own}.items()}}
-            for name, own in (
-                ("stribeck", {"stribeck.torque": 0.1, "stribeck.static_torque": 0.2, "stribeck.velocity": 0.5}),
-                ("coulomb", {"coulomb.torque": 0.12}),
-                ("lowpass", {"lowpass.time_constant": 0.001}),
-            )
-        ],
-    }  # fmt: skip
-    play = playground(
-        gather(board, [recording(pink)], heldout=False), LastDiagnosis(content, is_current=True)
-    )
-    assert [preset.label for preset in play.presets] == [
-        "as it stood",
-        "k and d refitted",
-        "+ coulomb",
-        "+ stribeck",
-    ]
+    linear = {"stiffness": STIFF, "damping": DAMP, "rest_angle": 0.01}
+
+    def candidate(name, **own):
+        values = linear | {f"{name}.{key}": value for key, value in own.items()}
+        parameters = {key: {"value": value} for key, value in values.items()}
+        return {"effects": [name], "heldout_rmse_rad": 1e-3, "parameters": parameters}
+
+    best = candidate("coulomb", torque=0.12)
+    stribeck = candidate("stribeck", torque=0.1, static_torque=0.2, velocity=0.5)
+    candidates = [stribeck, best, candidate("lowpass", time_constant=0.001)]
+    diagnosis = LastDiagnosis({"verdict": {}, "best": best, "candidates": candidates}, is_current=True)
+    play = playground(gather(board, [recording(pink)], heldout=False), diagnosis)
+    labels = ["as it stood", "k and d refitted", "+ coulomb", "+ stribeck"]
+    assert [preset.label for preset in play.presets] == labels
     assert play.presets[play.settings["begin"]].label == "+ coulomb"
-    assert [slider.label for slider in play.sliders][3:] == [
+    assert [slider["label"] for slider in play.sliders][3:] == [
         "dry friction: torque", "dry friction with stiction: torque",
     ]  # fmt: skip
     assert play.left_out == ("lowpass",)

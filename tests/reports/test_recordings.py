@@ -2,37 +2,33 @@
 
 import subprocess
 import sys
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from command_line import called
-from decay_truth import Recipe, make_roll
+from decay_truth import Recipe, make_roll, write_log
 
 from reports.evidence import gather
 from reports.page.summary import board_summary, decay_summary
 from reports.rerun.decay import comparison_recording, decay_recording
 from reports.rerun.film_frames import FilmFrames
-from sysid.board import BoardEffect
+from reports.rerun.stream import need_rerun
+from sysid.board import Board, BoardEffect
 from sysid.errors import SysidError
 from sysid.fitting.ladder import PLAIN
 from sysid.free_decay import fit_decay
 from sysid.quantity import Quantity
 from sysid.recording import Recording
 from sysid.releases import find_releases
-from sysid.workspace import Workspace
 
 rerun_chunk = pytest.importorskip("rerun.chunk", reason="rerun-sdk is not installed")
 
 
 @pytest.fixture(scope="module")
 def board():
-    record = Workspace(Path("nowhere")).load_board("pink")
     coulomb = BoardEffect("coulomb", {"torque": Quantity(0.05, 0.01, "N*m")})
-    return type(record)(
-        **{name: getattr(record, name) for name in record.__dataclass_fields__ if name != "effects"},
-        effects=(coulomb,),
-    )
+    return replace(Board.load("pink"), effects=(coulomb,))
 
 
 @pytest.fixture(scope="module")
@@ -111,10 +107,12 @@ def test_boards_move_as_simulated_and_as_measured(compared, evidence):
     assert simulated[0] == simulated[1]  # held until the release
 
 
-def test_film_frames_are_on_the_same_time_line(compared, film):
+def test_film_frames_are_on_the_same_time_line_and_rerun_verifies_the_file(compared, film):
     time, blobs = series(compared)["/film1"]
     np.testing.assert_allclose(time, film.time, atol=1e-9)
     assert bytes(blobs[0]) == film.pictures[0]
+    verify = [sys.executable, "-m", "rerun", "rrd", "verify", str(compared)]
+    assert subprocess.run(verify).returncode == 0
 
 
 def test_the_decay_recording_holds_log_fit_and_peaks(tmp_path):
@@ -140,20 +138,9 @@ def test_the_decay_recording_holds_log_fit_and_peaks(tmp_path):
     assert np.all(modelled >= below - 1e-9)
 
 
-def test_rerun_itself_verifies_the_recording(compared):
-    done = subprocess.run(
-        [sys.executable, "-m", "rerun", "rrd", "verify", str(compared)], capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-
-
 @pytest.fixture
 def log(tmp_path):
-    roll = make_roll(Recipe(sampling=300, amplitudes=(0.2, -0.15)))
-    path = tmp_path / "rock.csv"
-    table = np.column_stack([roll.time, roll.roll])
-    np.savetxt(path, table, "%.6f", ",", header="time_s,roll_rad", comments="")
-    return path
+    return write_log(tmp_path / "rock.csv", make_roll(Recipe(sampling=300, amplitudes=(0.2, -0.15))))
 
 
 def test_commands_write_recordings(log, tmp_path):
@@ -166,16 +153,12 @@ def test_commands_write_recordings(log, tmp_path):
     assert "/release2/signal/simulated" in series(path)
 
 
-def test_without_rerun_the_message_says_what_to_install(log, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(SysidError, match="pip install rerun-sdk"):
-        called("view", log, "--board", "pink", "--workspace", tmp_path, "-o", tmp_path / "v.rrd")
-    assert not (tmp_path / "v.rrd").exists()
-
-
-def test_an_unwritable_path_is_said_and_nothing_is_left(evidence, tmp_path):
+def test_a_recording_that_cannot_be_written_is_refused_and_nothing_is_left(evidence, tmp_path, monkeypatch):
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
     with pytest.raises(SysidError, match="cannot write there"):
         comparison_recording(blocked / "out.rrd", evidence, "text")
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(SysidError, match="pip install rerun-sdk"):
+        need_rerun()
     assert list(tmp_path.iterdir()) == [blocked]

@@ -6,13 +6,12 @@ import re
 import shlex
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import called
-from decay_truth import Recipe, make_roll
+from command_line import called, husky
+from decay_truth import Recipe, make_roll, write_log
 
 from reports.evidence import gather
 from reports.figures.svg import MOST_POINTS, thin
@@ -26,11 +25,15 @@ from sysid.workspace import Workspace
 REPORTS = Path(__file__).parents[2] / "reports"
 
 
-def write_log(path, **recipe):
-    roll = make_roll(Recipe(**{"sampling": 400, "amplitudes": (0.2, -0.15, 0.18), **recipe}))
-    table = np.column_stack([roll.time, roll.roll])
-    np.savetxt(path, table, "%.6f", ",", header="time_s,roll_rad", comments="")
-    return path
+def rocked(path, **recipe):
+    """A log of three releases."""
+    return write_log(path, make_roll(Recipe(**{"sampling": 400, "amplitudes": (0.2, -0.15, 0.18), **recipe})))
+
+
+def reported(folder, *words, board="pink"):
+    """The page that `report` writes of a board in a workspace, as text."""
+    called("report", *words, "-b", board, "--workspace", folder)
+    return html.unescape((folder / "reports" / board / "report.html").read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="module")
@@ -41,15 +44,12 @@ def space(tmp_path_factory):
     def law(angle, rate):
         return -1687.9 * angle - 12.0 * rate - 6.0 * np.tanh(rate / 1e-3)
 
-    log = write_log(folder / "rock.csv", law=law)
-    truth = {
-        "synthetic": True,
-        "parameters": {"stiffness": {"value": 14.68, "unit": "N*m/rad"}},
-        "effects": [],
-    }
+    log = rocked(folder / "rock.csv", law=law)
+    parameters = {"stiffness": {"value": 14.68, "unit": "N*m/rad"}}
+    truth = {"synthetic": True, "parameters": parameters, "effects": []}
     (folder / "rock.truth.json").write_text(json.dumps(truth))
-    assert called("fit", log, "-b", "pink", "--effect", "coulomb", "--workspace", folder) == 0
-    assert called("report", "-b", "pink", "--workspace", folder) == 0
+    called("fit", log, "-b", "pink", "--effect", "coulomb", "--workspace", folder)
+    called("report", "-b", "pink", "--workspace", folder)
     return folder
 
 
@@ -70,60 +70,40 @@ def test_the_page_stands_alone_and_is_small(page):
 def test_the_page_holds_what_the_record_and_the_logs_say(space, page):
     text = page.read_text(encoding="utf-8")
     sections = re.findall(r"<h2>(.*?)</h2>", text)
-    assert sections[:5] == [
-        "How it came here",
-        "Warnings",
-        "Parameters",
-        "Identified law",
-        "Measured against simulated",
-    ]
-    record = (space / "data" / "boards" / "pink.toml").read_text()
-    digest = re.search(r'sha256 = "(\w+)"', record)[1]
-    assert digest in text
-    assert "as fitted" in text
-    assert "sgn φ̇" in text
-    assert "These logs are synthetic" in text
-    assert "14.68 N·m/rad" in text  # the truth, beside what was found
+    assert {"How it came here", "Parameters", "Identified law", "Measured against simulated"} < set(sections)
+    digest = Board.load("pink", space).fit["logs"][0]["sha256"]
+    # The truth stands beside the fitted stiffness.
+    for said in (digest, "as fitted", "sgn φ̇", "These logs are synthetic", "14.68 N·m/rad"):
+        assert said in text
     words = re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)
     assert not re.search(r">[^<]*\d\.\d{9,}[^<]*<", words), "a number with nine digits"
     assert str(space / "data") not in text  # paths are as seen from the workspace
 
 
 def test_a_changed_log_and_a_gone_one_are_said(space, tmp_path, capsys):
-    shutil.copytree(space, tmp_path / "copy")
-    copy = tmp_path / "copy"
-    record = copy / "data" / "boards" / "pink.toml"
+    copy = shutil.copytree(space, tmp_path / "copy")
+    record, log = copy / "data" / "boards" / "pink.toml", copy / "rock.csv"
     record.write_text(record.read_text().replace(str(space / "rock.csv"), "rock.csv"))
-    log = copy / "rock.csv"
     log.write_text(log.read_text() + "99.0,0.0\n")
-    assert called("report", "-b", "pink", "--workspace", copy) == 0
-    text = (copy / "reports" / "pink" / "report.html").read_text()
+    text = reported(copy)
     assert "rock.csv: changed since the fit" in text
     assert "Measured against simulated" not in text
     log.unlink()
-    assert called("report", "-b", "pink", "--workspace", copy) == 0
-    text = (copy / "reports" / "pink" / "report.html").read_text()
+    text = reported(copy)
     assert "rock.csv: gone" in text
     assert "coulomb: torque" in text
     assert "gone" in capsys.readouterr().err
 
 
 def test_a_board_never_fitted_is_said_in_clear_words(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-m", "sysid.cli", "report", "--board", "black"],
-        capture_output=True, text=True, cwd=tmp_path,
-    )  # fmt: skip
+    done = husky("report", "--board", "black", cwd=tmp_path)
     assert done.returncode == 1
-    assert "never fitted" in done.stderr
-    assert "husky-sysid fit LOG... --board black" in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
+    assert re.fullmatch(".*never fitted.*husky-sysid fit LOG... --board black.*\n", done.stderr)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_shipped_board_is_reported_from_logs_that_are_given(tmp_path):
-    log = write_log(tmp_path / "rock.csv", sampling=250, amplitudes=(0.2,))
-    assert called("report", log, "-b", "pink", "--workspace", tmp_path) == 0
-    text = (tmp_path / "reports" / "pink" / "report.html").read_text()
+    text = reported(tmp_path, rocked(tmp_path / "rock.csv", sampling=250, amplitudes=(0.2,)))
     assert "not part of the recorded fit" in text
     assert "as shipped with the tool" in text
 
@@ -136,9 +116,7 @@ def test_an_unwritable_place_is_said(space, tmp_path):
 
 @pytest.mark.slow
 def test_one_page_is_one_page_as_pdf_and_png(space, tmp_path):
-    assert (
-        called("report", "-b", "pink", "--workspace", space, "--one-page", "-o", tmp_path / "sheet.html") == 0
-    )
+    called("report", "-b", "pink", "--workspace", space, "--one-page", "-o", tmp_path / "sheet.html")
     pdf = (tmp_path / "sheet.pdf").read_bytes()
     assert len(re.findall(rb"/Type /Page\b", pdf)) == 1
     assert (tmp_path / "sheet.png").read_bytes().startswith(b"\x89PNG")
@@ -155,8 +133,7 @@ def test_thinning_keeps_every_extreme():
     curve[[777, 200_001]] = 40, -40
     x, y = thin(time, curve)
     assert len(x) <= MOST_POINTS + 2
-    assert y.max() == 40
-    assert y.min() == -40
+    assert (y.min(), y.max()) == (-40, 40)
     assert np.all(np.diff(x) > 0)
 
 
@@ -179,11 +156,14 @@ def tab(page, tmp_path_factory):
     if BINARY is None:
         pytest.skip("there is no Chromium here")
     with browser(tmp_path_factory.mktemp("chromium")) as opened:
-        opened.call(
-            "Emulation.setDeviceMetricsOverride", width=1000, height=900, deviceScaleFactor=1, mobile=False
-        )
+        size(opened, 1000, 900)
         opened.open(page)
         yield opened
+
+
+def size(tab, width, height):
+    how = {"deviceScaleFactor": 1, "mobile": width < 500}
+    tab.call("Emulation.setDeviceMetricsOverride", width=width, height=height, **how)
 
 
 def test_the_browser_has_no_complaint_and_asks_for_nothing(tab):
@@ -197,13 +177,10 @@ def test_every_figure_has_drawn_content(tab):
         ".map(s => [s.id, s.getBoundingClientRect().width, s.getBoundingClientRect().height,"
         " Math.max(0, ...[...s.querySelectorAll('path')].map(p => p.getBBox().width))])"
     )
-    assert {"release1", "story-decay", "story-ladder", "story-whiteness", "backbone", "log1"} <= {
-        size[0] for size in sizes
-    }
+    figures = {"release1", "story-decay", "story-ladder", "story-whiteness", "backbone", "log1"}
+    assert figures <= {name for name, *_ in sizes}
     for name, width, height, drawn in sizes:
-        assert width > 200, name
-        assert height > 100, name
-        assert drawn > 20, name
+        assert (width > 200, height > 100, drawn > 20) == (True, True, True), name
 
 
 def test_labels_of_a_figure_do_not_collide(tab):
@@ -305,20 +282,10 @@ READABLE = """(() => {
 @pytest.fixture(params=WIDTHS, ids=str)
 def sized(tab, request):
     """The page at one width."""
-
-    def size(width, height):
-        tab.call(
-            "Emulation.setDeviceMetricsOverride",
-            width=width,
-            height=height,
-            deviceScaleFactor=1,
-            mobile=width < 500,
-        )
-
-    size(request.param, WIDTHS[request.param])
+    size(tab, request.param, WIDTHS[request.param])
     tab.run("scrollTo(0, 0)")
     yield tab
-    size(1000, 900)
+    size(tab, 1000, 900)
     tab.dark(False)
 
 
@@ -360,15 +327,12 @@ def diagnosed(board, **changes):
 
 
 def test_a_diagnosis_older_than_the_fit_is_not_shown_as_current(space, tmp_path):
-    shutil.copytree(space, tmp_path / "copy")
-    copy = tmp_path / "copy"
-    path = copy / "reports" / "pink" / "diagnose.json"
+    copy = shutil.copytree(space, tmp_path / "copy")
     board = Board.load("pink", copy)
 
     def page_of(content):
-        path.write_text(json.dumps(content))
-        assert called("report", "-b", "pink", "--workspace", copy) == 0
-        return (copy / "reports" / "pink" / "report.html").read_text()
+        (copy / "reports" / "pink" / "diagnose.json").write_text(json.dumps(content))
+        return reported(copy)
 
     text = page_of({**diagnosed(board), "record": "another"})
     assert "✓ coulomb (dry friction) added; nothing is left" in text
@@ -391,8 +355,7 @@ def test_a_failed_check_stands_in_the_answers(space, tmp_path, monkeypatch):
     board = Board.load("pink", tmp_path / "a copy")
     failed = {"passed": False, "nrmse": 0.447, "tolerance": 0.02, "scene": "bench", "logs": []}
     Workspace(Path("a copy")).save_board(board.checked(failed))
-    assert called("report", "-b", "pink", "--workspace", "a copy") == 0
-    text = html.unescape(Path("a copy/reports/pink/report.html").read_text())
+    text = reported(Path("a copy"))
     assert "✗ The law fits the logs" in text
     assert "the MuJoCo scene does not: the check failed with an NRMSE of 44.70 %" in text
     command = re.search(r"See why the scene fails: husky-sysid (check .*?)</dd>", text)[1]
@@ -441,10 +404,10 @@ def test_a_pendulum_without_a_spring_has_a_page(tmp_path):
     def law(angle, rate):
         return -36.0 * np.sin(angle) - 0.1 * rate
 
-    log = write_log(tmp_path / "swing.csv", law=law, omega=6.0, amplitudes=(0.9,), sampling=100, free=12.0)
-    assert called("new", "arm", "--inertia", "0.01", "--workspace", tmp_path) == 0
+    log = rocked(tmp_path / "swing.csv", law=law, omega=6.0, amplitudes=(0.9,), sampling=100, free=12.0)
+    called("new", "arm", "--inertia", "0.01", "--workspace", tmp_path)
     fixed = ("--effect", "gravity", "--fix", "stiffness=0")
-    assert called("fit", log, "-b", "arm", "--workspace", tmp_path, *fixed) == 0
-    assert called("report", log, "-b", "arm", "--workspace", tmp_path) == 0
-    text = (tmp_path / "reports" / "arm" / "report.html").read_text()
-    assert re.search(r"<dd>95 % intervals: d to ±[\d.]+ %, gravity to ±", text)
+    called("fit", log, "-b", "arm", "--workspace", tmp_path, *fixed)
+    assert re.search(
+        r"<dd>95 % intervals: d to ±[\d.]+ %, gravity to ±", reported(tmp_path, log, board="arm")
+    )

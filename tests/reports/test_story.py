@@ -56,14 +56,12 @@ def test_the_missing_torque_is_the_law_of_what_is_missing(story):
     clear = np.abs(seen.at) > 0.15 * np.abs(seen.at).max()  # the step itself is smoothed
     off = np.abs(seen.torque - np.interp(seen.at, missing.at, missing.law))[clear]
     assert np.mean(off < 1.96 * seen.std[clear]) > 0.9
-    assert (
-        1.96 * np.median(seen.std[clear]) < FRICTION
-    )  # the band shows the friction; it widens at the ends of the motion
+    # The band shows the friction; it widens at the ends of the motion.
+    assert 1.96 * np.median(seen.std[clear]) < FRICTION
     middle = np.abs(story.over_angle.seen.at) < 0.1
     assert np.abs(story.over_angle.seen.torque[middle]).max() < FRICTION
     fast = np.abs(story.over_rate.at) > 0.5
     assert story.over_rate.law[fast] == pytest.approx(-FRICTION * np.sign(story.over_rate.at[fast]))
-    seen = story.over_rate.seen
     moving = np.abs(seen.at) > 0.5
     assert -np.mean(seen.torque[moving] * np.sign(seen.at[moving])) == pytest.approx(FRICTION, rel=0.1)
 
@@ -93,18 +91,11 @@ def test_what_is_drawn_is_the_story(story):
 
 
 def test_a_law_comes_back_from_the_file_of_a_diagnosis(pink):
-    candidate = {
-        "effects": ["coulomb"],
-        "parameters": {
-            name: {"value": value}
-            for name, value in (("stiffness", 14.0), ("damping", 0.3), ("coulomb.torque", 0.1))
-        },
-    }
-    law = law_of_candidate(pink, json.loads(json.dumps(candidate)))
-    assert law.parameters == {
-        "inertia": pink.inertia.value, "stiffness": 14.0, "damping": 0.3, "rest_angle": pink.rest_angle,
-        "coulomb.torque": 0.1,
-    }  # fmt: skip
+    found = {"stiffness": 14.0, "damping": 0.3, "coulomb.torque": 0.1}
+    parameters = {name: {"value": value} for name, value in found.items()}
+    candidate = json.loads(json.dumps({"effects": ["coulomb"], "parameters": parameters}))
+    own = {"inertia": pink.inertia.value, "rest_angle": pink.rest_angle}
+    assert law_of_candidate(pink, candidate).parameters == own | found
     del candidate["parameters"]["coulomb.torque"]  # held by --fix
     assert law_of_candidate(pink, candidate) is None
 

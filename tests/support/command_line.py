@@ -44,4 +44,4 @@ def husky(*arguments: object, cwd: Path | None = None) -> Done:
 def called(*arguments: object) -> int:
     """Run a command in this process and return its exit code; what it refuses is raised."""
     words = list(map(str, arguments))
-    return build_app()(words, result_action="return_value", exit_on_error=False, print_error=False)
+    return build_app()(words, result_action="return_value", exit_on_error=False, print_error=False) or 0

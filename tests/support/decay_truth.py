@@ -5,6 +5,7 @@ A linear decay comes from the matrix exponential's closed form, any other law fr
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -108,3 +109,10 @@ def make_roll(recipe: Recipe, origin="angle") -> Roll:
         roll = np.round(roll / recipe.quantum) * recipe.quantum
     std = np.hypot(recipe.noise, recipe.quantum / np.sqrt(12))
     return Roll(log="made.csv", time=time, roll=roll, std=np.full(len(time), std), origin=origin)
+
+
+def write_log(path: Path, roll: Roll) -> Path:
+    """Write a roll as a CSV file, and return its path."""
+    table = np.column_stack([roll.time, roll.roll])
+    np.savetxt(path, table, "%.6f", ",", header="time_s,roll_rad", comments="")
+    return path
