@@ -52,6 +52,18 @@ class Preset:
     """Whether the sensor's zero differs between releases."""
 
 
+@dataclass(frozen=True, slots=True)
+class Sliding(Structure):
+    """A joint whose torques have an amount each."""
+
+    amounted: tuple[TorqueEffect, ...] = ()
+
+    @property
+    def parts(self) -> tuple[Effect, ...]:
+        """The effects themselves."""
+        return (*(effect(name) for name in self.effects), *self.amounted)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Playground:
     """All that a page needs to simulate a board."""
@@ -99,7 +111,7 @@ def playground(
         last = evidence.comparison.law
     names = sorted({name for _, law in laws for name, _ in law.effects})
     sliding = [name for name in names if _slides(effect(name))]
-    structure = Structure(
+    structure = Sliding(
         tuple(name for name in names if name not in sliding), tuple(_amounted(effect(name)) for name in sliding)
     )  # fmt: skip
     floor = evidence.comparison.noise.std
@@ -128,7 +140,7 @@ def playground(
             "isRate": evidence.comparison.is_rate,
             "axis": evidence.comparison.show.axis,
             "scale": evidence.comparison.show.scale,
-            "step": 2 * np.pi / frequency / FitOptions().steps_per_period / structure.sharpness,
+            "step": 2 * np.pi / frequency / FitOptions().steps_per_period / (3 if structure.nonsmooth else 1),
             "sizes": sizes,
             "internal": [2 + i for i, is_own in enumerate(rest) if is_own] if free_states else [],
             "turns": structure.has_dry_friction,
@@ -183,7 +195,7 @@ def _laws(
 
 def _slides(part: Effect) -> bool:
     """Whether an effect can be had in part: its torque times something."""
-    return isinstance(part, TorqueEffect) and part.part_of_joint and part.changing is None
+    return isinstance(part, TorqueEffect) and not part.timestep and part.changing is None
 
 
 def _vanishes(part: Effect) -> bool:
