@@ -145,8 +145,8 @@ def _line_of(time: Array, signal: Array, *, slope: bool) -> tuple[Array, float]:
     """Return the same, with a slope or without.
 
     A decaying sine about a level c, and rest at c, obey `y(t + 2m) = a y(t + m) + b y(t) + (1 - a - b) c` for any lag m
-    (Prony). With m a quarter of the period, the least sum of log residuals (Cauchy's) gives c as a line in time. Hands and pushes do
-    not obey it, and count for next to nothing.
+    (Prony). With m a quarter of the period, robust least squares gives c as a line in time. Hands and pushes do not obey it, and count
+    for next to nothing.
     """
     quarter = half_cycle(signal) / 2
     rows = max(1, int(4 * quarter / PER_SWING))  # averaged: noise, and hardly anything of the swing
@@ -160,8 +160,10 @@ def _line_of(time: Array, signal: Array, *, slope: bool) -> tuple[Array, float]:
     design = np.stack(columns, axis=1)
     target = values[2 * lag :]
     solution, left = np.zeros(4), np.ones(target.size)
-    for _ in range(ROUNDS):
-        weight = 1 / np.hypot(1, left / (4.5 * float(np.median(left)) or 1e-300))
+    for step in range(2 * ROUNDS):
+        usual = float(np.median(left)) or 1e-300
+        # The least sum of logarithms is blind to hands; from there Cauchy's weights make use of nearly all that is free.
+        weight = 1 / np.maximum(left, usual) if step < ROUNDS else 1 / np.hypot(1, left / (4.5 * usual))
         solution = np.linalg.lstsq(design * weight[:, None], target * weight, rcond=None)[0]
         left = np.abs(target - design @ solution)
     gain = float(1 - solution[0] - solution[1])
