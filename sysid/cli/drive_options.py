@@ -21,7 +21,7 @@ class DriveArguments:
     """Unit of the input, or the size of one unit in SI; by default that of the position for a command, else N·m, A or V."""
     zero: float = 0.0
     """Reading of the position at the model's zero, in its column's unit, such as 2048 counts; a command has the same zero."""
-    input_between: Literal["auto", "held", "smooth"] = "auto"
+    input_between: Literal["auto", "held", "smooth"] = "held"
     """The input between samples: held by a controller, or smooth; `auto` takes the likelier one, where there is a fit."""
     gains: Annotated[tuple[float, ...], Parameter(consume_multiple=True, show_default=False)] = ()
     """Gains instead of the model's: kp and kd of a command, or the torque of one unit of the input."""
