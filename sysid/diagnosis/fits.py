@@ -1,6 +1,6 @@
 """Rival sets of effects, fitted by output error with the code of `fit`, and their evidence.
 
-A fit sees all of a release: its start, where friction stops it, and where it rests. A set has error e, p parameters, and this evidence.
+A fit sees all of a release: its start, where friction stops it, and where it rests. A set has error e and p parameters. Its evidence is:
 
     ln p = -ν e²/2σ² - p/2 ln ν + log odds of its families.
 
