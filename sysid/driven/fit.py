@@ -190,7 +190,9 @@ def fit(
     if not quick:
         begun = _values(best[-1])
         again = [
-            _chain(log, structure, {**begun, **other}, free, bounds, windows_of(log, structure, begun), 12)
+            _chain(
+                log, structure, {**begun, **other}, free, bounds, windows_of(log, structure, begun), 12, finer
+            )
             for other in _restarts(structure, begun, free)
         ]
         best = min(
