@@ -1,8 +1,7 @@
 """Coverage of the 95 % intervals of driven joints: parameters planted in plain MuJoCo.
 
-    python benchmarks/driven_coverage.py --draws 200 --workers 2 --rows coverage.jsonl
-
-Joints: one under a torque, a double pendulum under torques, a leg of two position servos as in PACE (Bjelonic et al. 2025).
+Run `python benchmarks/driven_coverage.py --draws 200 --workers 2 --rows coverage.jsonl`.
+There are three joints: one under a torque, a double pendulum under torques, a leg of two position servos (PACE, Bjelonic et al. 2025).
 Half of the draws are nature: RK4 at 50 µs, friction that turns within a step. The others are MuJoCo with its own friction:
 Euler, implicitfast or RK4 at 1 or 2 ms. The fit knows the masses and nothing of the draw.
 """

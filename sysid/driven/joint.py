@@ -1,4 +1,4 @@
-"""The equations of a driven joint, and one integration step of them with exact sensitivities.
+"""The equation of a driven joint, and one integration step of it with exact sensitivities.
 
     (I + A) q̈ = τ(u, q, q̇) + b + load - d q̇ - k (q - q₀) + Σ effects - friction.
 

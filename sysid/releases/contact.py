@@ -120,6 +120,7 @@ def _learned(
     if sum(map(len, known)) < 2 * (2 + len(known)):
         return None
     rows = np.vstack(known)
+    count = len(rows) / lag  # neighbouring means share most of their noise
     laws: list[tuple[float, Array]] = []
     for causes in range(2, rows.shape[1]):
         weights, gains, middle = np.ones(len(rows)), np.zeros(rows.shape[1] - 1), 0.0
@@ -129,7 +130,6 @@ def _learned(
             left = np.abs(rows[:, 0] - rows[:, 1:] @ gains)
             middle = float(np.median(left)) or 1e-300
             weights = 1 / np.hypot(1, left / (4.5 * middle))
-        count = len(rows) / lag  # neighbouring means share most of their noise
         laws.append((2 * count * math.log(middle) + causes * math.log(max(count, 2.0)), gains))
     gains = min(laws, key=itemgetter(0))[1]  # by BIC
     alpha, minus = gains[:2].tolist()
