@@ -151,9 +151,9 @@ def test_beginners_pay_less_and_riders_all_from_a_quarter_of_the_variation_on():
         "push/speed_error",
         "still/speed_error",
         "always/course",
-        "push/slip",
-        "push/touchdown",
-        "push/landing",
+        "moving/slip",
+        "moving/touchdown",
+        "moving/landing",
     } <= less
     assert all(term.weight_at(0.25) == term.weight_at(1.0) == term.weight for term in terms.values())
 
