@@ -45,10 +45,6 @@ class Evidence:
     look_alikes: LookAlikes | None = None
     warnings: tuple[str, ...] = ()
 
-    def releases_of(self, roll: Roll) -> list[Release]:
-        """Return the releases of one log."""
-        return [release for release in self.releases if release.log == roll.log]
-
 
 @dataclass(frozen=True, slots=True)
 class LastDiagnosis:
@@ -78,13 +74,11 @@ def gather(
     *,
     files: Sequence[LogFile] = (),
     tolerance: float = 0.02,
-    heldout: bool = True,
     stood: Board | None = None,
 ) -> Evidence:
     """Compare a board with recordings, and fit the ladder of models up to its law.
 
     Args:
-        heldout: False leaves out held-out errors (NaN then) and look-alikes, which a recording does not show.
         stood: The record before it was first changed; `board` if left out.
 
     Raises:
@@ -99,7 +93,7 @@ def gather(
     names = [part.name for part in board.effects]
     added = [name for name in names if not effect(name).is_known]
     rungs: list[Rung] = []
-    models = ladder(releases, board, names, options, heldout=heldout)
+    models = ladder(releases, board, names, options)
     try:
         with stage(0.2, 0.8):
             for rung in models:
@@ -111,8 +105,7 @@ def gather(
         warnings += fit.warnings
     law, alike = compared.law if fit is None else fit.law, None
     with stage(0.8, 1.0, "look-alikes"), suppress(SysidError):  # too little motion shows none
-        if heldout:
-            alike = look_alikes(releases, law, compared.noise.std, rate=compared.is_rate)
+        alike = look_alikes(releases, law, compared.noise.std, rate=compared.is_rate)
     return Evidence(
         board=board,
         files=tuple(files),

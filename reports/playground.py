@@ -13,14 +13,13 @@ import numpy as np
 
 from reports.evidence import Evidence, LastDiagnosis
 from reports.javascript import javascript
-from reports.story import REFITTED, STOOD, law_of_candidate, release_name
+from reports.story import RECORD, STOOD, law_of_candidate, release_name
 from sysid.board import Board
 from sysid.effects import effect
 from sysid.effects._algebra import Algebra, Value, Values
 from sysid.effects._base import Effect, JointState, LinearJoint, Parameter, SensorEffect, TorqueEffect
 from sysid.fitting.initial_state import problems_of_law
 from sysid.fitting.joint import FitOptions, held_parameters
-from sysid.fitting.ladder import PLAIN
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Record, make_records, signal_of
 from sysid.joint import JointLaw
@@ -30,7 +29,6 @@ from sysid.joint.sensor import at_samples, clock_ratio, filtered, reader
 from sysid.joint.structure import Structure
 from sysid.quantity import printed, slide_unit
 from sysid.roll import Array
-from sysid.shown import MOST_SHOWN
 from sysid.text import display
 
 MOST_SAMPLES = 12_000
@@ -91,15 +89,10 @@ class Playground:
         }
 
 
-def playground(
-    evidence: Evidence, diagnosis: LastDiagnosis | None, current: str = "the record"
-) -> Playground | None:
-    """Return a board's playground; None for a law that stands for a simulator's step.
-
-    The law that was compared is called `current`; the last diagnosis adds the effects that were tried.
-    """
-    laws, last = _laws(evidence, diagnosis, current)
-    if last.timestep:
+def playground(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Playground | None:
+    """Return a board's playground; None for a law that stands for a simulator's step."""
+    laws = _laws(evidence, diagnosis)
+    if laws[-1][1].timestep:
         return None
     own = {name for name, _ in evidence.comparison.law.effects}
     extra = {name for _, law in laws for name, _ in law.effects} - own
@@ -107,8 +100,7 @@ def playground(
     needed = {name for name in own if not (_slides(effect(name)) or _vanishes(effect(name)))}
     allowed = own | {name for name in extra if _slides(effect(name)) or _vanishes(effect(name))}
     laws = [(label, law) for label, law in laws if needed <= {name for name, _ in law.effects} <= allowed]
-    if all(law != last for _, law in laws):
-        last = evidence.comparison.law
+    last = laws[-1][1]
     names = sorted({name for _, law in laws for name, _ in law.effects})
     sliding = [name for name in names if _slides(effect(name))]
     structure = Sliding(
@@ -135,7 +127,7 @@ def playground(
             for i, record in enumerate(records)
         ),
         settings={
-            "begin": [law for _, law in laws].index(last),
+            "begin": len(laws) - 1,
             "noise": floor,
             "isRate": evidence.comparison.is_rate,
             "axis": evidence.comparison.show.axis,
@@ -166,31 +158,16 @@ def _presets(
     ]  # fmt: skip
 
 
-def _laws(
-    evidence: Evidence, diagnosis: LastDiagnosis | None, current: str
-) -> tuple[list[tuple[str, JointLaw]], JointLaw]:
-    """Return the laws of the buttons, and the initial one: that of the diagnosis, or the record's."""
-    fitted = [(REFITTED if rung.label == PLAIN else rung.label, rung.fit.law) for rung in evidence.ladder]
-    stood = [] if any(law == evidence.stood for _, law in fitted) else [(STOOD, evidence.stood)]
-    laws = [*stood, *fitted]
-    begin = evidence.comparison.law
-    laws.append((current, begin))
-    if diagnosis is not None and diagnosis.is_current:
+def _laws(evidence: Evidence, diagnosis: LastDiagnosis | None) -> list[tuple[str, JointLaw]]:
+    """Return the laws of the buttons, the initial one last: as it stood, of the record, and of a current diagnosis."""
+    laws = {evidence.stood: STOOD}
+    laws.setdefault(evidence.comparison.law, RECORD)
+    if diagnosis is not None and diagnosis.is_current and diagnosis.content["best"]["effects"]:
         best = diagnosis.content["best"]
-        singles = [
-            c for c in diagnosis.content["candidates"]
-            if len(c["effects"]) == 1 and c["heldout_rmse_rad"] is not None and c["effects"] != best["effects"]
-        ]  # fmt: skip
-        for candidate in [*([best] if best["effects"] else []), *singles[:MOST_SHOWN]]:
-            law = law_of_candidate(evidence.board, candidate)
-            if law is not None:
-                laws.append((f"+ {' + '.join(candidate['effects'])}", law))
-                begin = law if candidate is best else begin
-    unique: dict[JointLaw, str] = {}
-    for label, law in laws:
-        unique.setdefault(law, label)
-    kept = [(label, law) for law, label in unique.items()]
-    return [*kept[:MOST_SHOWN], *(item for item in kept[MOST_SHOWN:] if item[1] == begin)], begin
+        law = law_of_candidate(evidence.board, best)
+        if law is not None:
+            laws[law] = f"+ {' + '.join(best['effects'])}"
+    return [(label, law) for law, label in laws.items()]
 
 
 def _slides(part: Effect) -> bool:

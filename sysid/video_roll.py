@@ -53,7 +53,7 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
         from sysid.video.overlay import draw_overlay
 
         joined = followed.target.joined
-        draw_overlay(clip, followed.track, roll, rows, options.overlay, joined, options.on_frame)
+        draw_overlay(clip, followed.track, roll, rows, options.overlay, joined)
     return roll
 
 

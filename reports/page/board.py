@@ -7,12 +7,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from reports.evidence import Evidence, LastDiagnosis
 from reports.figures import board as board_figures
 from reports.figures import story as story_figures
-from reports.figures.bode import bode_figure
 from reports.figures.svg import figure_to_svg, page_style
 from reports.log_files import LogFile
 from reports.page.answers import four_answers
@@ -35,7 +32,6 @@ from sysid.board import Board
 from sysid.decay.report import inertia_share
 from sysid.diagnosis.signatures import ALIKE, LookAlikes
 from sysid.effects import effect
-from sysid.fitting.covariance import correlation_of
 from sysid.joint import JointLaw
 from sysid.quantity import SURE, Quantity, slide_unit
 from sysid.shown import MOST_SHOWN
@@ -88,8 +84,6 @@ def board_report(
         page.section("Effects that look alike", *_look_alikes(board, evidence))
         if evidence is not None:
             page.section("Backbone", _backbone(evidence))
-            page.section("Correlation of parameters", *_correlation(evidence))
-        page.section("Frequency response", _frequency_response(board))
         page.section("Check in the training scene", _check(board, files, provenance.space))
         if evidence is not None:
             page.section("The logs", _logs(evidence))
@@ -305,35 +299,6 @@ def _backbone(evidence: Evidence) -> str:
         "Each point is one half swing. A linear joint has the same period and damping at each amplitude."
     )
     return _figure(board_figures.backbone_figure(result), "backbone", caption)
-
-
-def _correlation(evidence: Evidence) -> list[str]:
-    fit = evidence.fit
-    if fit is None:
-        return [paragraph("The board's law could not be fitted to these logs; see the warnings.")]
-    names = [name.replace("_", " ") for name in fit.quantities]
-    correlation = correlation_of(fit.own_covariance)
-    pairs = [(correlation[i, j], names[i], names[j]) for i in range(len(names)) for j in range(i)]
-    pairs.sort(key=lambda pair: -abs(np.nan_to_num(pair[0])))
-    if not pairs:
-        return [paragraph("One parameter alone was fitted.")]
-    value, one, other = pairs[0]
-    said = f"The logs separate {one} and {other} least: their correlation is {value:+.2f}."
-    said += " Another amplitude, or a parameter that is known, parts them."
-    rows = [(one, other, f"{value:+.2f}") for value, one, other in pairs[:MOST_SHOWN]]
-    source = "Of a fit of the board's law to these logs, for a roll inertia that is known."
-    return [paragraph(said), table(("parameter", "with", "correlation"), rows), paragraph(source)]
-
-
-def _frequency_response(board: Board) -> str:
-    if not board.stiffness:
-        return paragraph("Not drawn: the record has no spring.")
-    return _figure(
-        bode_figure(board, board_figures.WIDTH),
-        "bode",
-        f"{'Position over force' if board.slides else 'Angle over torque'} with its 95 % band: spring, damper and "
-        "inertia without other effects.",
-    )
 
 
 def _check(board: Board, files: "Sequence[LogFile]", space: Workspace) -> str:

@@ -110,11 +110,6 @@ def sliders(play: "Playground", remark: str) -> str:
     )
 
 
-def script(name: str) -> str:
-    """Return one of the package's scripts, to run in the page."""
-    return f"<script>\n{_asset(name)}</script>"
-
-
 def choices(parts: Sequence[tuple[str, str]]) -> str:
     """Return several pieces of HTML of which the page shows one at a time, all of them in print."""
     if len(parts) == 1:

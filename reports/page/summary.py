@@ -10,32 +10,19 @@ from sysid.quantity import Quantity
 from sysid.text import display
 
 if TYPE_CHECKING:
-    from reports.evidence import Evidence
-    from sysid.free_decay import FreeDecay
+    from reports.log_files import LogFile
+    from sysid.comparison.compare import Comparison
 
 
-def board_summary(evidence: "Evidence") -> str:
-    """Return law, parameters, the comparison's report and the ladder of models."""
-    board, noise = evidence.board, evidence.comparison.noise.std
+def board_summary(board: Board, files: "Sequence[LogFile]", result: "Comparison") -> str:
+    """Return law, the comparison's report, parameters and warnings."""
+    head = [f"# {board.name}: {JointLaw.from_board(board)}", "", "```", result.report(), "```", ""]
     lines = ["| quantity | value ± 95 % |", "|---|---|"]
     lines += [f"| {name} | {pretty(str(quantity))} |" for name, quantity in parameters(board).items()]
-    if len(evidence.ladder) > 1:
-        lines += ["", "| model, fitted | error / noise |", "|---|---|"]
-        lines += [f"| {rung.label} | {rung.rmse / noise:.3f} |" for rung in evidence.ladder]
-    if any(file.truth for file in evidence.files):
+    if any(file.truth for file in files):
         lines += ["", "Logs are **synthetic**: made with a known truth; nothing was measured."]
-    text = evidence.comparison.report()
-    return _markdown(f"{board.name}: {JointLaw.from_board(board)}", text, lines, evidence.warnings)
-
-
-def decay_summary(board: str, decay: "FreeDecay") -> str:
-    """Return the report and the warnings of a free decay."""
-    return _markdown(f"{board}: free decay", decay.report(), [], decay.warnings)
-
-
-def _markdown(head: str, report: str, lines: Sequence[str], warnings: Sequence[str]) -> str:
-    told = [f"- ⚠ {warning}" for warning in warnings]
-    return "\n".join([f"# {head}", "", "```", report, "```", "", *lines, "", *told]) + "\n"
+    warnings = [f"- ⚠ {warning}" for warning in result.warnings]
+    return "\n".join([*head, *lines, "", *warnings]) + "\n"
 
 
 def title(board: Board) -> str:

@@ -88,18 +88,14 @@ class Look(NamedTuple):
     colour: str
     """'#RRGGBB'."""
     width: float = 1.5
-    """Of a curve or of a point [points]."""
+    """[points]."""
 
 
-def log_series(
-    stream: "rr.RecordingStream", entity: str, time: Array, values: Array, look: Look, *, points: bool = False
-) -> None:
-    """Log a curve, or separate points, with its style: values over the recording's time line [s], shape (n,) each."""
+def log_series(stream: "rr.RecordingStream", entity: str, time: Array, values: Array, look: Look) -> None:
+    """Log a curve with its style: values over the recording's time line [s], shape (n,) each."""
     import rerun as rr
 
     style = rr.SeriesLines(colors=[rgb(look.colour)], names=[look.name], widths=[look.width])
-    if points:
-        style = rr.SeriesPoints(colors=[rgb(look.colour)], names=[look.name], marker_sizes=[look.width])
     stream.log(entity, style, static=True)
     times = rr.TimeColumn(TIMELINE, duration=time)
     stream.send_columns(entity, indexes=[times], columns=rr.Scalars.columns(scalars=values))
@@ -205,13 +201,11 @@ def log_poses(
         stream.send_columns(f"{root}/{body_entity(model, body)}", indexes=[times], columns=moves)
 
 
-def log_summary(stream: "rr.RecordingStream", text: str, properties: Mapping[str, object]) -> None:
-    """Log a text in Markdown, and attach values (hashes, versions, parameters) to the recording itself."""
+def log_summary(stream: "rr.RecordingStream", text: str) -> None:
+    """Log a text in Markdown."""
     import rerun as rr
 
     stream.log("summary", rr.TextDocument(text, media_type="text/markdown"), static=True)
-    known: dict[str, Any] = {key: value for key, value in properties.items() if value is not None}
-    stream.send_property("sysid", rr.AnyValues(**known))
 
 
 def body_entity(model: "mujoco.MjModel", body: int) -> str:

@@ -142,7 +142,7 @@ COMMANDS = {
         "Write one HTML file with everything known of a joint.",
         ("report --board pink", "report tip.csv --board pink -o pink.html"),
         "tutorial.md",
-        f"{JOINT} {COLUMNS} --one-page --tolerance --output {OUTPUT}",
+        f"{JOINT} {COLUMNS} --tolerance --output {OUTPUT}",
     ),
     "batch": Command(
         "Run many logs in parallel, into one table and one page.",
@@ -159,7 +159,7 @@ COMMANDS = {
         "Read a phone while the board rocks; k and d after each release.",
         ("live --board pink --phone 192.168.0.42:8080", "live --board pink --watch logs"),
         "tutorial.md",
-        f"--phone --watch --releases --port {JOINT} {COLUMNS} {OUTPUT}",
+        f"--phone --watch --releases {JOINT} {COLUMNS} {OUTPUT}",
     ),
     "marker": Command(
         "Print a page with markers for films, and how to fix and film them.",

@@ -37,9 +37,7 @@ def compare(
     record = measurement.load(printer)
     folder = measurement.space.outputs(record.name)
     require_writable(folder / "compare.json")
-    found = read_logs(
-        measurement, logs, printer, record=record, outputs={"--rerun": rerun}, films=rerun is not None
-    )
+    found = read_logs(measurement, logs, printer, record=record, outputs={"--rerun": rerun})
     with working(printer), stage(0.0, 1.0, "comparing"):
         result = compare_recordings(found.recordings, found.record, tolerance=tolerance)
     printer.warnings(result.warnings, found.recordings)
@@ -53,7 +51,7 @@ def compare(
         figure = compare_figure(result, f"{record.name}: simulated against {names}")
         written.append(write_figure(folder / "compare.png", figure))
     if rerun is not None:
-        write_recording(rerun, found, printer, tolerance=tolerance)
+        write_recording(rerun, found, result)
         written.append(rerun)
     printer.say(result.report(printer.width))
     why, verb = ("check it in MuJoCo", "check") if result.passed else ("find the missing effect", "diagnose")

@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from sysid.cli.console import Drawn, Made, Printer
+from sysid.cli.console import Drawn, Printer
 from sysid.cli.log_options import load_roll, recording_of, refuse_overwriting_logs
 from sysid.cli.measurement import Measurement
-from sysid.errors import SysidError
 from sysid.files import require_writable, write_figure, write_json
 from sysid.recording import refuse_duplicates
 
@@ -16,25 +15,19 @@ def decay(
     *,
     measurement: Measurement = Measurement(),
     picture: Drawn = True,
-    rerun: Made | None = None,
 ) -> None:
     """Identify a joint from its free decays.
 
     Args:
         logs: CSV, Parquet, MCAP, phone exports (zip or folder) or videos of one joint.
         measurement: Joint and reading of its logs. The record gives the inertia; without it there is no stiffness and no
-            damping, and only the files of --json and --rerun are written.
-        rerun: Write a Rerun recording (.rrd) here.
+            damping, and only the file of --json is written.
     """
     from sysid.free_decay import fit_decay
 
     common, reading = measurement.common, measurement.reading
     printer = Printer(common)
-    if rerun is not None and len(logs) > 1:
-        raise SysidError(
-            f"--rerun {rerun}: {len(logs)} logs; a recording of a decay shows one log. Give one, or use `view`."
-        )
-    refuse_overwriting_logs(logs, reading, printer, {"--rerun": rerun})
+    refuse_overwriting_logs(logs, reading, printer)
     record = measurement.subject.find(common, printer)
     folder = None if record is None else common.space.outputs(record.name)
     if folder is not None:
@@ -61,11 +54,4 @@ def decay(
         rolls = [recording.roll for recording in recordings]
         figure = decay_figure(rolls, result, f"{result.board}: free decay in {names}")
         written.append(write_figure(folder / "decay.png", figure))
-    if rerun is not None:
-        from reports.page.summary import decay_summary
-        from reports.rerun.decay import decay_recording
-
-        summary = decay_summary("a joint" if record is None else record.name, result)
-        decay_recording(rerun, recordings[0].roll, result, summary)
-        written.append(rerun)
     printer.result(result.to_json(), *written)

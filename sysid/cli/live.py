@@ -1,18 +1,14 @@
 """`husky-sysid live`: numbers while the board still rocks."""
 
-import json
-import threading
 import time
-from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from datetime import datetime
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter, validators
 
-from sysid.cli.console import OUTPUT, Printer
+from sysid.cli.console import Printer
 from sysid.cli.log_options import LogArguments, recording_of
 from sysid.cli.measurement import Measurement
 from sysid.errors import SysidError
@@ -37,7 +33,6 @@ def live(
     phone: str | None = None,
     watch: Path | None = None,
     releases: Annotated[int | None, Parameter(validator=validators.Number(gte=1))] = None,
-    port: Annotated[int, Parameter(group=OUTPUT, validator=validators.Number(gte=0, lte=65535))] = 8123,
 ) -> None:
     """Read a phone while the board rocks, and show stiffness and damping after each release.
 
@@ -45,10 +40,7 @@ def live(
         phone: Address in phyphox, such as 192.168.0.42:8080.
         watch: Instead of a phone: a folder in which logs appear.
         releases: End after so many.
-        port: Of the page; 0 takes a free one.
     """
-    from reports.page.live import live_page
-
     printer, space, reading = Printer(measurement.common), measurement.space, measurement.reading
     record = measurement.load(printer)
     if (phone is None) == (watch is None):
@@ -58,28 +50,23 @@ def live(
     stamp = f"{datetime.now():%Y%m%d-%H%M%S}"
     log = watch if watch is not None else space.root / "logs" / f"{record.name}-{stamp}"
     session = Session(record, grows=phone is not None)
-    # Once on a shipped log, to load and compile all code before the first release.
-    trial = Session(record)
-    trial.take([Recording.read(shipped_data() / "decays" / "pink_imu.csv")])
-    live_page(trial, 0, "")
+    # Once on a shipped log, to load all code before the first release.
+    Session(record).take([Recording.read(shipped_data() / "decays" / "pink_imu.csv")])
     look = (
         _watching(watch, reading, printer)
         if watch is not None
         else _phoning(str(phone), log, reading, printer)
     )
-    pages = [live_page(session, 1, str(log))]
-    with _served(pages, port, printer):
-        printer.say(session.next_step)
-        try:
-            while releases is None or len(session.releases) < releases:
-                begin = time.monotonic()
-                found = look()
-                if found is not None and (new := session.take(found)):
-                    _say(session, new, printer)
-                    pages.append(live_page(session, len(pages) + 1, str(log)))
-                time.sleep(max(0.0, POLL_PERIOD - (time.monotonic() - begin)))
-        except KeyboardInterrupt:
-            printer.note("ended")
+    printer.say(session.next_step)
+    try:
+        while releases is None or len(session.releases) < releases:
+            begin = time.monotonic()
+            found = look()
+            if found is not None and (new := session.take(found)):
+                _say(session, new, printer)
+            time.sleep(max(0.0, POLL_PERIOD - (time.monotonic() - begin)))
+    except KeyboardInterrupt:
+        printer.note("ended")
     numbers = {} if session.decay is None else session.decay.to_json()
     logs = [log] if phone is not None else dict.fromkeys(release.log for release in session.releases)
     first, then = (space.command(name, *record.options, logs=logs) for name in ("fit", "diagnose"))
@@ -159,45 +146,3 @@ def _watching(
         return [recording for recording in read.values() if recording is not None] if new else None
 
     return look
-
-
-@contextmanager
-def _served(pages: Sequence[str], port: int, printer: Printer) -> Generator[None]:
-    """Serve the last of the pages on this machine only, while the block runs."""
-
-    class Handler(BaseHTTPRequestHandler):
-        timeout = 5.0
-        """Longest wait for a request [s]."""
-
-        def do_GET(self) -> None:
-            if self.headers.get("Host", "").rpartition(":")[0] not in ("127.0.0.1", "localhost"):
-                self.send_error(403)  # a page from elsewhere whose name leads here
-                return
-            state = json.dumps({"version": len(pages)})
-            kinds = {"/": ("text/html; charset=utf-8", pages[-1]), "/state": ("application/json", state)}
-            kind, body = kinds.get(self.path, ("text/plain", ""))
-            self.send_response(200 if self.path in kinds else 404)
-            self.send_header("Content-Type", kind)
-            self.end_headers()
-            self.wfile.write(body.encode())
-
-        def log_message(self, format: str, *args: Any) -> None:
-            del format, args
-
-    class Server(ThreadingHTTPServer):
-        def handle_error(self, request: Any, client_address: Any) -> None:
-            """Say nothing of a browser that went away."""
-
-    try:
-        server = Server(("127.0.0.1", port), Handler)
-    except OSError as error:
-        raise SysidError(
-            f"--port {port}: taken ({error.strerror}). Choose another, or 0 for a free one."
-        ) from error
-    printer.say(f"page: http://127.0.0.1:{server.server_address[1]}/")
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    try:
-        yield
-    finally:
-        server.shutdown()
-        server.server_close()

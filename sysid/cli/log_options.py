@@ -60,8 +60,6 @@ class VideoArguments:
 
 _NO_VIDEO = VideoArguments()
 if TYPE_CHECKING:
-    from reports.rerun.film_frames import FilmFrames
-
     _Source = str
 else:
     _Source = Literal[("auto", *sources())]
@@ -176,16 +174,6 @@ def _with_bar(arguments: LogArguments, printer: Printer) -> Generator[LogOptions
     options = arguments.options
     with told_bar(printer) as progress:
         yield replace(options, video=replace(options.video or VideoOptions(), progress=progress))
-
-
-def read_film(film: Path, arguments: LogArguments, printer: Printer) -> "tuple[Roll, FilmFrames]":
-    """Read a film with its pictures, and print notes and warnings on stderr."""
-    from reports.rerun.film_frames import read_film as read
-
-    with _with_bar(arguments, printer) as options:
-        roll, frames = read(film, options)
-    say_notes(film, roll, printer)
-    return roll, frames
 
 
 def say_notes(log: Path, roll: Roll, printer: Printer) -> None:

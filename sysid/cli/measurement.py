@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,6 @@ from sysid.cli.drive_options import DriveArguments
 from sysid.cli.log_options import (
     LogArguments,
     load_roll,
-    read_film,
     recording_of,
     refuse_overwriting_logs,
     typed,
@@ -22,12 +21,10 @@ from sysid.cli.log_options import (
 from sysid.cli.subject import Subject
 from sysid.errors import SysidError
 from sysid.recording import Recording, refuse_duplicates
-from sysid.video.options import is_film
 from sysid.workspace import Workspace
 
 if TYPE_CHECKING:
     from reports.log_files import LogFile
-    from reports.rerun.film_frames import FilmFrames
 
 
 @Parameter(name="*")
@@ -70,8 +67,6 @@ class MeasuredLogs:
     recordings: Sequence[Recording]
     space: Workspace
     """Workspace whose printed commands read the logs in the same way."""
-    films: "Mapping[str, FilmFrames]" = field(default_factory=dict[str, "FilmFrames"])
-    """Pictures of each film, by the roll's log."""
 
     def next_step(self, why: str, command: str) -> str:
         """Return the line with the next command for these logs."""
@@ -85,7 +80,6 @@ def read_logs(
     *,
     record: Board | None = None,
     outputs: Mapping[str, Path | None] | None = None,
-    films: bool = False,
     may_be_gone: bool = False,
 ) -> MeasuredLogs:
     """Read the given logs of a joint, or without them those of its record's fit as they were read then.
@@ -93,7 +87,6 @@ def read_logs(
     Args:
         record: The joint; read from its file or model if left out.
         outputs: Outputs of the command, by option.
-        films: Keep the pictures of films.
         may_be_gone: Accept that all logs of the fit are gone.
     """
     from reports.log_files import find_logs
@@ -113,23 +106,13 @@ def read_logs(
     if not logs and found:
         printer.note(f"logs of the fit: {', '.join(map(str, found))}")
     refuse_duplicates(found)
-    pictures: dict[str, FilmFrames] = {}
-    recordings: list[Recording] = []
-    for path in found:
-        if films and is_film(path):
-            roll, frames = read_film(path, reading, printer)
-            pictures[roll.log] = frames
-        else:
-            roll = load_roll(path, reading, printer)
-        recordings.append(recording_of(roll, reading, printer, rest=record.rest_angle))
+    rest = record.rest_angle
+    recordings = [
+        recording_of(load_roll(path, reading, printer), reading, printer, rest=rest) for path in found
+    ]
     record, recordings = options.subject.posed(record, recordings, setups)
     return MeasuredLogs(
-        record=record,
-        paths=logs or found,
-        files=files,
-        recordings=recordings,
-        space=options.space,
-        films=pictures,
+        record=record, paths=logs or found, files=files, recordings=recordings, space=options.space
     )
 
 

@@ -4,21 +4,17 @@ import shlex
 import sys
 from datetime import date
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from sysid.cli.console import OUTPUT, Output, Printer, Tolerance
-from sysid.cli.measurement import Measurement, no_logs, read_logs
-from sysid.errors import SysidError, UsageError
-from sysid.files import refuse_other_kind, write_atomically, write_figure
+from sysid.cli.console import Output, Printer, Tolerance
+from sysid.cli.measurement import Measurement, read_logs
+from sysid.errors import UsageError
+from sysid.files import refuse_other_kind, write_atomically
 
 
 def report(
     *logs: Path,
     measurement: Measurement = Measurement(),
     output: Output | None = None,
-    one_page: Annotated[bool, Parameter(group=OUTPUT)] = False,
     tolerance: Tolerance = 0.02,
 ) -> None:
     """Write one HTML file with all results of a joint.
@@ -26,7 +22,6 @@ def report(
     Args:
         logs: Logs of the joint; those of its record's fit, by their recorded paths, if left out.
         output: File to write; reports/BOARD/report.html of the workspace if left out.
-        one_page: Write one page as PDF and PNG too.
     """
     from reports.evidence import gather, last_diagnosis
     from reports.page.board import Provenance, board_report
@@ -35,9 +30,7 @@ def report(
 
     printer = Printer(measurement.common)
     if output is not None and output.suffix.lower() not in (".html", ".htm") and not output.exists():
-        raise UsageError(
-            f"--output {output}: a report is an HTML file; name it .html. --one-page writes PDF and PNG beside it."
-        )
+        raise UsageError(f"--output {output}: a report is an HTML file; name it .html.")
     found = read_logs(measurement, logs, printer, outputs={"--output": output}, may_be_gone=True)
     if output is not None:
         refuse_other_kind(output, ".html", ".htm")
@@ -60,13 +53,5 @@ def report(
             page = board_report(record, evidence, files, provenance, diagnosis)
     path = output or space.outputs(record.name) / "report.html"
     write_atomically(path, page)
-    written = [path]
-    if one_page:
-        if evidence is None:
-            raise SysidError(no_logs(record, space))
-        from reports.page.sheet import board_sheet
-
-        sheet = board_sheet(evidence, files, provenance, diagnosis)
-        written += [write_figure(path.with_suffix(kind), sheet, dpi=150) for kind in (".pdf", ".png")]
     shown = [file.path for file in files if file.found]
-    printer.result({"board": record.name, "report": path, "logs": shown}, *written)
+    printer.result({"board": record.name, "report": path, "logs": shown}, path)

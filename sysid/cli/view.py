@@ -9,7 +9,7 @@ from sysid.cli.console import Output, Printer
 from sysid.cli.measurement import MeasuredLogs, Measurement, read_logs
 
 if TYPE_CHECKING:
-    from reports.evidence import Evidence
+    from sysid.comparison.compare import Comparison
 
 
 def view(
@@ -23,13 +23,16 @@ def view(
         logs: Logs of the joint; those of its record's fit, if left out.
         output: Write the recording here, and do not open it.
     """
+    from sysid.cli.bars import working
+    from sysid.comparison.compare import compare
+
     printer = Printer(measurement.common)
-    found = read_logs(measurement, logs, printer, outputs={"--output": output}, films=True)
+    found = read_logs(measurement, logs, printer, outputs={"--output": output})
     path = output or found.space.outputs(found.record.name) / "view.rrd"
-    evidence = write_recording(path, found, printer)
-    printer.result(
-        {"board": found.record.name, "recording": str(path), "rmse_rad": evidence.comparison.rmse}, path
-    )
+    with working(printer):
+        result = compare(found.recordings, found.record)
+    write_recording(path, found, result)
+    printer.result({"board": found.record.name, "recording": path, "rmse_rad": result.rmse}, path)
     if output is None:
         # Its own process, so that the window stays when this command has ended.
         subprocess.Popen(
@@ -40,25 +43,10 @@ def view(
         )
 
 
-def write_recording(
-    path: Path, found: MeasuredLogs, printer: Printer, *, tolerance: float = 0.02
-) -> "Evidence":
-    """Compare a joint with its logs and write the recording of it."""
-    from reports.evidence import gather
+def write_recording(path: Path, found: MeasuredLogs, result: "Comparison") -> None:
+    """Write the recording of a joint that was compared with its logs."""
     from reports.page.summary import board_summary
     from reports.rerun.decay import comparison_recording
-    from reports.rerun.stream import need_rerun
-    from sysid.cli.bars import working
 
-    need_rerun()
-    with working(printer):
-        evidence = gather(
-            found.record, found.recordings, files=found.files, tolerance=tolerance, heldout=False
-        )
-    films = [
-        found.films[recording.roll.log].aligned(recording.releases[0].start)
-        for recording in found.recordings
-        if recording.roll.log in found.films
-    ]
-    comparison_recording(path, evidence, board_summary(evidence), films)
-    return evidence
+    summary = board_summary(found.record, found.files, result)
+    comparison_recording(path, found.record, found.recordings, result, summary)

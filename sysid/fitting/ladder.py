@@ -1,6 +1,5 @@
 """The ladder of models: the error with one effect more each time."""
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -42,14 +41,11 @@ def ladder(
     board: Board,
     effects: Sequence[str],
     options: FitOptions,
-    *,
-    heldout: bool = True,
 ) -> Iterator[Rung]:
     """Fit the linear joint, then the joint with one effect more each time.
 
     Args:
         effects: In the order in which they are added.
-        heldout: Whether to predict releases that are left out.
 
     Raises:
         SysidError: A model cannot be fitted; those before it have been returned.
@@ -61,7 +57,7 @@ def ladder(
         with stage(0.0, 0.6):
             fitted = fit_joint(releases, board, names, options_for(options, names, board))
         with stage(0.6, 1.0):
-            error = fitted.heldout_rmse() if heldout else math.nan
+            error = fitted.heldout_rmse()
         yield Rung(rung_name(added[:count]), fitted, error)
 
 

@@ -5,9 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
 VIDEO_SUFFIXES = frozenset(
     {".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".3gp", ".3g2", ".mts", ".m2ts"}
 )
@@ -58,7 +55,5 @@ class VideoOptions:
     """True frame rate [Hz], instead of the container's stamps (slow-motion films lie)."""
     overlay: Path | None = None
     """Film to write with the points drawn in; a contact sheet (.png) lands beside it."""
-    on_frame: Callable[[float, npt.NDArray[np.uint8]], None] | None = None
-    """Called with the time on the roll's clock [s] and the picture of each frame of the overlay."""
     progress: Callable[[str, float], None] | None = None
     """Called with the name and the share of the work done, frame by frame."""

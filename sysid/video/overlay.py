@@ -1,6 +1,5 @@
 """An annotated clip and a contact sheet: they show people the points that were followed."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -27,12 +26,10 @@ def draw_overlay(
     rows: Rows,
     path: Path,
     joined: tuple[tuple[int, int], ...] = (),
-    on_frame: Callable[[float, Picture], None] | None = None,
 ) -> None:
     """Write the clip with points, angle and trace drawn in, and `<path>.png` with some frames of it.
 
-    Each sample of the roll is from a row of the track, shape (m,). Lines are drawn between the points `joined`. `on_frame` is called
-    with the time of each frame on the roll's clock [s], and the frame as drawn.
+    Each sample of the roll is from a row of the track, shape (m,). Lines are drawn between the points `joined`.
 
     Raises:
         SysidError: The clip cannot be written.
@@ -45,7 +42,6 @@ def draw_overlay(
     frames = {int(index): row for row, index in enumerate(track.index)}
     chosen = {int(index) for index in np.linspace(0, len(track.index) - 1, SURVEY_FRAMES).round()}
     sheet: list[Picture] = []
-    shift = float(np.median(roll.time - track.time[rows]))
     with atomic_path(path) as temporary:
         writer = cv2.VideoWriter(str(temporary), cv2.VideoWriter.fourcc(*codec), roll.sampling_rate, size)
         if not writer.isOpened():
@@ -58,8 +54,6 @@ def draw_overlay(
                 picture = frame.colour
                 _annotate(picture, track.points[row], joined, roll, sample.get(row))
                 writer.write(picture)
-                if on_frame is not None:
-                    on_frame(float(track.time[row]) + shift, picture)
                 if row in chosen:
                     small = cv2.resize(picture, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
                     sheet.append(np.asarray(small, np.uint8))

@@ -14,9 +14,7 @@ from command_line import husky
 
 from sysid.cli import COMMANDS, EXIT_CODES, build_app, overview
 
-HEAVY = set(
-    ["numpy", "pandas", "scipy", "matplotlib", "casadi", "mujoco", "av", "cv2", "rerun", "torch", "control"]
-)
+HEAVY = set(["numpy", "pandas", "scipy", "matplotlib", "casadi", "mujoco", "av", "cv2", "rerun", "torch"])
 ROOT = Path(__file__).parents[2]
 
 

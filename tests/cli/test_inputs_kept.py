@@ -16,7 +16,6 @@ KEPT = {
     "roll --align": "roll LOG --align OTHER --output OTHER",
     "roll --output in the folder of a log": "roll FOLDER --output SAME",
     "decay --json": "decay LOG --board pink --json SAME",
-    "decay --rerun": "decay LOG --board pink --rerun SAME",
     "fit, the second log": "fit LOG OTHER --board pink --json OTHER",
     "fit --output": "fit OTHER --board pink --output LOG",
     "compare --rerun": "compare LOG --board pink --rerun SAME",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from decay_truth import Recipe, make_roll
 
-from reports.evidence import Evidence, LastDiagnosis, gather
+from reports.evidence import Evidence, LastDiagnosis
 from reports.page.page import Page, sliders
 from reports.playground import playground
 from sysid.board import BoardEffect
@@ -133,24 +133,12 @@ def test_a_slider_moves_the_law(pink, opened):
     assert shown[3] == "0.06 N·m"
 
 
-def test_effects_that_were_tried_get_sliders_and_buttons(pink):
+def test_the_effects_of_a_diagnosis_get_sliders_and_a_button(pink):
     board = with_effects(pink)
-    linear = {"stiffness": STIFF, "damping": DAMP, "rest_angle": 0.01}
-
-    def candidate(name, **own):
-        values = linear | {f"{name}.{key}": value for key, value in own.items()}
-        parameters = {key: {"value": value} for key, value in values.items()}
-        return {"effects": [name], "heldout_rmse_rad": 1e-3, "parameters": parameters}
-
-    best = candidate("coulomb", torque=0.12)
-    stribeck = candidate("stribeck", torque=0.1, static_torque=0.2, velocity=0.5)
-    candidates = [stribeck, best, candidate("lowpass", time_constant=0.001)]
-    diagnosis = LastDiagnosis({"verdict": {}, "best": best, "candidates": candidates}, is_current=True)
-    play = playground(gather(board, [recording(pink)], heldout=False), diagnosis)
-    labels = ["as it stood", "k and d refitted", "+ coulomb", "+ stribeck"]
-    assert [preset.label for preset in play.presets] == labels
-    assert play.presets[play.settings["begin"]].label == "+ coulomb"
-    assert [slider["label"] for slider in play.sliders][3:] == [
-        "dry friction: torque", "dry friction with stiction: torque",
-    ]  # fmt: skip
-    assert play.left_out == ("lowpass",)
+    values = {"stiffness": STIFF, "damping": DAMP, "rest_angle": 0.01, "coulomb.torque": 0.12}
+    best = {"effects": ["coulomb"], "parameters": {key: {"value": value} for key, value in values.items()}}
+    diagnosis = LastDiagnosis({"verdict": {}, "best": best, "candidates": [best]}, is_current=True)
+    play = playground(evidence_of(board, recording(pink)), diagnosis)
+    assert [preset.label for preset in play.presets] == ["as it stood", "+ coulomb"]
+    assert play.settings["begin"] == 1
+    assert [slider["label"] for slider in play.sliders][3:] == ["dry friction: torque"]

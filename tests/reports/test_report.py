@@ -114,18 +114,6 @@ def test_an_unwritable_place_is_said(space, tmp_path):
         called("report", "-b", "pink", "--workspace", space, "-o", tmp_path / "file" / "report.html")
 
 
-@pytest.mark.slow
-def test_one_page_is_one_page_as_pdf_and_png(space, tmp_path):
-    called("report", "-b", "pink", "--workspace", space, "--one-page", "-o", tmp_path / "sheet.html")
-    pdf = (tmp_path / "sheet.pdf").read_bytes()
-    assert len(re.findall(rb"/Type /Page\b", pdf)) == 1
-    assert (tmp_path / "sheet.png").read_bytes().startswith(b"\x89PNG")
-    if reader := shutil.which("pdftotext"):
-        text = subprocess.run([reader, tmp_path / "sheet.pdf", "-"], capture_output=True, text=True).stdout
-        for words in ("Does the model match? Yes", "coulomb: torque", "as it stood", "sha256", "mujoco"):
-            assert words in text
-
-
 def test_thinning_keeps_every_extreme():
     rng = np.random.default_rng(1)
     time = np.linspace(0, 600, 300_000)
