@@ -2,14 +2,12 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from reports.log_files import LogFile
 from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
-from sysid.diagnosis.signatures import LookAlikes, look_alikes
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.files import regular
@@ -42,7 +40,6 @@ class Evidence:
     """From spring and damper up to all effects of the board."""
     fit: JointFit | None = None
     """The last rung in full; None where the board's law cannot be fitted to these logs."""
-    look_alikes: LookAlikes | None = None
     warnings: tuple[str, ...] = ()
 
 
@@ -95,7 +92,7 @@ def gather(
     rungs: list[Rung] = []
     models = ladder(releases, board, names, options)
     try:
-        with stage(0.2, 0.8):
+        with stage(0.2, 1.0):
             for rung in models:
                 rungs.append(rung)
     except SysidError as error:
@@ -103,9 +100,6 @@ def gather(
     fit = rungs[-1].fit if len(rungs) == len(added) + 1 else None
     if fit is not None:
         warnings += fit.warnings
-    law, alike = compared.law if fit is None else fit.law, None
-    with stage(0.8, 1.0, "look-alikes"), suppress(SysidError):  # too little motion shows none
-        alike = look_alikes(releases, law, compared.noise.std, rate=compared.is_rate)
     return Evidence(
         board=board,
         files=tuple(files),
@@ -115,7 +109,6 @@ def gather(
         comparison=compared,
         ladder=tuple(rungs),
         fit=fit,
-        look_alikes=alike,
         # A new record has neither spring nor damper before its first fit: no law at all.
         stood=JointLaw.from_board(
             stood if stood and (stood.stiffness or stood.damping or stood.effects) else board

@@ -3,10 +3,9 @@
 from typing import TYPE_CHECKING
 
 from reports.evidence import Evidence
-from reports.figures.compare import BACKBONE, draw_backbone, draw_release
+from reports.figures.compare import draw_release
 from reports.figures.palette import REAL, SIM
 from reports.figures.svg import thin
-from sysid.comparison.compare import Comparison
 from sysid.text import display
 
 if TYPE_CHECKING:
@@ -35,16 +34,6 @@ def release_figure(evidence: Evidence, number: int) -> "Figure":
     top.set_ylabel(result.show.axis)
     bottom.set_ylabel(f"model - real [{result.show.unit.strip()}]")
     top.set_xlim(release.time[0], release.time[-1])
-    figure.align_ylabels()
-    return figure
-
-
-def backbone_figure(result: Comparison) -> "Figure":
-    """Draw period and damping ratio of each half swing against its amplitude."""
-    figure = small_figure(4.6)
-    for axes, what in zip(figure.subplots(2, 1, sharex=True), BACKBONE, strict=True):
-        draw_backbone(axes, result, what)
-    figure.axes[0].set_xlabel("")
     figure.align_ylabels()
     return figure
 

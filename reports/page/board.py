@@ -30,12 +30,11 @@ from reports.playground import playground
 from reports.story import release_name, story_of_board
 from sysid.board import Board
 from sysid.decay.report import inertia_share
-from sysid.diagnosis.signatures import ALIKE, LookAlikes
 from sysid.effects import effect
 from sysid.joint import JointLaw
-from sysid.quantity import SURE, Quantity, slide_unit
+from sysid.quantity import Quantity
 from sysid.shown import MOST_SHOWN
-from sysid.text import count, display, percent, short
+from sysid.text import count, display, percent
 from sysid.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -81,9 +80,6 @@ def board_report(
             page.section("Where it fails", *_where(evidence))
         unfitted = "The record holds no fit yet: its numbers come from its source."
         page.section("Fits so far", table(*history_table(board)) if board.history else paragraph(unfitted))
-        page.section("Effects that look alike", *_look_alikes(board, evidence))
-        if evidence is not None:
-            page.section("Backbone", _backbone(evidence))
         page.section("Check in the training scene", _check(board, files, provenance.space))
         if evidence is not None:
             page.section("The logs", _logs(evidence))
@@ -234,47 +230,6 @@ def _where(evidence: Evidence) -> list[str]:
     ]
 
 
-def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
-    own = {part.name for part in board.effects}
-    alike = None if evidence is None else evidence.look_alikes
-    if alike is None:
-        return [paragraph("Not computed: it takes logs with enough motion.")]
-    rows: list[tuple[str, ...]] = []
-    for i, name in enumerate(alike.names):
-        shown, others = f"{name}{' (in the law)' if name in own else ''}", alike.alike(name)
-        experiment = board.experiment(name) if others else ""
-        rows.append((shown, _weakest(alike, i, slides=board.slides), ", ".join(others) or "-", experiment))
-    twins = {tuple(sorted((name, other))) for name in alike.names for other in alike.alike(name)}
-    pairs = (
-        f"{count(len(twins), 'pair')} of effects cannot be told apart"
-        if twins
-        else "no two effects look the same"
-    )
-    return [
-        paragraph(
-            f"In these releases {pairs}. Effects look the same from a cosine of {ALIKE} between their signatures on. The second "
-            "column has the weakest strength that stands out of the noise."
-        ),
-        table(("effect", "weakest that would show here", "looks like", "experiment that tells"), rows),
-    ]
-
-
-def _weakest(alike: LookAlikes, index: int, *, slides: bool) -> str:
-    """Return the strength at which an effect would be seen: its signature is taken as proportional to it."""
-    share = SURE / float(alike.visibility[index])
-    parameters = effect(alike.names[index]).parameters
-    if parameters[0].neutral != 0.0:  # an end stop or a support does not grow with its first parameter
-        return "shows here" if share < 1 else "does not show here"
-    # A friction may be stiction or load friction alone: its first parameter is zero then.
-    strength = alike.strength[index]
-    name, unit = next(((p.name, p.unit) for p in parameters if strength[p.name]), ("", ""))
-    if not name:
-        return "does not show here"
-    unit, weakest = slide_unit(unit) if slides else unit, abs(strength[name]) * share
-    number = f"{weakest:,.0f}" if weakest >= 100 else short(weakest)
-    return pretty(f"{name.replace('_', ' ')} {number} {unit.replace('*', '·')}")
-
-
 def _diagnosis(diagnosis: LastDiagnosis | None, own: set[str]) -> list[str]:
     """Return the last diagnosis in words; of a record before the present one, as the history that it is."""
     if diagnosis is None:
@@ -289,16 +244,6 @@ def _diagnosis(diagnosis: LastDiagnosis | None, own: set[str]) -> list[str]:
     if found.get("next_experiment") and not own.issuperset(found["effects"] or ["-"]):
         parts.append(paragraph(f"Next experiment: {found['next_experiment']}"))
     return parts
-
-
-def _backbone(evidence: Evidence) -> str:
-    result = evidence.comparison
-    if not len(result.measured_backbone.amplitude):
-        return paragraph("Too few swings stand clear of the noise.")
-    caption = (
-        "Each point is one half swing. A linear joint has the same period and damping at each amplitude."
-    )
-    return _figure(board_figures.backbone_figure(result), "backbone", caption)
 
 
 def _check(board: Board, files: "Sequence[LogFile]", space: Workspace) -> str:

@@ -56,7 +56,7 @@ COMMANDS = {
             "fit swing.csv --model robot.xml --joint knee --effect coulomb",
         ),
         "any_joint.md",
-        f"{JOINT} {COLUMNS} --effect --fix --profile --in-scene --output {OUTPUT}",
+        f"{JOINT} {COLUMNS} --effect --fix --profile --output {OUTPUT}",
     ),
     "compare": Command(
         "Compare simulated with measured: how far off, and where.",
@@ -157,9 +157,9 @@ COMMANDS = {
     ),
     "live": Command(
         "Read a phone while the board rocks; k and d after each release.",
-        ("live --board pink --phone 192.168.0.42:8080", "live --board pink --watch logs"),
+        ("live --board pink --phone 192.168.0.42:8080",),
         "tutorial.md",
-        f"--phone --watch --releases {JOINT} {COLUMNS} {OUTPUT}",
+        f"--phone --releases {JOINT} {COLUMNS} {OUTPUT}",
     ),
     "marker": Command(
         "Print a page with markers for films, and how to fix and film them.",

@@ -2,18 +2,14 @@
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
-from sysid.decay.report import LABELS
 from sysid.errors import SysidError
 from sysid.quantity import Quantity
 from sysid.text import count
 from sysid.workspace import Workspace
-
-if TYPE_CHECKING:
-    from sysid.free_decay import DecayNumbers
 
 
 def boards(name: str | None = None, /, *, common: Common = Common()) -> None:
@@ -40,9 +36,6 @@ def _list(space: Workspace, printer: Printer) -> None:
             errors.append(str(error))
     head = ("board", "k [N·m/rad]", "d [N·m·s/rad]", "I [kg·m²]", "ζ", "f [Hz]", "effects", "from", "check")
     printer.table(head, [_row(board) for board in records])
-    for board in records:
-        if line := derivation_line(board):
-            printer.say(line)
     printer.result({"boards": [summary(space, board) for board in records], "errors": errors})
 
 
@@ -72,12 +65,11 @@ def _show(space: Workspace, name: str, printer: Printer) -> None:
         "range, to either side": board.tilt["range"],
         "roll inertia I": board.inertia,
     }
-    numbers = derivation(board)
     effects = {f"{part.name}: {key}": one for part in board.effects for key, one in part.parameters.items()}
     for title, quantities in {
         "tilt joint": joint,
         "measured decay": board.decay,
-        "derived from it": {LABELS[key]: one for key, one in numbers.items()} if numbers else {},
+        "published": board.published,
         "effects beyond spring and damper": effects,
         "geometry": board.geometry,
         "rolling": board.rolling,
@@ -86,8 +78,6 @@ def _show(space: Workspace, name: str, printer: Printer) -> None:
         if quantities:
             rows = [(key.replace("_", " "), one) for key, one in quantities.items()]
             printer.quantities(rows, title)
-    if line := derivation_line(board):
-        printer.say(line)
     for title, content in (("fit", board.fit), ("check", board.last_check)):
         if content:
             printer.table(("field", "value"), [(key, _told(value)) for key, value in content.items()], title)
@@ -106,38 +96,6 @@ def show_history(board: Board, printer: Printer) -> None:
 
     printer.table(*history_table(board), "history")
     printer.say("held out: error on a release (or the second half of a single one) that the fit did not see")
-
-
-def derivation(board: Board) -> "DecayNumbers | None":
-    """Return the numbers from the record's period and peaks, if it has them."""
-    if not board.decay:
-        return None
-    from sysid.free_decay import decay_from_peaks
-
-    return decay_from_peaks(
-        board.decay["period"], board.decay["first_peak"], board.decay["second_peak"], board.inertia
-    )
-
-
-def derivation_line(board: Board) -> str:
-    """Return derived k and d to the digits of the source, with the published numbers."""
-    numbers = derivation(board)
-    if numbers is None:
-        return ""
-    data = board.decay
-    line = (
-        f"{board.name}: T = {data['period'].value:g} s, peaks {data['first_peak'].value:g} → "
-        f"{data['second_peak'].value:g} rad, I = {board.inertia.value:g} kg·m² give "
-        f"k = {numbers.stiffness.value:.3f} N·m/rad, d = {numbers.damping.value:.4f} N·m·s/rad"
-    )
-    if board.published:
-        k, d = board.published["stiffness"].value, board.published["damping"].value
-        # Both are proportional to the inertia; rounding by the source moves them by less than this.
-        ratios = (k / numbers.stiffness.value, d / numbers.damping.value)
-        rounded = any(abs(ratio - 1) < 0.001 for ratio in ratios)
-        why = "rounded on the way" if rounded else "for another roll inertia"
-        line += f" (printed there, {why}: {k:.3f}, {d:.3f})"
-    return line
 
 
 def _swing(board: Board) -> tuple[float | None, float | None]:
@@ -171,7 +129,6 @@ def verdict(board: Board) -> str:
 
 def summary(space: Workspace, board: Board) -> dict[str, Any]:
     """Return the table as data."""
-    numbers = derivation(board)
     path = space.board_path(board.name)
     ratio, frequency = _swing(board)
     return {
@@ -190,7 +147,6 @@ def summary(space: Workspace, board: Board) -> dict[str, Any]:
         "checked": bool(board.last_check),
         "passed": board.passed,
         "decay": board.decay,
-        "derivation": numbers.to_json() if numbers else None,
         "published": board.published,
     }
 

@@ -80,11 +80,11 @@ def _read(path: Path, rest: float, free: float) -> "RollOut":
 
 def _columns(path: Path) -> "dict[str, Array]":
     try:
-        head, *lines = regular(path).read_text(encoding="utf-8").splitlines()
-        numbers = np.array([[float(cell) for cell in line.split(",")] for line in lines if line.strip()])
-    except (OSError, UnicodeDecodeError, ValueError) as error:
+        with regular(path).open(encoding="utf-8") as file:
+            names = [name.strip() for name in file.readline().split(",")]
+            numbers = np.loadtxt(file, delimiter=",", ndmin=2)
+    except (OSError, ValueError) as error:
         raise SysidError(f"{path}: cannot be read as numbers under a line of names ({error}).") from error
-    names = [name.strip() for name in head.split(",")]
-    if numbers.ndim != 2 or numbers.shape[1] != len(names) or not np.all(np.isfinite(numbers)):
+    if numbers.shape[1] != len(names) or not np.all(np.isfinite(numbers)):
         raise SysidError(f"{path}: expected a finite number for each of {', '.join(names)} in every line.")
     return dict(zip(names, numbers.T, strict=True))

@@ -42,9 +42,6 @@ class FitArguments:
     """Use the record's value and standard deviation of a parameter as a prior; repeat it for several."""
     plain: bool = False
     """Drop the effects of the record."""
-    in_scene: bool = False
-    """Compensate the training scene too, so that it decays like the board. It has implicitfast at 5 ms, wheels on the
-    ground, and equality coupling."""
     profile: bool = False
     """Compute profile-likelihood intervals too; they may be asymmetric."""
     bootstrap: int = 0
@@ -86,11 +83,9 @@ def fit(
         from sim.model.soft_friction import soft_friction_warning
 
         printer.warnings(soft_friction_warning(result.joint, slides=record.slides))
-    new, text, scene = _described(result, found, model, printer)
+    new, text = _described(result, found, printer)
     printer.say(text)
     intervals = _intervals(result.joint, found.record, model, printer)
-    for line in scene.lines() if scene else ():
-        printer.say(line)
     missing = result.joint.excess > TOLERANCE
     why, verb = ("find the missing effect", "diagnose") if missing else ("check it in MuJoCo", "check")
     printer.say(found.next_step(why, verb))
@@ -101,8 +96,7 @@ def fit(
         written += copies
     # The record is saved last: a failure before leaves it unchanged.
     printer.written(measurement.subject.save(new, found.record, common), *written)
-    entry = {"in_scene": scene.entry()} if scene else {}
-    printer.result({**result.to_json(), **intervals, **entry})
+    printer.result({**result.to_json(), **intervals})
     if unwritten is not None:
         raise unwritten
 
@@ -145,29 +139,20 @@ def _fitted(
     return found, result
 
 
-def _described(
-    result: "Fit", found: MeasuredLogs, model: FitArguments, printer: Printer
-) -> "tuple[Board, str, Any]":
-    """Return the new record, the report, and the compensation of the training scene, if asked for."""
+def _described(result: "Fit", found: MeasuredLogs, printer: Printer) -> tuple[Board, str]:
+    """Return the new record, and the report."""
     from sysid.cli.bars import working
     from sysid.progress import stage
 
-    scene = None
     with working(printer):
-        with stage(0.0, 0.3, "held-out error"):
+        with stage(0.0, 0.5, "held-out error"):
             logs = [file.found for file in found.files if file.found]
             new = result.updated_board({found.space.named(log): log for log in logs})
         if read := found.space.reading:
             new = replace(new, fit={**new.fit, "reading": shlex.join(read)})
-        if model.in_scene:
-            from sim.compensation.scene import compensate
-
-            with stage(0.3, 0.6, "in the scene"):
-                scene = compensate(new, "in-scene")
-            new = replace(new, fit={**new.fit, "in_scene": scene.entry()})
-        with stage(0.6, 1.0, "simpler models"):
+        with stage(0.5, 1.0, "simpler models"):
             text = result.report(printer.width)
-    return new, text, scene
+    return new, text
 
 
 def _intervals(fit: "JointFit", board: Board, model: FitArguments, printer: Printer) -> dict[str, Any]:

@@ -65,28 +65,25 @@ def mjcf(
         printer.warn(f"{line}. The unloaded decay of this file is {error}.")
     if done.decay_error > TOLERANCE and not made.substitutes:
         printer.warn(f"the unloaded decay of this {kind} is {error}. {_why(made, kind, coupling)}")
-    printer.result(_json(made, board, str(output), kind))
-
-
-def _json(made: "Mjcf", board: str, file: str, kind: str) -> dict[str, object]:
-    done = made.compensation
-    return {
-        "board": board,
-        "file": file,
-        "kind": kind,
-        "export": made.export,
-        "substitutes": list(made.substitutes),
-        "timestep_s": done.timestep,
-        "integrator": done.integrator,
-        "written": {
-            "stiffness_nm_rad": done.board.stiffness,
-            "damping_nms_rad": done.board.damping,
-            "inertia_kgm2": done.board.inertia.value,
-        },
-        "decay_nrmse": done.decay_error,
-        "decay_nrmse_uncompensated": done.decay_error_before,
-        "static_stiffness_error": done.static_error,
-    }
+    printer.result(
+        {
+            "board": board,
+            "file": output,
+            "kind": kind,
+            "export": made.export,
+            "substitutes": made.substitutes,
+            "written": {
+                "stiffness_nm_rad": done.board.stiffness,
+                "damping_nms_rad": done.board.damping,
+                "inertia_kgm2": done.board.inertia.value,
+            },
+            "timestep_s": done.timestep,
+            "integrator": done.integrator,
+            "decay_nrmse": done.decay_error,
+            "decay_nrmse_uncompensated": done.decay_error_before,
+            "static_stiffness_error": done.static_error,
+        }
+    )
 
 
 def _why(made: "Mjcf", kind: str, coupling: str) -> str:

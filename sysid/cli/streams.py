@@ -1,17 +1,11 @@
 """Standard streams and termination signals of a command."""
 
-import codecs
 import io
 import os
 import signal
 import sys
 from types import FrameType
 
-WORDS = {
-    "·": "*", "×": "x", "±": "+-", "²": "^2", "−": "-", "→": "->", "✓": "ok:", "✗": "no:", "°": " deg", "≤": "<=",
-    "≥": ">=", "…": "...", "\u0307": "'", "\u0308": "''",
-}  # fmt: skip
-"""ASCII spellings; the last two are combining dots, for derivatives."""
 AGAIN = 1.0
 """Time after which a command that still runs after a signal is interrupted again [s]."""
 _received: list[int] = []
@@ -47,14 +41,13 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def open_streams() -> None:
-    """Let standard output and error accept every character: those outside their encoding are spelled in ASCII."""
-    codecs.register_error("spelled", _spell)
+    """Let standard output and error accept every character: those outside their encoding become question marks."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:  # closed by the shell, as `>&-` does
             setattr(sys, name, open(os.devnull, "w"))  # noqa: PTH123, SIM115  as long as the process
         elif isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="spelled")
+            stream.reconfigure(errors="replace")
 
 
 def drop_output() -> None:
@@ -68,23 +61,3 @@ def drop_output() -> None:
 def one_line(text: str) -> str:
     """Return a message on one line; line ends and control characters, from a damaged file, become blanks."""
     return "".join(sign if sign.isprintable() else " " for sign in text)
-
-
-def _spell(error: UnicodeError) -> tuple[str, int]:
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    return "".join(map(_word, error.object[error.start : error.end])), error.end
-
-
-def _word(sign: str) -> str:
-    """Return a character in ASCII: 'omega' for ω, '|' for a line of a table, '?' for unknown ones."""
-    import unicodedata
-
-    if "\u2500" <= sign <= "\u257f":
-        return {"─": "-", "━": "-", "═": "-", "│": "|", "┃": "|", "║": "|"}.get(sign, "+")
-    name = unicodedata.name(sign, "")
-    if name.startswith("GREEK"):
-        word = name.split("LETTER ")[-1].split(" ")[0].lower()
-        return word.capitalize() if "CAPITAL" in name else word
-    plain = unicodedata.normalize("NFKD", sign).encode("ascii", "ignore").decode()
-    return WORDS.get(sign) or plain or "?"

@@ -43,8 +43,6 @@ class Session:
     """A measurement that grows."""
 
     board: Board
-    grows: bool = False
-    """Whether the log is still being written."""
     releases: list[Release] = field(default_factory=list[Release])
     """The free decays that have ended."""
     decay: FreeDecay | None = None
@@ -55,9 +53,7 @@ class Session:
 
     def take(self, recordings: Sequence[Recording]) -> dict[int, Release]:
         """Take all logs read so far, and return the releases that have ended since, by their numbers."""
-        found = [
-            r for recording in recordings for r in (_ended(recording) if self.grows else recording.releases)
-        ]
+        found = [release for recording in recordings for release in _ended(recording)]
         known = {(release.log, round(release.start, 1)) for release in self.releases}
         new = {
             number: release

@@ -27,7 +27,7 @@ def draw_overlay(
     path: Path,
     joined: tuple[tuple[int, int], ...] = (),
 ) -> None:
-    """Write the clip with points, angle and trace drawn in, and `<path>.png` with some frames of it.
+    """Write the clip with points [px], angle and trace drawn in, and `<path>.png` with some frames of it.
 
     Each sample of the roll is from a row of the track, shape (m,). Lines are drawn between the points `joined`.
 

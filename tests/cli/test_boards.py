@@ -201,12 +201,9 @@ def test_workspace_record_comes_before_the_shipped_one(tmp_path: Path, pink: Boa
         space.load_board("red")
 
 
-def test_boards_lists_the_derivation(tmp_path: Path) -> None:
+def test_boards_lists_their_numbers(tmp_path: Path) -> None:
     result = husky("boards", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    assert "k = 34.850 N·m/rad, d = 0.5400 N·m·s/rad" in result.stdout
-    assert "k = 14.684 N·m/rad, d = 0.4022 N·m·s/rad" in result.stdout
-    assert "34.835, 0.540" in result.stdout
     assert "I [kg·m²]" in result.stdout
     content = json.loads(husky("boards", "--json", "-", cwd=tmp_path).stdout)
     assert [board["board"] for board in content["boards"]] == ["black", "pink"]

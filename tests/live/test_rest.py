@@ -16,7 +16,7 @@ EVERY = 0.2
 
 def shown(export, folder, board, count):
     """When each of some releases had its numbers, and how often the log was read [s of the phone]."""
-    session, rest, times, reads = Session(board, grows=True), Rest(), [], 0
+    session, rest, times, reads = Session(board), Rest(), [], 0
     with recorded_phone(export, step=EVERY) as (served, address):
         phone = Phone(address, folder)
         phone.connect()
