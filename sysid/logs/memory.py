@@ -10,6 +10,7 @@ import numpy.typing as npt
 from sysid.errors import SysidError
 from sysid.logs.sources.registry import LENGTHS
 from sysid.logs.table.file import LogFile, held
+from sysid.logs.table.frame import columns_of_frame
 from sysid.logs.table.names import parse_unit, unit_kind
 from sysid.roll import Array
 
@@ -57,7 +58,7 @@ def table_of_arrays(
 
 
 def table_of_frame(frame: object, name: str) -> LogFile:
-    """Return the columns of a data frame as a table; an index that is no plain count is a column too.
+    """Return the columns of a data frame as a table.
 
     Raises:
         SysidError: It is no data frame, or holds no numbers.
@@ -66,21 +67,7 @@ def table_of_frame(frame: object, name: str) -> LogFile:
 
     if not isinstance(frame, pd.DataFrame):
         raise SysidError(f"from_dataframe takes a pandas DataFrame; this is a {type(frame).__name__}.")
-    if not isinstance(frame.index, pd.RangeIndex):
-        index = frame.index.name or "time"
-        frame = frame.reset_index(names=str(index))
-    columns: dict[str, Array] = {}
-    units: dict[str, str] = {}
-    for label in frame.columns:
-        content = frame[label]
-        if pd.api.types.is_datetime64_any_dtype(content) or pd.api.types.is_timedelta64_dtype(content):
-            columns[str(label)] = ((content - content.iloc[0]) / pd.Timedelta(seconds=1)).to_numpy(np.float64)
-            units[str(label)] = "s"
-        elif pd.api.types.is_numeric_dtype(content):
-            columns[str(label)] = content.to_numpy(np.float64, na_value=np.nan)
-    if not columns:
-        raise SysidError(f"no column of the data frame holds numbers: {', '.join(map(str, frame.columns))}.")
-    return _table(columns, units, name)
+    return _table(*columns_of_frame(frame), name)
 
 
 def _column(values: npt.ArrayLike | None, name: str) -> Array:

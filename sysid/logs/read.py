@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.logs.formats.own_clock import with_own_clocks, with_whole_clock
+from sysid.logs.formats.own_clock import with_whole_clock
 from sysid.logs.formats.registry import open_log
 from sysid.logs.sources.registry import Reading, choose_source
 from sysid.logs.table.choose import Choice, columns_of, find_column
@@ -57,7 +57,7 @@ def roll_of_table(table: LogFile, options: LogOptions) -> Roll:
     Raises:
         SysidError: They hold no roll, or too little to be a measurement.
     """
-    path, log = table.path, with_own_clocks(with_whole_clock(table))
+    path, log = table.path, with_whole_clock(table)
     time, columns = columns_of(log, options)
     source, choice = choose_source(log, columns, time, options)
     also = [find_column(log, name, columns, "--input").name for name in options.also]
@@ -69,9 +69,7 @@ def roll_of_table(table: LogFile, options: LogOptions) -> Roll:
         clock, cleaned = _clean(choice, time, data, options)
         if source.unwrap is not None:
             first = choice.columns[0]
-            choice, clock.columns[first], kept = source.unwrap(choice, clock.columns[first])
-            if kept is not None:
-                clock.select(kept)
+            choice, clock.columns[first] = source.unwrap(choice, clock.columns[first])
         if not options.keep_outliers:
             motion = {name: clock.columns[name] for name in choice.columns[: source.moving]}
             kept, outliers = measured_motion(motion, clock.time, choice.unit, rates=source.quantity == "rate")

@@ -1,7 +1,6 @@
 """Files of a few kilobytes that ask for gigabytes, and others whose reader would end the process, get one line."""
 
 import struct
-import zlib
 
 import numpy as np
 import pytest
@@ -11,12 +10,11 @@ from sysid.logs import read_roll
 
 
 def test_a_matlab_file_that_unpacks_to_gigabytes(tmp_path):
-    pack = zlib.compressobj()
-    zeros = bytes(1 << 24)
-    data = b"".join(pack.compress(zeros) for _ in range(70)) + pack.flush()
-    head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
     path = tmp_path / "log.mat"
-    path.write_bytes(head + struct.pack("<II", 15, len(data)) + data)
+    pytest.importorskip("scipy.io").savemat(path, {"roll": np.zeros(9)})
+    data = bytearray(path.read_bytes())
+    struct.pack_into("<II", data, 160, 1, 1 << 30)  # the array's size, behind its tag and flags
+    path.write_bytes(data)
     with pytest.raises(SysidError, match="unpacks to more than 1 GiB"):
         read_roll(path)
 
@@ -30,17 +28,6 @@ def test_a_parquet_file_of_a_billion_equal_rows(tmp_path):
             writer.write_table(part)
     assert path.stat().st_size < 1 << 20
     with pytest.raises(SysidError, match="unpacks to more than 1 GiB"):
-        read_roll(path)
-
-
-@pytest.mark.parametrize("compression", ["zstd", "lz4", ""])
-def test_an_mcap_chunk_that_says_it_is_huge(tmp_path, compression):
-    pytest.importorskip("mcap")
-    name = compression.encode()
-    body = struct.pack("<QQQII", 0, 0, 1 << 40, 0, len(name)) + name + struct.pack("<Q", 4) + bytes(4)
-    path = tmp_path / "log.mcap"
-    path.write_bytes(b"\x89MCAP0\r\n" + b"\x06" + struct.pack("<Q", len(body)) + body)
-    with pytest.raises(SysidError, match=r"unpacks to more than 1 GiB|damaged MCAP"):
         read_roll(path)
 
 

@@ -41,10 +41,8 @@ def texts(row):
 ANGLES = {
     "records": RECORDS,
     "columns": {"time_s": SECONDS, "roll_deg": DEG},
-    "pandas split": {"columns": ["time_s", "roll_deg"], "index": list(range(len(TIME))), "data": PAIRS},
     "pandas columns": {key: {str(k): row[key] for k, row in enumerate(RECORDS)} for key in RECORDS[0]},
     "in data": {"device": "a", "rate": 100, "data": RECORDS},
-    "rows below names": [["time_s", "roll_deg"], *PAIRS],
     "nested": [{"ts": 1.7e9 + t, "imu": {"roll_deg": v, "ok": True}} for t, v in PAIRS],
     "dates": [{"time": f"2024-05-01T10:22:{30 + t:06.3f}Z", "roll_deg": v} for t, v in PAIRS],
     "texts": [{"time_s": str(t), "roll_deg": str(v)} for t, v in PAIRS],

@@ -1,11 +1,10 @@
-"""Angles that begin again after a whole turn: their unit, and jumps that resampling has spread."""
+"""Angles that begin again after a whole turn, and the unit that this gives away."""
 
 import numpy as np
 import pytest
 from rocking import rocking, write_csv
 
 from sysid.logs import read_roll
-from sysid.logs.sources.wraps import find_wraps, unit_by_wraps
 
 TIME = np.arange(0, 9, 0.01)
 TURN = {"deg": 360.0, "rad": 2 * np.pi}
@@ -27,24 +26,10 @@ def test_a_wrap_gives_the_unit_away(tmp_path, unit, name):
     assert not any("unit" in text for text in read.warnings)
 
 
-@pytest.mark.parametrize(
-    ("unit", "rate", "rest"), [("deg", 73.0, -176), ("rad", 130.0, 178), ("deg", 237.0, 178)]
-)
-def test_resampled_wraps_leave_no_sample_within_the_jump(tmp_path, unit, rate, rest):
-    roll, angle = wrapped(unit, rest, seed=3)
-    time = np.arange(0, 8.9, 1 / rate)
-    path = write_csv(tmp_path / "log.csv", ("time_s", "roll"), time, np.interp(time, TIME, angle))
-    read = read_roll(path)
-    true = np.interp(read.time, TIME, roll)
-    assert len(read.time) > 0.95 * len(time)
-    assert np.abs(read.roll - true - np.median(read.roll - true)).max() < np.radians(1.5)
-    assert any("within the jumps left out" in text for text in read.notes)
-
-
 @pytest.mark.parametrize(("rate", "amplitude"), [(12.0, 130.0), (20.0, 175.0), (50.0, 150.0)])
-def test_a_swing_through_most_of_a_turn_is_no_wrap(rate, amplitude):
-    angle = np.degrees(
-        rocking(np.arange(0, 9, 1 / rate), amplitude=np.radians(amplitude), omega=2 * np.pi)[0]
-    )
-    assert len(find_wraps(angle, 360.0)[0]) == 0
-    assert unit_by_wraps(angle) is None
+def test_a_swing_through_most_of_a_turn_is_no_wrap(tmp_path, rate, amplitude):
+    time = np.arange(0, 9, 1 / rate)
+    angle = np.degrees(rocking(time, amplitude=np.radians(amplitude), omega=2 * np.pi)[0])
+    read = read_roll(write_csv(tmp_path / "log.csv", ("time_s", "roll"), time, angle))
+    assert np.ptp(read.roll) == pytest.approx(np.radians(np.ptp(angle)), rel=1e-6)
+    assert not any("wrapped" in text for text in read.notes)

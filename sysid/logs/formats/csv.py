@@ -1,18 +1,17 @@
 """Text tables in any dialect: the head tells the dialect, numpy reads the rest."""
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.logs.formats import dialect
-from sysid.logs.formats.long_table import by_sensor, sensor_column
+from sysid.logs.formats.json_text import SENSOR, log_of_records
 from sysid.logs.formats.registry import Format, refuse_larger
+from sysid.logs.formats.tables import VALUE
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import of_sensor
 from sysid.roll import Array
@@ -55,7 +54,7 @@ class TextTable:
             # missing cells, units in the cells, thousands, words between the rows: slower, cell by cell
             columns = self._by_rows(wanted)
         return {
-            self.names[index]: seconds_of(columns[index])
+            self.names[index]: dialect.seconds_of(columns[index])
             if index in dates
             else np.asarray(columns[index], dtype=np.float64)
             for index in wanted
@@ -95,7 +94,7 @@ class TextTable:
         rows: list[list[Any]] = []
         words: list[str] = []
         cut = ""
-        for number, cells in self._cells():
+        for number, cells in self.cells():
             if cut:  # a log may be cut in its last row, and no other
                 raise SysidError(f"{self.path}: {cut}")
             row = [self._value(cells, index) for index in wanted]
@@ -118,18 +117,13 @@ class TextTable:
             raise SysidError(f"{self.path}: {words[0]}")
         return dict(zip(wanted, zip(*rows, strict=True), strict=True))
 
-    def _cells(self) -> Iterator[tuple[int, list[str]]]:
+    def cells(self) -> Iterator[tuple[int, list[str]]]:
         """Yield the number of each line that is no comment, from the first row on, and its cells."""
         with self.path.open(encoding=self.encoding, errors="replace") as file:
             for number, line in enumerate(file, 1):
                 said = self.comment and line.lstrip().startswith(self.comment)
                 if number > self.skip and not said and line.strip():
                     yield number, dialect.split_line(line.rstrip("\n"), self.delimiter)
-
-    def texts(self, name: str) -> npt.NDArray[np.str_]:
-        """Return a column as it is written, shape (n,), without unit."""
-        index = self.names.index(name)
-        return np.array([cells[index] if index < len(cells) else "" for _, cells in self._cells()])
 
     def _value(self, cells: Sequence[str], index: int) -> Any:
         """Return a number, NaN where it is missing, the text of a date, or None where it is neither."""
@@ -184,46 +178,15 @@ def open_csv(path: Path) -> LogFile:
         path=path, names=names, delimiter=delimiter, decimal=decimal, encoding=encoding, width=cells, skip=skip,
         comment=comment and comment[0], dates=dates, stamped=stamped,
     )  # fmt: skip
-    log = LogFile(
+    if any(
+        name.lower() in SENSOR and not all(dialect.is_number(cell, decimal) for cell in column)
+        for name, column in zip(names, columns, strict=True)
+    ) and any(name.lower() in VALUE or len(name) == 1 for name in names):
+        return log_of_records(path, [dict(zip(names, row, strict=False)) for _, row in table.cells()])
+    return LogFile(
         path=path, names=names, units={name: unit for name, unit in known.items() if unit}, dates=dates,
         notes=tuple(notes), read=table.read,
     )  # fmt: skip
-    sensor = sensor_column(names)
-    if sensor is None or all(dialect.is_number(cell, decimal) for cell in columns[names.index(sensor)]):
-        return log
-    return by_sensor(path, log, table.texts(sensor), sensor)
-
-
-def seconds_of(texts: Sequence[Any]) -> Array:
-    """Return dates or times of day, n texts of which some may be missing, as time since the first [s], shape (n,)."""
-    import pandas as pd
-
-    clean = pd.Series(list(texts), dtype="str").str.strip()
-    clean = clean.str.replace(r"(?<=\d),(?=\d)", ".", regex=True)
-    first = next((match for text in clean if (match := dialect.DATE.fullmatch(str(text)))), None)
-    day = (first and first[1]) or ""
-    if not day:
-        stamps = _time_of_day(clean.str.lower())
-    elif re.match(r"\d{4}-\d\d-", day):
-        stamps = pd.to_datetime(clean, errors="coerce", utc=True, format="ISO8601")
-    else:
-        fields = clean.str.extract(r"^(\d{1,2})\D(\d+)").astype(float)
-        # Only differences count: where no day is beyond 12, the usual order of that sign will do.
-        day_first = "." in day if (fields <= 12).all(axis=None) else bool((fields[0] > 12).any())
-        stamps = pd.to_datetime(clean, errors="coerce", utc=True, format="mixed", dayfirst=day_first)
-    return ((stamps - stamps.dropna().iloc[0]) / pd.Timedelta(seconds=1)).to_numpy(dtype=np.float64)
-
-
-def _time_of_day(texts: Any) -> Any:
-    """Return times of day as time deltas: 14:05:00.5, 2:05:00 pm, or minutes and seconds 05:00.5."""
-    import pandas as pd
-
-    after, half = texts.str.endswith("pm"), texts.str.endswith("m")
-    clock = texts.str.rstrip("apm ")
-    short = clock.str.count(":") < 2
-    clock = clock.where(~short, clock + ":00" if half.any() else "00:" + clock)
-    time, noon = pd.to_timedelta(clock, errors="coerce"), pd.Timedelta(hours=12)
-    return time.where(~half, time % noon + after.astype(int) * noon)
 
 
 FORMAT = Format(name="text table", order=9, sniff=lambda path, head: True, open=open_csv)

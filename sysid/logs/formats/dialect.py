@@ -6,10 +6,14 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from sysid.errors import SysidError
 from sysid.logs.table.clock import MIN_SAMPLES
 from sysid.logs.table.names import parse_unit
+from sysid.roll import Array
 
 HEAD_BYTES = 65_536
 """Bytes of the beginning that tell how a file is written: a choice, a hundred times a logger's header."""
@@ -266,3 +270,35 @@ def is_number(cell: str, decimal: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def seconds_of(texts: Sequence[Any]) -> Array:
+    """Return dates or times of day, n texts of which some may be missing, as time since the first [s], shape (n,)."""
+    import pandas as pd
+
+    clean = pd.Series(list(texts), dtype="str").str.strip()
+    clean = clean.str.replace(r"(?<=\d),(?=\d)", ".", regex=True)
+    first = next((match for text in clean if (match := DATE.fullmatch(str(text)))), None)
+    day = (first and first[1]) or ""
+    if not day:
+        stamps = _time_of_day(clean.str.lower())
+    elif re.match(r"\d{4}-\d\d-", day):
+        stamps = pd.to_datetime(clean, errors="coerce", utc=True, format="ISO8601")
+    else:
+        fields = clean.str.extract(r"^(\d{1,2})\D(\d+)").astype(float)
+        # Only differences count: where no day is beyond 12, the usual order of that sign will do.
+        day_first = "." in day if (fields <= 12).all(axis=None) else bool((fields[0] > 12).any())
+        stamps = pd.to_datetime(clean, errors="coerce", utc=True, format="mixed", dayfirst=day_first)
+    return ((stamps - stamps.dropna().iloc[0]) / pd.Timedelta(seconds=1)).to_numpy(dtype=np.float64)
+
+
+def _time_of_day(texts: Any) -> Any:
+    """Return times of day as time deltas: 14:05:00.5, 2:05:00 pm, or minutes and seconds 05:00.5."""
+    import pandas as pd
+
+    after, half = texts.str.endswith("pm"), texts.str.endswith("m")
+    clock = texts.str.rstrip("apm ")
+    short = clock.str.count(":") < 2
+    clock = clock.where(~short, clock + ":00" if half.any() else "00:" + clock)
+    time, noon = pd.to_timedelta(clock, errors="coerce"), pd.Timedelta(hours=12)
+    return time.where(~half, time % noon + after.astype(int) * noon)

@@ -1,4 +1,4 @@
-"""JSON in the shapes that tables are written in: records, columns, rows beside their names, a line for each record, sensors apart."""
+"""JSON in the shapes that loggers write: records, columns, a line for each record, sensors apart."""
 
 import json
 import re
@@ -10,8 +10,6 @@ import numpy as np
 
 from sysid.errors import SysidError
 from sysid.logs.formats import dialect
-from sysid.logs.formats.csv import seconds_of
-from sysid.logs.formats.long_table import SENSOR, by_sensor
 from sysid.logs.formats.registry import MAX_UNPACKED, Format
 from sysid.logs.formats.tables import MOTION, merge_logs, motion_first
 from sysid.logs.table.clock import MIN_SAMPLES
@@ -19,6 +17,8 @@ from sysid.logs.table.file import LogFile, held
 from sysid.roll import Array
 
 Table = dict[str, list[Any]]
+SENSOR = ("sensor", "topic", "variable", "name")
+"""Fields that say which sensor a record is of."""
 
 
 def open_json(path: Path) -> LogFile:
@@ -38,19 +38,25 @@ def open_json(path: Path) -> LogFile:
             raise SysidError(
                 f"{path}: damaged JSON ({error}). Was the recording saved to its end?"
             ) from error
-    found = [
-        (name, table)
+    return log_of_records(path, content)
+
+
+def log_of_records(path: Path, content: Any) -> LogFile:
+    """Return the tables in the content of a file as one log.
+
+    Raises:
+        SysidError: It holds no table of numbers.
+    """
+    logs = {
+        name: _log(path, name, table)
         for name, table in _tables(path.stem, content)
         if len(next(iter(table.values()))) >= MIN_SAMPLES
-    ]
-    if not found:
-        raise SysidError(
-            f"{path}: no table of numbers in it: neither records, nor columns, nor rows beside their names."
-        )
-    logs = {name: _log(path, name, table) for name, table in found}
-    if len(logs) == 1 and not MOTION.search(found[0][0]):
-        return logs[found[0][0]]
-    return merge_logs(path, {name: logs[name] for name in motion_first(logs)}, "JSON")
+    }
+    if not logs:
+        raise SysidError(f"{path}: no table of numbers in it, neither records nor columns. Write it as CSV.")
+    if len(logs) == 1 and not MOTION.search(next(iter(logs))):
+        return next(iter(logs.values()))
+    return merge_logs(path, {name: logs[name] for name in motion_first(logs)}, "records")
 
 
 def _lines(text: str) -> list[Any] | None:
@@ -67,54 +73,38 @@ def _lines(text: str) -> list[Any] | None:
 
 
 def _tables(name: str, value: Any) -> Iterator[tuple[str, Table]]:
-    """Yield the tables in a value with their names, that of each its key's."""
+    """Yield the tables in a value with their names: a sensor's, or else its key's."""
     if isinstance(value, list):
         records = [row for row in value if isinstance(row, dict)]
-        if len(records) >= MIN_SAMPLES:
-            flat = [dict(_flat(row)) for row in records]
-            names = dict.fromkeys(key for record in flat for key in record)
-            yield name, {key: [record.get(key) for record in flat] for key in names}
-        elif records:
-            for row in records:
-                own = next((str(row[key]) for key in SENSOR if isinstance(row.get(key), str)), name)
-                yield from _tables(own, row)
-        elif (
-            len(value) > MIN_SAMPLES
-            and isinstance(value[0], list)
-            and all(isinstance(cell, str) for cell in value[0])
-        ):
-            yield name, dict(zip(value[0], map(list, zip(*value[1:], strict=False)), strict=False))
+        of_sensor: dict[str, list[dict[str, Any]]] = {}
+        for row in records:
+            if len(records) < MIN_SAMPLES:
+                yield from _tables(_sensor(row) or name, row)
+            else:
+                of_sensor.setdefault(_sensor(row), []).append(dict(_flat(row)))
+        for sensor, rows in of_sensor.items():
+            names = dict.fromkeys(key for row in rows for key in row)
+            yield sensor or name, {key: [row.get(key) for row in rows] for key in names}
     elif isinstance(value, dict):
         columns = {key: column for key, item in value.items() if (column := _column(item))}
         usual = max(map(len, columns.values()), default=0)
-        if rows := _rows(value):
-            yield name, rows
-        elif usual >= MIN_SAMPLES:
+        if usual >= MIN_SAMPLES:
             yield name, {key: column for key, column in columns.items() if len(column) == usual}
         else:
             for key, item in value.items():
                 yield from _tables(key, item)
 
 
-def _column(value: Any) -> list[Any] | None:
-    """Return a list of numbers or texts, or the numbers of a dictionary whose keys count; None where it is neither."""
-    if isinstance(value, dict) and value and all(str(key).isdigit() for key in value):
+def _column(value: Any) -> list[Any]:
+    """Return a list of numbers or texts, also as pandas writes it by its index; else nothing."""
+    if isinstance(value, dict) and all(key.isdigit() for key in value):
         value = list(value.values())
-    if not isinstance(value, list) or not value or any(isinstance(item, list | dict) for item in value):
-        return None
-    return list(value)
+    return value if isinstance(value, list) and value and not isinstance(value[0], list | dict) else []
 
 
-def _rows(value: Mapping[str, Any]) -> Table | None:
-    """Return rows that stand beside a list of as many names as they have cells."""
-    lists = [item for item in value.values() if isinstance(item, list) and item]
-    for rows in lists:
-        if not isinstance(rows[0], list) or len(rows) < MIN_SAMPLES:
-            continue
-        for names in lists:
-            if len(names) == len(rows[0]) and all(isinstance(name, str) for name in names):
-                return dict(zip(names, map(list, zip(*rows, strict=False)), strict=False))
-    return None
+def _sensor(record: Mapping[str, Any]) -> str:
+    """Return the name of the sensor that a record is of, '' without one."""
+    return next((record[key] for key in SENSOR if isinstance(record.get(key), str)), "")
 
 
 def _flat(record: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -130,20 +120,17 @@ def _flat(record: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 
 def _log(path: Path, name: str, table: Table) -> LogFile:
-    """Return a table as a log; one with a column of sensors as those of its sensors."""
-    texts = {key for key, column in table.items() if all(isinstance(item, str) for item in column)}
-    sensor = next((key for key in table if key in texts and key.lower() in SENSOR), None)
+    """Return the columns of a table that hold numbers or dates."""
     columns: dict[str, Array] = {}
     dates: set[str] = set()
     for key, column in table.items():
         given = [item for item in column if item is not None]
         if given and all(isinstance(item, str) and dialect.DATE.fullmatch(item) for item in given):
-            columns[key] = seconds_of(column)
+            columns[key] = dialect.seconds_of(column)
             dates.add(key)
-        elif key != sensor and np.isfinite(values := np.array([_number(item) for item in column])).any():
+        elif np.isfinite(values := np.array([_number(item) for item in column])).any():
             columns[key] = values
-    log = held(path, columns, (f"table: JSON, '{name}'",), dates=frozenset(dates))
-    return log if sensor is None else by_sensor(path, log, np.array(table[sensor]), sensor)
+    return held(path, columns, (f"table: JSON, '{name}'",), dates=frozenset(dates))
 
 
 def _number(value: Any) -> float:

@@ -9,7 +9,6 @@ import numpy as np
 
 from sysid.errors import SysidError
 from sysid.logs.formats import dialect
-from sysid.logs.formats.csv import seconds_of
 from sysid.logs.formats.registry import Format
 from sysid.logs.table.file import LogFile, held
 from sysid.logs.table.names import parse_unit
@@ -42,7 +41,7 @@ def open_labelled(path: Path) -> LogFile:
         notes.append(f"table: {count_of(left_out, 'line')} unlike the others left out")
     texts = {name: [row.get(name, "nan") for row in rows] for name in names}
     columns = {
-        name: seconds_of(column) if name == dialect.ARRIVAL else np.array(column, dtype=float)
+        name: dialect.seconds_of(column) if name == dialect.ARRIVAL else np.array(column, dtype=float)
         for name, column in texts.items()
     }
     return held(path, columns, tuple(notes), units, frozenset({dialect.ARRIVAL} & set(names)))

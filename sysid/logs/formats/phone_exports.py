@@ -1,6 +1,5 @@
 """The exports of phone apps (phyphox, Sensor Logger): one table a sensor, in a zip archive or a folder."""
 
-import shutil
 import tempfile
 import zipfile
 from collections.abc import Sequence
@@ -14,51 +13,25 @@ from sysid.logs.formats.tables import MOTION, merge_logs, motion_first
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import parse_column
 
-MAX_MEMBERS = 10_000
-"""Files in an archive; a phone's export has one a sensor, some ten."""
 
-
-def open_zip(path: Path) -> LogFile:
-    """Open the zip export of a phone app: one CSV file a sensor.
-
-    Its directory tells what to unpack; nothing else is.
+def open_export(path: Path) -> LogFile:
+    """Open a phone's export as it came, or unpacked; of an archive, only the tables of motion sensors are unpacked.
 
     Raises:
-        SysidError: The archive is damaged, too large, or holds no tables.
+        SysidError: It is damaged, too large, or holds no tables of motion sensors.
     """
+    if path.is_dir():
+        return merge(path, sorted(file for file in path.iterdir() if file.is_file() and _is_table(file)))
     with (
         undamaged(path, "archive"),
         tempfile.TemporaryDirectory() as folder,
         zipfile.ZipFile(path) as archive,
     ):
-        listed = archive.infolist()
-        if len(listed) > MAX_MEMBERS:
-            raise SysidError(
-                f"{path}: {len(listed)} files in one archive, so no phone's export. Unpack it and name the log in it."
-            )
-        tables = [m for m in listed if not m.is_dir() and _is_table(Path(m.filename))]
+        tables = [m for m in archive.infolist() if not m.is_dir() and _is_table(Path(m.filename))]
         needed = motion_first(tables, lambda member: Path(member.filename).stem)
         refuse_larger(path, sum(member.file_size for member in needed))
-        files: list[Path] = []
-        for number, member in enumerate(needed):
-            target = Path(folder) / str(number) / Path(member.filename).name
-            target.parent.mkdir()
-            with archive.open(member) as packed, target.open("wb") as file:
-                shutil.copyfileobj(packed, file)
-            files.append(target)
         with named_as(path, Path(folder)):
-            return merge(path, files)
-
-
-def open_export(path: Path) -> LogFile:
-    """Open a phone's export as it came, or unpacked.
-
-    Raises:
-        SysidError: It is damaged, or holds no tables of motion sensors.
-    """
-    if not path.is_dir():
-        return open_zip(path)
-    return merge(path, sorted(file for file in path.iterdir() if file.is_file() and _is_table(file)))
+            return merge(path, [Path(archive.extract(member, folder)) for member in needed])
 
 
 def _is_table(file: Path) -> bool:

@@ -4,11 +4,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.logs.sources.registry import LENGTHS, Reading, Source, known_scale
-from sysid.logs.sources.wraps import TURNS, unit_by_wraps, without_wraps
 from sysid.logs.table.choose import Choice, chosen, std_of
 from sysid.logs.table.names import ANGLE_UNITS, Column, says_counts
 from sysid.logs.table.noise import noise_of
@@ -17,8 +15,8 @@ from sysid.noise.sensor import saturated
 from sysid.roll import Array, Roll
 from sysid.text import display
 
-TURN = TURNS["deg"]
-"""Angles that count on over a turn in whole numbers are counts, for degrees begin again [deg]."""
+TURNS = {unit: 2 * np.pi / ANGLE_UNITS[unit] for unit in ("deg", "rad")}
+"""A whole turn by unit. Angles that count on over a turn in whole numbers are counts, for degrees begin again."""
 
 
 def find_angle(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
@@ -79,7 +77,8 @@ def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
         return known
     reach = _reach(angle)
     whole = bool(np.all(angle == np.rint(angle)))
-    beyond = np.abs(angle).max() > TURN or np.ptp(np.unwrap(angle, period=TURN)) > TURN
+    turn = TURNS["deg"]
+    beyond = np.abs(angle).max() > turn or np.ptp(np.unwrap(angle, period=turn)) > turn
     if whole and (beyond or says_counts(name)):
         raise SysidError(
             f"'{name}' names no unit, and its whole numbers from {angle.min():.0f} to {angle.max():.0f} look like counts of "
@@ -93,23 +92,32 @@ def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
     )
 
 
-def unwrap_angle(choice: Choice, angle: Array) -> tuple[Choice, Array, npt.NDArray[np.intp] | None]:
-    """Return an angle, shape (n,), without its jumps by a whole turn, which also tell its unit, and the rows to keep, None for all."""
+def unwrap_angle(choice: Choice, angle: Array) -> tuple[Choice, Array]:
+    """Return an angle, shape (n,), without its jumps by a whole turn, which also tell its unit."""
     if choice.unit in LENGTHS["angle"]:
-        return choice, angle, None  # a slide does not turn
-    if choice.unit is None and choice.scale is None and (unit := unit_by_wraps(angle)):
-        name, turn = choice.columns[0], f"{TURNS[unit]:.4g}"
-        choice = replace(choice, unit=unit).with_remarks(
-            note("unit", f"'{name}' names no unit; {unit}, because it jumps by {turn}")
-        )
-    unit = choice.unit or _likely_unit(_reach(angle))
-    whole = 2 * np.pi / abs(choice.scale or ANGLE_UNITS[unit])
-    unwrapped, kept, count = without_wraps(angle, whole)
+        return choice, angle  # a slide does not turn
+    if choice.unit is None and choice.scale is None and (unit := _unit_by_wraps(angle)):
+        told = f"'{choice.columns[0]}' names no unit; {unit}, because it jumps by {TURNS[unit]:.4g}"
+        choice = replace(choice, unit=unit).with_remarks(note("unit", told))
+    turn = 2 * np.pi / abs(choice.scale or ANGLE_UNITS[choice.unit or _likely_unit(_reach(angle))])
+    unwrapped, count = _unwrapped(angle, turn)
     if not count:
-        return choice, angle, None
-    lost = "" if kept is None else f"; {angle.size - kept.size} rows within the jumps left out"
-    told = note("angle", f"wrapped by a whole turn {count} times, unwrapped{lost}")
-    return choice.with_remarks(told), unwrapped, kept
+        return choice, angle
+    return choice.with_remarks(note("angle", f"wrapped by a whole turn {count} times, unwrapped")), unwrapped
+
+
+def _unwrapped(angle: Array, turn: float) -> tuple[Array, int]:
+    """Return an angle without jumps by more than half a turn, shape (n,), and their number."""
+    unwrapped = np.unwrap(angle, period=turn)
+    return unwrapped, int(np.count_nonzero(np.diff(np.rint((unwrapped - angle) / turn))))
+
+
+def _unit_by_wraps(angle: Array) -> str | None:
+    """Return the unit in which an angle, shape (n,), stays within a whole turn and jumps by nearly one; None without."""
+    largest = np.abs(np.diff(angle)).max()
+    return next(
+        (unit for unit, turn in TURNS.items() if 0.9 * turn < largest <= np.ptp(angle) < 1.02 * turn), None
+    )
 
 
 def _reach(angle: Array) -> float:

@@ -38,7 +38,7 @@ def roll_from_quaternion(reading: Reading) -> Roll:
     if off:
         raise SysidError(
             f"{', '.join(map(repr, choice.columns))}: {off} rows are no orientation (their norm is not that of the "
-            "others). Is the order w, x, y, z and the file whole?"
+            "others). Is the order w, x, y, z and the file whole? A joint among them is named with --column."
         )
     attitude = Rotation.from_quat(quaternion[:, [1, 2, 3, 0]])
     turned = (attitude[:-1].inv() * attitude[1:]).as_rotvec()

@@ -15,7 +15,6 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from sysid.errors import SysidError, did_you_mean
 from sysid.logs import sources as package
@@ -96,9 +95,8 @@ class Source:
     moving: int = 0
     """Number of its columns, from the first on, that move smoothly, so that a lone sample far from its neighbours is
     an outlier. Accelerations are knocked, and a quaternion's sign is free."""
-    unwrap: Callable[[Choice, Array], tuple[Choice, Array, npt.NDArray[np.intp] | None]] | None = None
-    """Its one column, shape (n,), without jumps by a whole turn, what these tell of it, and the rows that stay, None for all;
-    None where it does not begin again."""
+    unwrap: Callable[[Choice, Array], tuple[Choice, Array]] | None = None
+    """Its one column, shape (n,), without jumps by a whole turn, and what these tell of it; None where it does not begin again."""
     turning: Callable[[Choice, Sequence[Array], float], Array] | None = None
     """How fast it turns [rad/s], shape (n,), from its columns, shape (n,) each, sampled every so many seconds; None where
     that is not told by so little. Of several that turn differently, the one that moves is the deck's."""

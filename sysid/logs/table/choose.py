@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from sysid.errors import SysidError, did_you_mean
 from sysid.logs.table.clock import rises
 from sysid.logs.table.file import LogFile
@@ -70,20 +68,7 @@ def columns_of(log: LogFile, options: LogOptions) -> tuple[Column | None, list[C
         columns = told_by_content(log, columns, clock_alone=options.column is not None)
     time = time_column(log, columns, options)
     others = [column for column in columns if time is None or column.name != time.name]
-    return time, _joints_that_are_numbered(log, others)
-
-
-def _joints_that_are_numbered(log: LogFile, columns: Sequence[Column]) -> list[Column]:
-    """Return q0 to q3 as angles of joints where they are no orientation, whose norm stays."""
-    four = [column for column in columns if column.kind == "quaternion" and re.search(r"[0-3]$", column.name)]
-    if len(four) != 4:
-        return list(columns)
-    values = np.stack(list(log.read([column.name for column in four]).values()))
-    norm = np.linalg.norm(values, axis=0)
-    norm = norm[np.isfinite(norm)]
-    if not norm.size or np.mean(np.abs(norm - np.median(norm)) < 0.02 * np.median(norm)) > 0.9:
-        return list(columns)
-    return [replace(column, kind="angle", axis="") if column in four else column for column in columns]
+    return time, others
 
 
 def find_column(log: LogFile, wanted: str, columns: Sequence[Column], option: str) -> Column:
