@@ -45,15 +45,15 @@ def ride(policy: Path, stiffer: bool, episode: int) -> Ride | None:
     recording, ending = run_episode(
         world, policy_named(str(policy), board, force=True), protocol, np.random.default_rng([0, episode])
     )
-    if recording.command[0, 0] < STILL_SPEED:
+    if recording.column("command")[0, 0] < STILL_SPEED:
         return None
-    return float(recording.time[-1]), ending == TIME_LIMIT, _creep(model, recording)
+    return float(recording.column("time")[-1]), ending == TIME_LIMIT, _creep(model, recording)
 
 
 def _creep(model: mujoco.MjModel, recording: Recording) -> list[float]:
     """Return by how much the foot creeps in each phase of a cycle [m]."""
-    moved, clock = np.diff(foot_place(model, recording.qpos)), Clock()
-    step = recording.step[:-1].astype(int)
+    moved, clock = np.diff(foot_place(model, recording.column("qpos"))), Clock()
+    step = recording.column("step")[:-1]
     cycles = len(step) / clock.period
     return [float(moved[getattr(clock, name)(step)].sum() / cycles) for name in PHASES]
 

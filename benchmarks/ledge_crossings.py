@@ -54,11 +54,11 @@ def crossings(recording: Recording, wheelbase: float, ended: bool) -> list[Cross
         passed = np.flatnonzero(np.abs(axle).max(-1) > number * STEP_LENGTH)
         if not len(passed):
             break
-        at, step = passed[0], int(recording.step[passed[0]])
+        at, step = passed[0], int(recording.column("step")[passed[0]])
         phase = next(
             name for name in ("pushing", "mounting", "steering", "dismounting") if getattr(clock, name)(step)
         )
-        fatal = ended and float(recording.time[-1] - recording.time[at]) < FATAL
+        fatal = ended and float(recording.column("time")[-1] - recording.column("time")[at]) < FATAL
         askew = abs(float(wrap_angle(heading[at] - down(axle[at]))))
         found.append(Crossing(height, float(speed[at]), askew, phase, fatal))
     return found
@@ -83,7 +83,7 @@ def cross(policy: Path, episode: int) -> tuple[str, list[Crossing]] | None:
     recording, ending = run_episode(
         protocol_world(board, protocol), rider, protocol, np.random.default_rng([0, episode])
     )
-    if recording.command[0, 0] < STILL_SPEED:
+    if recording.column("command")[0, 0] < STILL_SPEED:
         return None
     ended = ending != TIME_LIMIT
     place, heading = recording.column("board_position")[-1, :2], recording.column("board_heading")[-1]

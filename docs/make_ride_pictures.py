@@ -43,9 +43,13 @@ def draw_ride(
     ).run(6.0)
     ride = recorder.recording()
     ride_figure(ride, title, PICTURES / f"{name}.png")
-    shown = ride.time < filmed
+    shown = ride.column("time") < filmed
     film_strip(
-        world.robot.model, ride.qpos[shown], ride.time[shown], PICTURES / f"{name}-film.png", columns=6
+        world.robot.model,
+        ride.column("qpos")[shown],
+        ride.column("time")[shown],
+        PICTURES / f"{name}-film.png",
+        columns=6,
     )
 
 

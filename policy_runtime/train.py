@@ -13,7 +13,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -309,7 +308,6 @@ def _learn(
     from policy_runtime.learning.progress import Progress
 
     progress, learn = Progress(env.unwrapped), config.learn
-    record = _recorder(folder)
     lengths = torch.randint_like(env.episode_length_buf, int(env.max_episode_length))
     env.episode_length_buf = lengths  # else all worlds would time out together
     obs = env.get_observations()
@@ -340,30 +338,12 @@ def _learn(
         saves = stop or done.iterations % learn.save_every == 0
         states = random_states(process.device) if saves else []
         if process.leads:
-            record(numbers)
+            folder.add_to_curves(numbers)
         yield numbers
         if saves and process.leads:
             save(folder, config, env, algorithm, curriculum, done, states)
         if stop:
             return
-
-
-def _recorder(folder: RunFolder) -> Report:
-    """Return what adds an iteration's numbers to the curves, and to TensorBoard where that is installed."""
-    if find_spec("tensorboard") is None:
-        return folder.add_to_curves
-    from torch.utils.tensorboard.writer import SummaryWriter
-
-    board: Any = None
-
-    def record(numbers: dict[str, float]) -> None:
-        nonlocal board
-        folder.add_to_curves(numbers)
-        board = board or SummaryWriter(str(folder.path))
-        for name, value in numbers.items():
-            board.add_scalar(name, value, int(numbers["iteration"]))
-
-    return record
 
 
 def collect(env: Any, algorithm: "AmpPPO", obs: Any, steps: int, progress: Any) -> Any:

@@ -24,8 +24,8 @@ class LogFile:
     """SHA-256 of the present file, or the recorded one if it is gone."""
     state: str
     """In words: as fitted, changed, gone, or not part of the fit."""
-    truth: dict[str, Any] | None = None
-    """Truth of a synthetic log, from the file beside it."""
+    synthetic: bool = False
+    """Whether the file of its truth lies beside it."""
 
 
 def find_logs(board: Board, given: Sequence[Path], space: Workspace) -> list[LogFile]:
@@ -42,7 +42,7 @@ def find_logs(board: Board, given: Sequence[Path], space: Workspace) -> list[Log
                 raise SysidError(f"{path}: there is no such file.")
             digest = _digest(path)
             state = "as fitted" if digest in known else "not part of the recorded fit"
-            files.append(LogFile(str(path), path, digest, state, _truth(path)))
+            files.append(LogFile(str(path), path, digest, state, _is_synthetic(path)))
         return files
     return [_recorded(str(entry.get("path", "")), str(entry.get("sha256", "")), space) for entry in entries]
 
@@ -52,7 +52,7 @@ def _recorded(name: str, digest: str, space: Workspace) -> LogFile:
     digests = [_digest(path) for path in there]
     if digest in digests:
         path = there[digests.index(digest)]
-        return LogFile(name, path, digest, "as fitted", _truth(path))
+        return LogFile(name, path, digest, "as fitted", _is_synthetic(path))
     if there:
         return LogFile(name, None, digests[0], "changed since the fit: not used")
     return LogFile(name, None, digest, "gone: only the record speaks of it")
@@ -62,11 +62,11 @@ def _digest(path: Path) -> str:
     return sha256(path) if path.is_file() else ""
 
 
-def _truth(path: Path) -> dict[str, Any] | None:
-    """Return the truth that lies beside a synthetic log."""
+def _is_synthetic(path: Path) -> bool:
+    """Return whether a log was made by `synth`: its truth lies beside it."""
     beside = path.with_suffix(".truth.json")
     try:
         content: Any = json.loads(regular(beside).read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return None
-    return content if isinstance(content, dict) and content.get("synthetic") is True else None
+        return False
+    return isinstance(content, dict) and content.get("synthetic") is True

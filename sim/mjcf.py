@@ -1,21 +1,20 @@
-"""A board as a readable MJCF file: comments state the source of each number and its error."""
+"""A board as an MJCF file: its comments state the source of the numbers, and their error."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import mujoco
 
 from sim.board.bench import rig_spec
-from sim.board.bodies import STEERED_SHARE, Coupling, reflected_inertia, substituted
-from sim.board.scene import board_spec, coupling_polynomial
+from sim.board.bodies import Coupling, substituted
+from sim.board.scene import board_spec
 from sim.compensation.scene import Export, compensate
 from sim.compensation.step import Compensation
 from sysid.board import Board
 from sysid.effects import effect
 from sysid.errors import SysidError
-from sysid.quantity import Quantity
 
 Kind = Literal["bench", "scene"]
 """The clamped free-decay rig, or the free board with trucks and wheels on the ground."""
@@ -37,13 +36,6 @@ class Mjcf:
     """The substitute of each effect that MuJoCo lacks."""
 
 
-def default_export(kind: Kind, timestep: float) -> Export:
-    """Return the default export."""
-    if kind == "scene":
-        return "in-scene"
-    return "physical" if timestep <= FINE_STEP else "step-compensated"
-
-
 def board_mjcf(
     board: Board, kind: Kind, *, timestep: float = 0.005, integrator: str = "implicitfast",
     export: Export | None = None, coupling: Coupling = "equality",
@@ -52,7 +44,8 @@ def board_mjcf(
 
     Args:
         timestep: [s].
-        export: Which parameters are written; `default_export` if None.
+        export: Which parameters are written. By default in-scene for a scene; for a bench physical up to `FINE_STEP`,
+            step-compensated above.
 
     Raises:
         SysidError: The board cannot be built so, or `export` does not go with `kind`.
@@ -62,7 +55,9 @@ def board_mjcf(
             f"'{board.name}' slides, and a {kind} is made with a hinge. `husky-sysid fit` writes the joint into a copy of its model "
             "(-o FILE)."
         )
-    export = export or default_export(kind, timestep)
+    if export is None:
+        fine = timestep <= FINE_STEP
+        export = "in-scene" if kind == "scene" else "physical" if fine else "step-compensated"
     if export == "in-scene" and kind == "bench":
         raise SysidError(
             "--export in-scene compensates for wheels and coupling, which a bench has not. Add --scene."
@@ -71,80 +66,33 @@ def board_mjcf(
     done = compensate(board, export, coupling=coupling, **step)
     written = done.board
     spec = board_spec(written, coupling=coupling, **step) if kind == "scene" else rig_spec(written, **step)
-    comments = _comments(board, done, kind, export, coupling)
+    comments = tuple(_comments(board, done, kind, export, coupling))
     return Mjcf(_commented(spec, comments), done, export, substituted(board))
 
 
-def _commented(spec: mujoco.MjSpec, comments: Sequence[tuple[str, Sequence[str]]]) -> str:
-    """Write the spec, each comment above its element."""
+def _commented(spec: mujoco.MjSpec, lines: Sequence[str]) -> str:
+    """Write the spec, with comments before it."""
     spec.compile()
-    xml = spec.to_xml()
-    for pattern, lines in comments:
-        found = re.search(pattern, xml, re.M)
-        if found is None:
-            continue
-        # XML forbids two hyphens in a row in a comment.
-        text = "".join(f"{found[1]}<!-- {re.sub('-(?=-)', '- ', line)} -->\n" for line in lines)
-        xml = xml[: found.start()] + text + xml[found.start() :]
-    return xml
+    # XML forbids two hyphens in a row in a comment.
+    return "".join(f"<!-- {re.sub('-(?=-)', '- ', line)} -->\n" for line in lines) + spec.to_xml()
 
 
 def _comments(
     board: Board, done: Compensation, kind: Kind, export: Export, coupling: Coupling
-) -> list[tuple[str, list[str]]]:
-    """Return a pattern of each commented line, and the comment above it."""
-    written = done.board
-    head = [
-        f"Board '{board.name}': {board.description}. Source: {board.source}.",
-        f"Made by husky-sysid mjcf: {kind}, {export}. Units: m, kg, s, rad. Positive roll: right edge down.",
-        *(f"{line[0].upper()}{line[1:]}." for line in done.lines()),
-    ]
+) -> Iterator[str]:
+    """Yield the comments of a file: source, measured and written numbers, effects."""
+    written, tilt = done.board, board.tilt
+    yield f"Board '{board.name}': {board.description}. Source: {board.source}."
+    yield f"Made by husky-sysid mjcf: {kind}, {export}. Units: m, kg, s, rad. Positive roll: right edge down."
+    for line in done.lines():
+        yield f"{line[0].upper()}{line[1:]}."
     if kind == "scene" and coupling == "direct":
-        head.append(
-            "The truck angles are set from outside after each step: tan(truck) = tan(rake) sin(roll)."
-        )
-    inertia = [f"Measured: roll inertia {_text(board.inertia)} ({board.inertia.method})."]
-    if kind == "scene" and coupling == "equality":
-        inertia.append(
-            f"{reflected_inertia(board):.3g} kg·m² of it belong to trucks and wheels, which steer as the deck tilts; the rest is "
-            "the deck's own."
-        )
-    tilt = [
-        f"Measured: stiffness {_text(board.tilt['stiffness'])}, damping {_text(board.tilt['damping'])}, "
-        f"rest angle {_text(board.tilt['rest_angle'])}.",
-        f"Written: damping {written.damping:.6g}, roll inertia {written.inertia.value:.6g}; stiffness as measured.",
-    ]
-    fitted = board.fit.get("logs")
-    if fitted:
-        tilt.append(
-            f"Fitted to {', '.join(str(log['path']) for log in fitted)}, {board.fit.get('date', 'date unknown')}."
-        )
-    tilt += [
-        f"Effect {part.name}: "
-        + ", ".join(f"{key} {_text(q)}" for key, q in part.parameters.items())
-        + f"; {effect(part.name).mujoco.written}."
-        for part in board.effects
-    ]
-    comments = [
-        (r"^([ \t]*)<joint name=\"board_tilt_joint\"", tilt),
-        (r"^([ \t]*)<body name=\"deck\"", inertia),
-        (r"^()<mujoco", head),
-    ]
-    if kind == "bench":
-        return comments
-    _, error = coupling_polynomial(board.geometry["rake"].value, board.tilt["range"].value)
-    return [
-        (r"^([ \t]*)<equality>", [
-            f"tan(truck) = tan(rake) sin(roll), rake {_text(board.geometry['rake'])}; the polynomial is off by at most "
-            f"{error:.1e} rad within the tilt range."
-        ]),
-        (r"^([ \t]*)<body name=\"front_truck\"", [
-            f"Trucks and wheels: {100 * STEERED_SHARE:g} % of their mass steers, the rest is in the body 'board'. The measured roll "
-            "inertia holds their share already."
-        ]),
-        *comments,
-    ]  # fmt: skip
-
-
-def _text(quantity: Quantity) -> str:
-    return str(quantity)
+        yield "The truck angles are set from outside after each step: tan(truck) = tan(rake) sin(roll)."
+    yield f"Measured: roll inertia {board.inertia} ({board.inertia.method}), stiffness {tilt['stiffness']}, damping {tilt['damping']}."
+    yield f"Written: roll inertia {written.inertia.value:.6g}, trucks included, damping {written.damping:.6g}."
+    if fitted := board.fit.get("logs"):
+        logs = ", ".join(str(log["path"]) for log in fitted)
+        yield f"Fitted to {logs}, {board.fit.get('date', 'date unknown')}."
+    for part in board.effects:
+        values = ", ".join(f"{key} {quantity}" for key, quantity in part.parameters.items())
+        yield f"Effect {part.name}: {values}; {effect(part.name).mujoco.written}."

@@ -35,7 +35,7 @@ def lost_in_usd(spec: mujoco.MjSpec) -> list[str]:
     return lost
 
 
-def write_usd(xml: str, output: Path) -> None:
+def write_usd(output: Path, xml: str) -> None:
     """Write a model, given as MJCF text, as one USD file.
 
     Raises:

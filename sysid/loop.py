@@ -136,14 +136,13 @@ class Joint(records.Board):
             SysidError: The scene cannot be built, or no decay can be compared in it.
         """
         from sim.board.bodies import TILT_JOINT
-        from sim.gate import GateOptions, check_joint
+        from sim.gate import check_joint
 
         _, releases, _ = unpack(data)
-        options = GateOptions(
-            scene_file=None if scene_file is None else Path(scene_file),
+        return check_joint(
+            self, releases, tolerance=tolerance, scene_file=None if scene_file is None else Path(scene_file),
             scene_joint=scene_joint or TILT_JOINT, timestep=timestep,
-        )  # fmt: skip
-        return check_joint(self, releases, tolerance=tolerance, options=options).verdict
+        )[0]  # fmt: skip
 
     def to_mjcf(self, path: str | Path, *, bench: bool = False, timestep: float = 0.005) -> list[Path]:
         """Write the joint as MJCF: a model's joint into a copy of its model, a board as its scene.

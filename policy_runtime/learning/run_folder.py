@@ -2,7 +2,7 @@
 
 `config.toml`: Every option. `board.toml`: The record of the board. `motions/`: The run's own reference motions of pushing.
 `origin.json`: Hashes of record and motions, versions, host, seed, GPUs, start, whether the board had passed.
-`curves.jsonl`, `curves.png`, TensorBoard's file: A line of numbers an iteration (`policy_runtime.learning.progress`).
+`curves.jsonl`, `curves.png`: A line of numbers an iteration (`policy_runtime.learning.progress`).
 `checkpoints/model_N.pt`: The learner after iteration N. `policy.onnx`: The last checkpoint's policy with its metadata.
 """
 
@@ -218,8 +218,7 @@ class RunFolder:
     def discard(self) -> None:
         """Remove the files of `begin`, and the folder if it is empty then."""
         written = (self.config, self.board, self.origin, self.curves)
-        others = (*self.path.glob("events.out.tfevents*"), *self.path.glob("motions/*.npy"))
-        for path in (*written, *self.checkpoints(), *others):
+        for path in (*written, *self.checkpoints(), *self.path.glob("motions/*.npy")):
             path.unlink(missing_ok=True)
         for folder in (self.path / "checkpoints", self.path / "motions", self.path):
             with contextlib.suppress(OSError):

@@ -34,7 +34,7 @@ def ride_figure(recording: Recording, title: str, path: Path) -> None:
     """Draw a recorded ride as a PNG file."""
     lean = np.degrees(np.arccos(np.clip(recording.column("upright"), -1, 1)))
     heading = np.degrees(np.unwrap(recording.column("board_heading")))
-    target = np.degrees(recording.target_heading)
+    target = np.degrees(recording.column("target_heading"))
     told: dict[str, Any] = {"color": "black", "ls": "--", "lw": 1}
     trucks = np.degrees(recording.column("trucks"))[:, 0]
     with styled(11, 8) as figure:
@@ -46,7 +46,7 @@ def ride_figure(recording: Recording, title: str, path: Path) -> None:
         _torques(below, recording)
         rows: list[Axes] = list(right.subplots(5, 1, sharex=True))
         curves: Any = (
-            ("speed\n[m/s]", ("commanded", recording.command[:, 0], told), ("board", recording.column("board_speed"), {})),
+            ("speed\n[m/s]", ("commanded", recording.column("command")[:, 0], told), ("board", recording.column("board_speed"), {})),
             ("heading\n[°]", ("target", target, told), ("board", heading, {})),
             ("angle\n[°]", ("deck roll", np.degrees(recording.column("roll")), {}), ("front truck", trucks, {"color": PALE})),
             ("pelvis lean\n[°]", ("", lean, {})),
@@ -54,7 +54,7 @@ def ride_figure(recording: Recording, title: str, path: Path) -> None:
         for axes, (label, *drawn) in zip(rows, curves, strict=False):
             for name, values, style in drawn:
                 usual: Any = {"color": SIM, "lw": 1.5, "label": name}
-                axes.plot(recording.time, values, **(usual | style))
+                axes.plot(recording.column("time"), values, **(usual | style))
             axes.set_ylabel(label)
             if len(drawn) > 1:
                 axes.legend(ncols=2)
@@ -79,9 +79,9 @@ def _path(axes: "Axes", recording: Recording) -> None:
 
 
 def _torques(axes: "Axes", recording: Recording) -> None:
-    share = np.abs(recording.torque) / servos().effort
-    axes.plot(recording.time, share.max(axis=1), color=SIM, lw=1, label="hardest worked")
-    axes.plot(recording.time, share.mean(axis=1), color=NOISE, lw=1, label="mean of 23")
+    share = np.abs(recording.column("torque")) / servos().effort
+    axes.plot(recording.column("time"), share.max(axis=1), color=SIM, lw=1, label="hardest worked")
+    axes.plot(recording.column("time"), share.mean(axis=1), color=NOISE, lw=1, label="mean of 23")
     axes.set(title="motor torque", xlabel="time [s]", ylabel="share of its limit", ylim=(0, 1.05))
     axes.legend()
 
@@ -91,7 +91,7 @@ def _feet(axes: "Axes", recording: Recording) -> None:
     wheels = recording.column("wheel_on_ground").all(axis=1)
     lanes = (ground[:, 0], deck[:, 0], ground[:, 1], deck[:, 1], wheels)
     for i, flags in enumerate(lanes):
-        spans = [(start, end - start) for start, end in _spans(recording.time, flags)]
+        spans = [(start, end - start) for start, end in _spans(recording.column("time"), flags)]
         axes.broken_barh(spans, (len(lanes) - 1 - i + 0.15, 0.7), color=SIM if i < 4 else NOISE)
     axes.set_yticks([len(lanes) - 0.5 - i for i in range(len(lanes))], LANES, fontsize=8)
     axes.set_ylim(0, len(lanes))
@@ -105,11 +105,11 @@ def _spans(time: Array, flags: Array) -> list[tuple[float, float]]:
 
 
 def _shade(axes: "Axes", recording: Recording) -> None:
-    step, clock = recording.step.astype(int), Clock()
-    moves = ~clock.waiting(step, recording.command[:, 0] < STILL_SPEED)
+    step, clock = recording.column("step"), Clock()
+    moves = ~clock.waiting(step, recording.column("command")[:, 0] < STILL_SPEED)
     flags = (clock.pushing, clock.mounting, clock.steering, clock.dismounting)
     for (name, colour), flag in zip(PHASES.items(), flags, strict=True):
-        for start, end in _spans(recording.time, flag(step) & moves):
+        for start, end in _spans(recording.column("time"), flag(step) & moves):
             axes.axvspan(start, end, color=colour, zorder=0, lw=0)
             if axes.get_subplotspec().is_first_row():  # pyright: ignore[reportOptionalMemberAccess]
                 above = axes.get_xaxis_transform()

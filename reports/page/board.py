@@ -1,11 +1,10 @@
 """Everything known of a board on one page."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from reports.evidence import Evidence, LastDiagnosis
 from reports.figures import board as board_figures
@@ -32,7 +31,6 @@ from sysid.board import Board
 from sysid.decay.report import inertia_share
 from sysid.effects import effect
 from sysid.joint import JointLaw
-from sysid.quantity import Quantity
 from sysid.shown import MOST_SHOWN
 from sysid.text import count, display, percent
 from sysid.workspace import Workspace
@@ -73,7 +71,7 @@ def board_report(
         if evidence is not None:
             page.section("How it came here", *_story(evidence, diagnosis))
         page.section("Warnings", _warnings(board, evidence, files))
-        page.section("Parameters", _parameters(board, files), *_inertia_share(board))
+        page.section("Parameters", _parameters(board), *_inertia_share(board))
         page.section("Identified law", *_law(board))
         if evidence is not None:
             page.section("Measured against simulated", *_releases(evidence))
@@ -96,7 +94,7 @@ def _lead(
 ) -> list[str]:
     """Return the answers, and sliders to try them."""
     parts = [answers(four_answers(board, evidence, diagnosis, files, space))]
-    if any(file.truth for file in files):
+    if any(file.synthetic for file in files):
         remark = "These logs are synthetic: made from a known truth to show and to test the tool. "
         parts.append(paragraph(remark + "Nothing on this page was measured on a real board.", "note"))
     play = None if evidence is None else playground(evidence, diagnosis)
@@ -131,37 +129,10 @@ def _warnings(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]
     return warning_list(warnings, "No warnings.")
 
 
-def _parameters(board: Board, files: "Sequence[LogFile]") -> str:
-    truth = _truth(files)
-    columns = ["quantity", "value ± 95 %", *(["truth of the synthetic log"] if truth else [])]
-    rows: list[list[str]] = []
-    for name, quantity in parameters(board).items():
-        row = [name, pretty(str(quantity))]
-        if truth:
-            row.append(truth.get(name, "-"))
-        rows.append(row)
-    for name, value in board.published.items():
-        row = [f"{name}, as published", pretty(str(value))]
-        rows.append([*row, ""] if truth else row)
-    return table(columns, rows)
-
-
-def _truth(files: "Sequence[LogFile]") -> dict[str, str]:
-    """Return the true parameters of synthetic logs, where all of them share one truth."""
-    truths = [file.truth for file in files if file.truth]
-    if not truths:
-        return {}
-    found = [_truth_values(truth) for truth in truths]
-    return found[0] if all(values == found[0] for values in found) else {}
-
-
-def _truth_values(truth: Mapping[str, Any]) -> dict[str, str]:
-    own = truth.get("parameters", {})
-    entries = [("roll inertia" if n == "inertia" else n.replace("_", " "), e) for n, e in own.items()]
-    for part in truth.get("effects", []):
-        own = part.get("parameters", {})
-        entries += [(f"{part['name']}: {name.replace('_', ' ')}", entry) for name, entry in own.items()]
-    return {label: pretty(str(Quantity(float(e["value"]), 0.0, str(e["unit"])))) for label, e in entries}
+def _parameters(board: Board) -> str:
+    rows = [(name, pretty(str(quantity))) for name, quantity in parameters(board).items()]
+    rows += [(f"{name}, as published", pretty(str(value))) for name, value in board.published.items()]
+    return table(("quantity", "value ± 95 %"), rows)
 
 
 def _inertia_share(board: Board) -> list[str]:

@@ -19,7 +19,7 @@ def board_summary(board: Board, files: "Sequence[LogFile]", result: "Comparison"
     head = [f"# {board.name}: {JointLaw.from_board(board)}", "", "```", result.report(), "```", ""]
     lines = ["| quantity | value ± 95 % |", "|---|---|"]
     lines += [f"| {name} | {pretty(str(quantity))} |" for name, quantity in parameters(board).items()]
-    if any(file.truth for file in files):
+    if any(file.synthetic for file in files):
         lines += ["", "Logs are **synthetic**: made with a known truth; nothing was measured."]
     warnings = [f"- ⚠ {warning}" for warning in result.warnings]
     return "\n".join([*head, *lines, "", *warnings]) + "\n"

@@ -38,22 +38,24 @@ def ride_recording(model: mujoco.MjModel, ride: Recording, name: str, path: Path
     with recording(path, name, blueprint) as stream:
         stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         log_model(stream, "world", model)
-        log_poses(stream, "world", model, ride.time, ride.qpos)
+        log_poses(stream, "world", model, ride.column("time"), ride.column("qpos"))
         where = ride.column("board_position")
         stream.log("world/path", rr.LineStrips3D([where], colors=[(0, 114, 178)], radii=0.004), static=True)
         _ground(stream, where)
         for entity, values, label, colour in (
             ("speed/board", ride.column("board_speed"), "board", SIM),
-            ("speed/commanded", ride.command[:, 0], "commanded", BLACK),
+            ("speed/commanded", ride.column("command")[:, 0], "commanded", BLACK),
             ("heading/board", np.unwrap(ride.column("board_heading")), "board", SIM),
-            ("heading/target", ride.target_heading, "target", BLACK),
+            ("heading/target", ride.column("target_heading"), "target", BLACK),
             ("tilt/roll", ride.column("roll"), "deck roll", SIM),
             ("tilt/front_truck", ride.column("trucks")[:, 0], "front truck", REAL),
             ("contact/left_ground", ride.column("foot_on_ground")[:, 0] * 1.0, "left foot on ground", REAL),
             ("contact/left_deck", ride.column("foot_on_deck")[:, 0] * 0.9, "left foot on deck", SIM),
             ("contact/right_deck", ride.column("foot_on_deck")[:, 1] * 0.8, "right foot on deck", NOISE),
         ):
-            log_series(stream, entity, ride.time, np.asarray(values, dtype=float), Look(label, colour))
+            log_series(
+                stream, entity, ride.column("time"), np.asarray(values, dtype=float), Look(label, colour)
+            )
         log_states(stream, "phase", _phases(ride))
 
 
@@ -85,14 +87,14 @@ def motion_recording(model: mujoco.MjModel, motions: list[Motion], path: Path) -
 
 def _phases(ride: Recording) -> list[tuple[float, str]]:
     """Return when each phase of the cycle begins [s]."""
-    clock, step = Clock(), ride.step.astype(int)
+    clock, step = Clock(), ride.column("step")
     names = np.select(
         [clock.pushing(step), clock.mounting(step), clock.steering(step)],
         ["push", "mount", "steer"],
         "dismount",
     )
     changes = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1)]
-    return [(float(ride.time[i]), str(names[i])) for i in changes]
+    return [(float(ride.column("time")[i]), str(names[i])) for i in changes]
 
 
 def _ground(stream: object, where: Array) -> None:

@@ -42,7 +42,7 @@ def check(
         measurement: Joint and reading of its logs; a model's joint is released in the model itself.
     """
     from sim.board.bodies import TILT_JOINT
-    from sim.gate import GateOptions, check_joint
+    from sim.gate import check_joint
     from sysid.cli.bars import working
 
     if measurement.drive.given:
@@ -61,11 +61,12 @@ def check(
         measurement = replace(measurement, subject=replace(subject, joint=None))
     found = read_logs(measurement, logs, printer)
     releases = [release for recording in found.recordings for release in recording.releases]
-    options = GateOptions(scene_joint=subject.joint or TILT_JOINT, **vars(scene))
+    joint = subject.joint or TILT_JOINT
     with working(printer):
-        gate = check_joint(found.record, releases, tolerance=tolerance, options=options)
-    verdict = gate.verdict
-    for note in (*(["; ".join(gate.written.lines())] if gate.written else []), *verdict.notes):
+        verdict, written = check_joint(
+            found.record, releases, tolerance=tolerance, scene_joint=joint, **vars(scene)
+        )
+    for note in (*(["; ".join(written.lines())] if written else []), *verdict.notes):
         printer.note(note)
     printer.say(verdict.report(printer.width))
     printer.result(verdict.to_json())

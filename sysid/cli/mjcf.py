@@ -38,13 +38,11 @@ def mjcf(
     from sysid.fitting.result import TOLERANCE
     from sysid.progress import stage
 
+    suffixes, write = (".xml",), write_atomically
     if usd:
-        from sim.usd import SUFFIXES, write_usd
-
-        refuse_other_kind(output, *SUFFIXES)
-    else:
-        refuse_other_kind(output, ".xml")
-        write_usd = None
+        from sim.usd import SUFFIXES as suffixes
+        from sim.usd import write_usd as write
+    refuse_other_kind(output, *suffixes)
     printer = Printer(common)
     record = common.space.load_board(board)
     kind = "bench" if bench else "scene"
@@ -52,10 +50,7 @@ def mjcf(
         record.need("the scene of the whole board (not --bench, the deck on its joint)")
     with working(printer), stage(0.0, 1.0, "compensating the step"):
         made = board_mjcf(record, kind, timestep=timestep, export=export, coupling=coupling)
-    if write_usd is not None:
-        write_usd(made.xml, output)
-    else:
-        write_atomically(output, made.xml)
+    write(output, made.xml)
     done = made.compensation
     error = f"{100 * done.decay_error:.1f} % off the board's"
     printer.say(f"{output}: {kind} of board {board}, {made.export}")

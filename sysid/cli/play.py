@@ -3,6 +3,7 @@
 from sysid.cli.bars import working
 from sysid.cli.console import Common, Output, Printer
 from sysid.cli.ride_options import RideOptions, SafetyOptions, choose_renderer, prepare, write_ride
+from sysid.errors import SysidError
 from sysid.progress import stage
 
 
@@ -49,6 +50,8 @@ def play(
     with working(printer):
         with stage(0.0, 0.3, "riding"), viewed(robot, viewer):
             result = runtime.run(options.duration)
+        if len(recorder) < 2:
+            raise SysidError(f"the ride ended at once ({result.stopped}); there is nothing to draw.")
         recording = recorder.recording()
         with stage(0.3, 1.0, "drawing the ride"):
             files = write_ride(ride, recording, output or common.space.outputs(ride.board.name), printer)

@@ -163,9 +163,6 @@ def write_ride(ride: Ride, recording: "Recording", folder: Path, printer: Printe
     from reports.figures.ride_film import film_strip
     from reports.rerun.ride import ride_recording
 
-    if len(recording.time) < 2:
-        printer.warn("the ride ended at once; there is nothing to draw.")
-        return {}
     name = f"ride-{ride.policy.name}"
     model = ride.world.robot.model
     files = {kind: folder / f"{name}{suffix}" for kind, suffix in (("picture", ".png"), ("numbers", ".npz"))}
@@ -174,7 +171,7 @@ def write_ride(ride: Ride, recording: "Recording", folder: Path, printer: Printe
     files["recording"] = folder / f"{name}.rrd"
     ride_recording(model, recording, name, files["recording"])
     try:
-        film_strip(model, recording.qpos, recording.time, folder / f"{name}-film.png")
+        film_strip(model, recording.column("qpos"), recording.column("time"), folder / f"{name}-film.png")
         files["film"] = folder / f"{name}-film.png"
     except SysidError as error:
         printer.warn(f"no film strip: {error}")

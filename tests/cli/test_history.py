@@ -41,19 +41,6 @@ def test_undo_goes_back_one_change_after_the_other(tmp_path, capsys):
     assert not (tmp_path / "new").exists()
 
 
-def test_undo_shows_what_it_takes_back_and_only_that(tmp_path, capsys):
-    space = Workspace(tmp_path)
-    board = space.load_board("pink")
-    space.save_board(replace(board, last_check={}))
-    space.save_board(board.checked({"passed": True, "nrmse": 0.01}))
-    called("undo", "-b", "pink", "--workspace", tmp_path)
-    out = capsys.readouterr().out
-    assert ("passed (nrmse 1 %)" in out, "not run" in out, "stiffness" in out) == (True, True, False)
-    stiffer(space, 20.0)
-    called("undo", "-b", "pink", "--workspace", tmp_path)
-    assert "stiffness" in capsys.readouterr().out
-
-
 def test_history_shows_a_line_a_fit(tmp_path, capsys):
     stiffer(Workspace(tmp_path), 20.0)
     called("history", "-b", "pink", "--workspace", tmp_path, "--json", tmp_path / "h.json")

@@ -52,7 +52,7 @@ def held_ride():
 def test_feet_stay_on_the_deck_and_wheels_on_the_ground(held_ride):
     _, result, recording = held_ride
     assert result.stopped is None
-    settled = recording.time > 0.2
+    settled = recording.column("time") > 0.2
     assert recording.column("foot_on_deck")[settled].all()
     assert not recording.column("foot_on_ground")[settled].any()
     assert recording.column("wheel_on_ground")[settled].all()
@@ -120,11 +120,11 @@ def test_episode_ends_when_the_robot_falls_and_is_repeatable():
     world = world_or_skip()
     first, ending = run_episode(world, scripted("zero"), Protocol(), np.random.default_rng([1, 2]))
     assert ending in ("fallen", "body contact", "off the board")
-    assert first.time[-1] < 5
+    assert first.column("time")[-1] < 5
     again, _ = run_episode(world, scripted("zero"), Protocol(), np.random.default_rng([1, 2]))
-    np.testing.assert_array_equal(first.qpos, again.qpos)
+    np.testing.assert_array_equal(first.column("qpos"), again.column("qpos"))
     other, _ = run_episode(world, scripted("zero"), Protocol(), np.random.default_rng([1, 3]))
-    assert first.command[0, 0] != other.command[0, 0]
+    assert first.column("command")[0, 0] != other.column("command")[0, 0]
 
 
 def test_turns_are_drawn_anew_in_every_cycle():
@@ -132,14 +132,14 @@ def test_turns_are_drawn_anew_in_every_cycle():
     protocol = Protocol(duration=13.0, speed=(0.5, 0.5))
     recording, ending = run_episode(world, standing(), protocol, np.random.default_rng(5))
     assert ending == "time limit"
-    turns = recording.command[:, 1]
+    turns = recording.column("command")[:, 1]
     assert len(np.unique(turns)) == 3  # none until steering begins, then one from each phase on
     assert np.all(np.abs(turns) <= np.pi / 4)
     changes = np.flatnonzero(np.diff(turns)) + 1
-    assert (recording.step[changes] % 300 == 150).all()
-    begins = np.flatnonzero(recording.step % 300 == 150)
+    assert (recording.column("step")[changes] % 300 == 150).all()
+    begins = np.flatnonzero(recording.column("step") % 300 == 150)
     expected = recording.column("board_heading")[begins] + turns[begins]
-    np.testing.assert_allclose(recording.target_heading[begins], expected)
+    np.testing.assert_allclose(recording.column("target_heading")[begins], expected)
 
 
 @pytest.mark.slow

@@ -100,8 +100,8 @@ def test_noise_is_the_trainings_and_each_rides_own():
     assert 1.4 < np.abs(off).max() <= 1.5
     policy, protocol = HoldStill(), Protocol(duration=0.2, stress=Stress(noise=1.0))
     rides = [run_episode(world, policy, protocol, np.random.default_rng([0, n]))[0] for n in (1, 1, 2)]
-    assert np.array_equal(rides[0].joints, rides[1].joints)
-    assert not np.array_equal(rides[0].joints, rides[2].joints)
+    assert np.array_equal(rides[0].column("joints"), rides[1].column("joints"))
+    assert not np.array_equal(rides[0].column("joints"), rides[2].column("joints"))
 
 
 @pytest.mark.parametrize(

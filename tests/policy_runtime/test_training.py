@@ -8,7 +8,6 @@ import subprocess
 import sys
 import warnings
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -300,8 +299,6 @@ def test_training_runs_resumes_and_exports_a_policy_that_answers(started):
     assert [row["iteration"] for row in rows] == [1, 2, 3, 4]
     assert all(math.isfinite(value) for row in rows for value in row.values())
     assert started.policy.read_bytes() != before
-    if find_spec("tensorboard"):
-        assert list(started.path.glob("events.out.tfevents*"))
     session = ort.InferenceSession(str(started.policy), providers=["CPUExecutionProvider"])
     answer = session.run(["actions"], {"obs": np.zeros((1, 390), dtype=np.float32)})[0]
     assert answer.shape == (1, 23)

@@ -42,9 +42,7 @@ def space(tmp_path_factory):
         return -1687.9 * angle - 12.0 * rate - 6.0 * np.tanh(rate / 1e-3)
 
     log = rocked(folder / "rock.csv", law=law)
-    parameters = {"stiffness": {"value": 14.68, "unit": "N*m/rad"}}
-    truth = {"synthetic": True, "parameters": parameters, "effects": []}
-    (folder / "rock.truth.json").write_text(json.dumps(truth))
+    (folder / "rock.truth.json").write_text('{"synthetic": true}')
     called("fit", log, "-b", "pink", "--effect", "coulomb", "--workspace", folder)
     called("report", "-b", "pink", "--workspace", folder)
     return folder
@@ -69,8 +67,7 @@ def test_the_page_holds_what_the_record_and_the_logs_say(space, page):
     sections = re.findall(r"<h2>(.*?)</h2>", text)
     assert {"How it came here", "Parameters", "Identified law", "Measured against simulated"} < set(sections)
     digest = Board.load("pink", space).fit["logs"][0]["sha256"]
-    # The truth stands beside the fitted stiffness.
-    for said in (digest, "as fitted", "sgn φ̇", "These logs are synthetic", "14.68 N·m/rad"):
+    for said in (digest, "as fitted", "sgn φ̇", "These logs are synthetic"):
         assert said in text
     words = re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)
     assert not re.search(r">[^<]*\d\.\d{9,}[^<]*<", words), "a number with nine digits"
