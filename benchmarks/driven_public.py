@@ -4,6 +4,7 @@ python benchmarks/driven_public.py silverbox SNLS80mV.csv
 python benchmarks/driven_public.py emps DATA_EMPS.mat
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,9 +41,10 @@ def silverbox(path: Path) -> None:
         ),
     )
     train = part(40_650, 40_650 + 8192)
-    found = fit(train, structure, {"stiffness": natural, "damping": 20.0, gain: natural}, free)
+    known = {"stiffness": natural, "damping": 20.0, gain: natural}
+    found = fit(Problem(log=train, structure=structure, values=known, free=free))
     arrow = part(100, 40_575)
-    problem = Problem(log=arrow, structure=structure, values=found.values, free=free, substeps=8)
+    problem = replace(found.problem, log=arrow, values=found.values)
     error = 1e3 * problem.residuals(problem.begin(), slopes=False)[0][0] * arrow.std
     inside = int(np.argmax(np.abs(arrow.angle) > np.abs(train.angle).max()))
     print(
@@ -67,7 +69,8 @@ def emps(path: Path) -> None:
         load=Load.constant(0.0, len(time)),
     )
     structure = Structure("force", (coulomb.EFFECT.name,))
-    found = fit(log, structure, {}, free_of(structure, structure.effects, {}))
+    free = free_of(structure, structure.effects, {})
+    found = fit(Problem(log=log, structure=structure, values={}, free=free))
     for (name, quantity), author in zip(
         found.quantities.items(), (95.1089, 203.5034, 3.1648, 20.3935), strict=True
     ):

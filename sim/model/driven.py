@@ -13,7 +13,7 @@ from sim.model.setup import Setup
 from sysid.driven.fit import DrivenFit
 from sysid.driven.joint import Simulator, Structure
 from sysid.driven.log import DrivenLog, InputKind, Load
-from sysid.driven.missing import Motion
+from sysid.driven.motion import Motion
 from sysid.effects import catalogue, drives
 from sysid.effects._base import DriveEffect
 from sysid.effects._mjcf import actuators_of
@@ -157,7 +157,7 @@ class Course:
     @classmethod
     def measured(cls, time: Array, angle: Array, at: Array | None = None) -> Self:
         """Return the course of measured angles [rad or m] at times [s], shape (n,) each, or at other times, shape (m,)."""
-        smooth, at = Motion.of(time, angle), time if at is None else at
+        smooth, at = Motion(time, angle), time if at is None else at
         rate, acceleration = (np.interp(at, smooth.time, x) for x in (smooth.rate, smooth.acceleration))
         return cls(angle=np.interp(at, time, angle), rate=rate, acceleration=acceleration)
 

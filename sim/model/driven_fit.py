@@ -10,13 +10,15 @@ from scipy.linalg import block_diag
 from sim.model.driven import Course, Stated, coupling_along, free_inertia, load_along
 from sim.model.setup import Setup
 from sysid.driven.fit import FINER, DrivenFit, fit, free_of
+from sysid.driven.joint import Simulator
 from sysid.driven.log import DrivenLog
-from sysid.driven.missing import Motion
+from sysid.driven.motion import Motion
+from sysid.driven.problem import Problem
 from sysid.noise.autoregression import residual_noise
 from sysid.roll import Array
 
-PASSES = 5
-"""Fits of each joint beside the motion of the others before the last: encoder zeros of two joints keep a fifth of their error each time."""
+PASSES = 6
+"""Fits of each joint beside the motion of the others: encoder zeros of two joints keep a fifth of their error each time."""
 ZERO = "zero"
 """The parameter that moves all angles of a joint in the model."""
 
@@ -46,48 +48,46 @@ def fit_joints(
         structure = replace(known.structure, effects=tuple(sorted({*known.structure.effects, *effects})))
         free = free_of(structure, structure.effects, fixed, more=tuple(bounds))
         given = {**known.values, **fixed}
-        fits[joint] = [
-            fit(
-                log,
-                structure,
-                given,
-                free,
-                bounds=bounds,
-                quick=coupled,
-                simulator=None if coupled else known.simulator,
-            )
-            for log in own
-        ]
-    for last in (*(False,) * PASSES, True) if coupled else ():
-        for joint, own in fits.items():
-            own[:] = [
-                _beside(setup, fits, stated, joint, number, bounds, last=last) for number in range(len(own))
-            ]
-    for number in range(len(next(iter(fits.values())))) if coupled else ():
-        for own, one in zip(fits.values(), _coupled(setup, fits, number), strict=True):
-            own[number] = one
+        posed = (Problem(log=log, structure=structure, values=given, free=free, bounds=bounds) for log in own)
+        law = None if coupled else known.simulator
+        fits[joint] = [fit(one, quick=coupled, simulator=law) for one in posed]
+    for number in range(len(next(iter(logs.values())))) if coupled else ():
+        alone = {joint: own[number] for joint, own in fits.items()}
+        known = {joint: one.simulator for joint, one in stated.items()}
+        for joint, one in _together(setup, alone, known).items():
+            fits[joint][number] = one
     return fits
 
 
+def _together(
+    setup: Setup, fits: dict[str, DrivenFit], simulators: Mapping[str, Simulator]
+) -> dict[str, DrivenFit]:
+    """Return the fits of the joints to one log, each beside the motions that the fits of the others have."""
+    for number in range(PASSES):
+        first, last = number == 0, number == PASSES - 1
+        for joint, one in fits.items():
+            problem, simulator = _beside(setup, fits, joint, simulators[joint], finer=1 if first else FINER)
+            if first or last:
+                fits[joint] = fit(problem, begins=[problem.values], quick=first, simulator=simulator)
+            else:
+                fits[joint] = one.continued(problem)
+    return _coupled(setup, fits)
+
+
 def _beside(
-    setup: Setup, fits: Fits, stated: Mapping[str, Stated], joint: str, number: int,
-    bounds: Mapping[str, tuple[float, float]], *, last: bool,
-) -> DrivenFit:  # fmt: skip
-    """Fit a joint beside the motions that the fits of the others have."""
-    before = fits[joint][number]
-    time, middle = before.problem.load_time, before.structure.middle
-    courses = _courses({other: own[number] for other, own in fits.items()}, before.log, time, middle=middle)
-    own_setup = setup.with_(joint=joint)
-    load = load_along(own_setup, courses, time)
-    armatures = {other: own[number].values["armature"] for other, own in fits.items()}
-    simulator = replace(stated[joint].simulator, alone=free_inertia(own_setup, armatures))
+    setup: Setup, fits: Mapping[str, DrivenFit], joint: str, simulator: Simulator, *, finer: int
+) -> tuple[Problem, Simulator]:
+    """Return the problem of a joint beside the motions of the others, and the simulator of the model there."""
+    own_setup, before = setup.with_(joint=joint), fits[joint]
+    problem, middle = replace(before.problem, values=before.values, finer=finer), before.structure.middle
+    time = problem.load_time
+    armatures = {other: one.values["armature"] for other, one in fits.items()}
+    simulator = replace(simulator, alone=free_inertia(own_setup, armatures))
     structure = before.structure
     if structure.simulator is not None:
         structure = replace(structure, simulator=simulator)
-    return fit(
-        replace(before.log, load=load), structure, before.values, tuple(before.quantities), bounds=bounds,
-        begins=[before.values], quick=not last, simulator=simulator, finer=FINER,
-    )  # fmt: skip
+    load = load_along(own_setup, _courses(fits, before.log, time, middle=middle), time)
+    return replace(problem, log=replace(before.log, load=load), structure=structure), simulator
 
 
 def _courses(
@@ -103,7 +103,7 @@ def _course(fit: DrivenFit, time: Array, *, middle: bool) -> Course:
     log, simulator = fit.log, fit.structure.simulator
     (path,) = fit.problem.paths(fit.point, slopes=False)
     angle, rate, acceleration = _at(time, fit.problem.grid, path[:, :2, 0].T, middle=middle)
-    smooth = Motion.of(log.time, log.angle - fit.motion)
+    smooth = Motion(log.time, log.angle - fit.motion)
     rest = CubicSpline(smooth.time, smooth.angle)
     lag = 0.0 if middle else (time[1] - time[0]) / 2
     source = fit.structure.source
@@ -131,14 +131,12 @@ def _at(time: Array, grid: Array, states: Array, *, middle: bool) -> Array:
     return np.stack([angle[:-1], rate[:-1], acceleration])
 
 
-def _coupled(setup: Setup, fits: Fits, number: int) -> list[DrivenFit]:
+def _coupled(setup: Setup, fits: Mapping[str, DrivenFit]) -> dict[str, DrivenFit]:
     """Return the fits of the joints to one log, their intervals with those of the others' motions.
 
     Noise n and the errors of the others' motions, through the load, make the error of all unknowns: e = A n + B e.
     """
-    names, own = list(fits), [one[number] for one in fits.values()]
-    if len(own) == 1:
-        return own
+    own = list(fits.values())
     problems = [one.problem for one in own]
     rows = [problem.residuals(one.point) for problem, one in zip(problems, own, strict=True)]
     rest, slopes = [r[0] for r, _ in rows], [j[0] for _, j in rows]
@@ -147,12 +145,12 @@ def _coupled(setup: Setup, fits: Fits, number: int) -> list[DrivenFit]:
     ends = np.cumsum([0, *(len(one) for one in alone)])
     taken = np.zeros((ends[-1], ends[-1]))
     paths = [next(problem.paths(one.point, slopes=True)) for problem, one in zip(problems, own, strict=True)]
-    clock = own[0].log.grid(1)
-    courses = _courses(dict(zip(names, own, strict=True)), own[0].log, clock, middle=True)
-    coupling = coupling_along(setup, {name: courses[name] for name in (*names, *courses)})
+    clock = own[0].log.motion.time
+    courses = _courses(fits, own[0].log, clock, middle=True)
+    coupling = coupling_along(setup, {name: courses[name] for name in (*fits, *courses)})
     for i, problem in enumerate(problems):
         time, middle = problem.log.load_time, own[i].structure.middle
-        for j in range(len(names)):
+        for j in range(len(own)):
             if i == j:
                 continue
             derivatives = np.stack([np.interp(time, clock, one) for one in coupling[i, j]])
@@ -170,4 +168,7 @@ def _coupled(setup: Setup, fits: Fits, number: int) -> list[DrivenFit]:
     spread = np.diag(whole @ blocks @ whole.T)
     before = np.concatenate([np.diag(one) for one in alone])
     factors = np.sqrt(np.maximum(np.divide(spread, before, out=np.ones_like(spread), where=before > 0), 1.0))
-    return [one.widened(factors[a : a + len(one.quantities)]) for one, a in zip(own, ends, strict=False)]
+    return {
+        name: one.widened(factors[a : a + len(one.quantities)])
+        for (name, one), a in zip(fits.items(), ends, strict=False)
+    }

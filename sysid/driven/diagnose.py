@@ -8,7 +8,7 @@ from functools import cached_property
 from sysid.driven.fit import MATTERS, DrivenFit, fit, free_of, start_values, starts, with_likelier_input
 from sysid.driven.joint import Simulator, Structure
 from sysid.driven.log import DrivenLog
-from sysid.driven.missing import Motion
+from sysid.driven.problem import Problem
 from sysid.effects import catalogue, drives, effect
 from sysid.effects._base import DriveEffect, Effect, TorqueEffect
 from sysid.errors import SysidError
@@ -146,10 +146,13 @@ def diagnose(
         SysidError: The model itself cannot be fitted.
     """
     plain, fixed = structure or Structure(log.kind), fixed or {}
-    own = free_of(plain, plain.effects, fixed)
-    log = with_likelier_input(log, plain, {**given, **fixed}, own, simulator=simulator)
-    search = _Search(log, plain, given, fixed, simulator, told)
-    base = search.fitted(tuple(sorted(search.plain.effects)))
+    problem = Problem(
+        log=log, structure=plain, values={**given, **fixed}, free=free_of(plain, plain.effects, fixed)
+    )
+    search = _Search(
+        replace(problem, log=with_likelier_input(problem, simulator=simulator)), fixed, simulator, told
+    )
+    base = search.fitted(tuple(sorted(plain.effects)))
     assert base is not None
     leading, best = [base], base
     for _ in range(MAX_EFFECTS):
@@ -164,9 +167,7 @@ def diagnose(
             break
         leading = grown[: 2 if len(leading) == 1 and leading[0] is base else 1]
     best = search.simplest()
-    final = fit(
-        log, best.structure, search.known, tuple(best.quantities), begins=[best.values], simulator=simulator
-    )
+    final = fit(search.posed(best.structure.effects), begins=[best.values], simulator=simulator)
     fits = {**search.fits, tuple(sorted(final.structure.effects)): final}
     return DrivenVerdict(base=base, best=final, fits=fits)
 
@@ -175,23 +176,17 @@ def diagnose(
 class _Search:
     """Sets of effects of one log, each fitted once."""
 
-    log: DrivenLog
-    plain: Structure
-    given: Mapping[str, float]
+    plain: Problem
+    """The model as it is."""
     fixed: Mapping[str, float]
     simulator: Simulator | None
     told: Callable[[str], None] | None
     fits: dict[tuple[str, ...], DrivenFit] = field(default_factory=dict[tuple[str, ...], DrivenFit])
 
-    @cached_property
-    def motion(self) -> Motion:
-        """Motion of the log."""
-        return Motion(self.log)
-
-    @cached_property
-    def known(self) -> dict[str, float]:
-        """Given and fixed parameters."""
-        return {**self.given, **self.fixed}
+    def posed(self, key: tuple[str, ...]) -> Problem:
+        """Return the problem of a set."""
+        structure = replace(self.plain.structure, effects=key)
+        return replace(self.plain, structure=structure, free=free_of(structure, key, self.fixed))
 
     def fitted(self, key: tuple[str, ...], begins: Sequence[Mapping[str, float]] = ()) -> DrivenFit | None:
         """Return the fit of a set; None if it runs away from its starts."""
@@ -201,12 +196,8 @@ class _Search:
         """Fit a set from starts, and return its best fit so far."""
         if self.told is not None:
             self.told(", ".join(key) or "the model as it is")
-        chosen = replace(self.plain, effects=key)
-        free = free_of(chosen, key, self.fixed)
         try:
-            found = fit(
-                self.log, chosen, self.known, free, begins=begins, quick=True, simulator=self.simulator
-            )
+            found = fit(self.posed(key), begins=begins, quick=True, simulator=self.simulator)
         except SysidError:
             if not begins:
                 raise
@@ -226,7 +217,7 @@ class _Search:
             smaller = [
                 self.again(tuple(n for n in best.structure.effects if n != name), [best.values])
                 for name in best.structure.effects
-                if name not in self.plain.effects
+                if name not in self.plain.structure.effects
             ]
             idle = [
                 one
@@ -241,14 +232,13 @@ class _Search:
         """Fit the effect of each family that leaves the least missing torque; gears only if the residual stays correlated."""
         found: list[tuple[float, str, tuple[str, ...], list[dict[str, float]]]] = []
         gears: list[tuple[tuple[str, ...], list[dict[str, float]]]] = []
-        for name in candidates(self.plain):
+        for name in candidates(self.plain.structure):
             if not _combines(name, before.structure.effects):
                 continue
             key = tuple(sorted((*before.structure.effects, name)))
-            chosen = replace(self.plain, effects=key)
-            values = start_values(chosen, dict(before.values), self.log)
-            free = free_of(chosen, key, self.fixed)
-            begins, left = starts(self.motion, chosen, values, free, {}, before.values)
+            posed = self.posed(key)
+            values = start_values(posed.structure, before.values, posed.log)
+            begins, left = starts(replace(posed, values=values), before.values)
             if getattr(effect(name), "transmit", None):
                 gears.append((key, begins))
             else:

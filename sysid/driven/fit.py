@@ -3,6 +3,7 @@
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -10,8 +11,8 @@ import numpy as np
 
 from sysid.driven.joint import BASE, Simulator, Structure
 from sysid.driven.log import DrivenLog
-from sysid.driven.missing import Motion, linear_start
-from sysid.driven.problem import Problem, limits_of, scales_of, size_of
+from sysid.driven.missing import linear_start
+from sysid.driven.problem import Problem, scales_of
 from sysid.effects._base import DriveEffect, TorqueEffect
 from sysid.errors import SysidError
 from sysid.least_squares import Minimum
@@ -25,6 +26,10 @@ FINER = 3
 """Factor of integration steps in the last fit, from which intervals come: a step's error falls by nine."""
 SHORTEST = 12
 """Shortest window, six for each of its two first states [samples]."""
+Fitted = tuple[Problem, Minimum]
+"""A problem and its minimum."""
+Chain = list[Fitted]
+"""Fits over fewer and fewer windows; the last is that of the whole log."""
 MATTERS = 0.1
 """Share of the residual's RMS that an effect must explain to be named: less is significant in a long log, but too small to matter."""
 
@@ -33,28 +38,49 @@ MATTERS = 0.1
 class DrivenFit:
     """A driven joint fitted to one log."""
 
-    log: DrivenLog
-    structure: Structure
+    problem: Problem
+    """The least squares of the whole log."""
+    point: Array
+    """Its unknowns at the minimum, in units of their sizes, shape (p,)."""
+    residual: Array
+    """Measured less simulated there [rad], shape (n,)."""
     values: Mapping[str, float]
     """All parameters."""
     quantities: Mapping[str, Quantity]
     """The fitted ones."""
     covariance: Array
     """Of the fitted ones in their order and units, shape (p, p)."""
-    rmse: float
-    """RMS of measured less simulated [rad]."""
-    noise: float
-    """Noise of the log [rad]."""
-    colour: ResidualNoise
-    """Autoregression of the residuals."""
-    score: float
-    """-2 log likelihood of correlated residuals, plus ln n for each parameter."""
-    residual: Array
-    """Measured less simulated [rad], shape (n,)."""
-    problem: Problem
-    """The least squares of the whole log."""
-    point: Array
-    """Its unknowns at the minimum, in units of their sizes, shape (p,)."""
+
+    @property
+    def log(self) -> DrivenLog:
+        """The log."""
+        return self.problem.log
+
+    @property
+    def structure(self) -> Structure:
+        """Effects of the joint."""
+        return self.problem.structure
+
+    @cached_property
+    def rmse(self) -> float:
+        """RMS of measured less simulated [rad]."""
+        return float(np.sqrt(np.mean(self.residual**2)))
+
+    @property
+    def noise(self) -> float:
+        """Noise of the log [rad]."""
+        return min(self.log.std, self.rmse)
+
+    @cached_property
+    def colour(self) -> ResidualNoise:
+        """Autoregression of the residuals."""
+        return residual_noise([self.residual])
+
+    @property
+    def score(self) -> float:
+        """-2 log likelihood of correlated residuals, plus ln n for each parameter."""
+        n, unknowns = len(self.residual), len(self.quantities) + self.structure.states
+        return n * math.log(max(self.colour.innovation, 1e-300)) + unknowns * math.log(n)
 
     @property
     def motion(self) -> Array:
@@ -78,6 +104,24 @@ class DrivenFit:
         """1 for each unknown with a finite interval, else 0 [1]; shape (p,)."""
         own = np.isfinite(np.diag(self.covariance))
         return np.r_[own, np.ones(len(self.point) - len(own))]
+
+    def continued(self, problem: Problem) -> "DrivenFit":
+        """Return the quick fit of a problem that differs little, from this minimum on."""
+        found = problem.fitted(self.unknowns / problem.sizes)
+        return replace(self, problem=problem).at(found.point * problem.sizes)
+
+    @property
+    def unknowns(self) -> Array:
+        """Its unknowns at the minimum in their units, shape (p,)."""
+        return self.point * self.problem.sizes
+
+    def at(self, unknowns: Array) -> "DrivenFit":
+        """Return it with other unknowns in their units, shape (p,), within the bounds."""
+        problem, names = self.problem, self.structure.parameters
+        point = np.clip(unknowns / problem.sizes, *problem.limits())
+        residual = problem.residuals(point, slopes=False)[0][0] * self.log.std
+        values = dict(zip(names, problem.vector(point).tolist(), strict=True))
+        return replace(self, point=point, residual=residual, values=values)
 
     def widened(self, factors: Array) -> "DrivenFit":
         """Return it with larger deviations of the fitted parameters, by factors [1] of shape (p,)."""
@@ -148,81 +192,70 @@ def start_values(structure: Structure, given: Mapping[str, float], log: DrivenLo
 
 
 def fit(
-    log: DrivenLog, structure: Structure, given: Mapping[str, float], free: tuple[str, ...], *,
-    bounds: Mapping[str, tuple[float, float]] | None = None, begins: Sequence[Mapping[str, float]] = (),
-    quick: bool = False, simulator: Simulator | None = None, finer: int = 1,
+    problem: Problem, *, begins: Sequence[Mapping[str, float]] = (), quick: bool = False,
+    simulator: Simulator | None = None,
 ) -> DrivenFit:  # fmt: skip
-    """Fit the free parameters of a structure to a log by output error.
+    """Fit the free parameters of a problem to the whole log by output error.
 
     Args:
-        given: Known values of parameters, in SI.
+        problem: Its values are those that are known, in SI; others begin neutral.
         begins: Starts of all parameters, where they are known; each is tried.
         quick: Skip the interval, and the search for better minima.
         simulator: Of a model that may have made the log; the likelier of it and nature is fitted.
-        finer: Factor of integration steps.
 
     Raises:
         SysidError: The motion runs away from everywhere that was tried.
     """
-    structure, bounds = structure.checked(), dict(bounds or {})
+    structure = problem.structure.checked()
     if not quick:
-        log = with_likelier_input(
-            log, structure, given, free, bounds=bounds, begins=begins, simulator=simulator, finer=finer
-        )
-    values = start_values(structure, given, log)
-    found = begins or starts(Motion(log), structure, values, free, bounds)[0]
+        problem = replace(problem, log=with_likelier_input(problem, begins=begins, simulator=simulator))
+    log = problem.log
+    problem = replace(problem, values=start_values(structure, problem.values, log))
+    found = begins or starts(problem)[0]
     if structure.gear is not None and len(found) > 1:
-        found = begins = _deepest(log, structure, found, free, bounds)
-    windows = [1] if begins else windows_of(log, structure, values)
-    iterations = 12 if quick else 40
-    chains = [_chain(log, structure, one, free, bounds, windows, iterations, finer) for one in found]
+        found = begins = _deepest(problem, found)
+    windows, iterations = [1] if begins else windows_of(problem), 12 if quick else 40
+    chains = [_chain(problem, one, windows, iterations) for one in found]
     chains = [chain for chain in chains if chain and chain[-1][0].windows == 1]
     if not chains:
         raise SysidError(
             f"{log.name}: the simulated motion runs away wherever the fit starts. Check the input's unit and sign, and the gains."
         )
-    best = min(chains, key=lambda chain: chain[-1][1].normal.cost)
+    best = min(chains, key=_cost)
     if simulator is not None and structure.gear is None and simulator.steps(log.step):
         moved = replace(structure, simulator=None if structure.simulator else simulator)
-        other = _chain(log, moved, _values(best[-1]), free, bounds, windows, iterations, finer)
-        if other and other[-1][1].normal.cost < best[-1][1].normal.cost:
+        other = _chain(replace(problem, structure=moved), _values(best[-1]), windows, iterations)
+        if other and _cost(other) < _cost(best):
             best = other
     if not quick:
-        begun = _values(best[-1])
+        likelier = replace(best[-1][0], values=_values(best[-1]))
         again = [
-            _chain(
-                log, structure, {**begun, **other}, free, bounds, windows_of(log, structure, begun), 12, finer
-            )
-            for other in _restarts(structure, begun, free)
+            _chain(likelier, {**likelier.values, **other}, windows_of(likelier))
+            for other in _restarts(likelier)
         ]
-        best = min(
-            (chain for chain in (best, *again) if chain and chain[-1][0].windows == 1),
-            key=lambda chain: chain[-1][1].normal.cost,
-        )
+        best = min((one for one in (best, *again) if one and one[-1][0].windows == 1), key=_cost)
         best = _refined(best)
     return _result(best, quick=quick)
 
 
-def with_likelier_input(
-    log: DrivenLog, structure: Structure, given: Mapping[str, float], free: tuple[str, ...], **options: Any
-) -> DrivenLog:
+def with_likelier_input(problem: Problem, **options: Any) -> DrivenLog:
     """Return a log whose input is held or smooth between samples, the likelier of both; `options` are those of `fit`."""
+    log = problem.log
     if log.held is not None:
         return log
-    tried = [
-        fit(replace(log, held=held), structure, given, free, quick=True, **options) for held in (True, False)
-    ]
-    return min(tried, key=lambda one: one.score).log
+    tried = (replace(problem, log=replace(log, held=held)) for held in (True, False))
+    return min((fit(one, quick=True, **options) for one in tried), key=lambda one: one.score).log
 
 
-def windows_of(log: DrivenLog, structure: Structure, values: Mapping[str, float]) -> list[int]:
+def windows_of(problem: Problem) -> list[int]:
     """Return numbers of windows, from windows of about a period of the joint's fastest motion to the whole log."""
-    periods = log.duration * scales_of(log, structure, values).frequency / (2 * math.pi)
+    log = problem.log
+    periods = log.duration * problem.scales.frequency / (2 * math.pi)
     most = max(1.0, min(periods, len(log.time) / SHORTEST))
     return [FEWER**power for power in range(int(math.log(most, FEWER)), -1, -1)]
 
 
-def _refined(chain: list[tuple[Problem, Minimum]]) -> list[tuple[Problem, Minimum]]:
+def _refined(chain: Chain) -> Chain:
     """Return a chain whose last fit has finer steps, as intervals may be narrower than the error of a step.
 
     If its residuals are correlated, fits over more windows come before it.
@@ -233,51 +266,43 @@ def _refined(chain: list[tuple[Problem, Minimum]]) -> list[tuple[Problem, Minimu
     last = (fine, again) if np.isfinite(again.normal.cost) else chain[-1]
     before = chain[:-1]
     if not before and not _is_noise(residual_noise(last[0].residuals(last[1].point, slopes=False)[0])):
-        before = _chain(
-            problem.log, problem.structure, fine.values, problem.free, problem.bounds,
-            windows_of(problem.log, problem.structure, fine.values)[:-1], 40,
-        )  # fmt: skip
+        before = _chain(replace(problem, finer=1), fine.values, windows_of(fine)[:-1], 40)
     return [*before, last]
 
 
-def _deepest(
-    log: DrivenLog, structure: Structure, found: Sequence[Mapping[str, float]], free: tuple[str, ...],
-    bounds: Mapping[str, tuple[float, float]],
-) -> list[Mapping[str, float]]:  # fmt: skip
+def _deepest(problem: Problem, found: Sequence[Mapping[str, float]]) -> list[Mapping[str, float]]:
     """Return the deepest of the valleys of a gear, one of each start, over short windows."""
-    windows = windows_of(log, structure, found[0])[:-1]
-    chains = [_chain(log, structure, one, free, bounds, windows, 10) for one in found]
-    valleys = [chain for chain in chains if chain]
-    return [_values(min(valleys, key=lambda one: one[-1][1].normal.cost)[-1])] if valleys else list(found)
+    windows = windows_of(replace(problem, values=found[0]))[:-1]
+    valleys = [chain for one in found if (chain := _chain(problem, one, windows, 10))]
+    return [_values(min(valleys, key=_cost)[-1])] if valleys else list(found)
 
 
 def _chain(
-    log: DrivenLog, structure: Structure, begin: Mapping[str, float], free: tuple[str, ...],
-    bounds: Mapping[str, tuple[float, float]], windows: Sequence[int], iterations: int, finer: int = 1,
-) -> list[tuple[Problem, Minimum]]:  # fmt: skip
+    problem: Problem, begin: Mapping[str, float], windows: Sequence[int], iterations: int = 12
+) -> Chain:
     """Return fits over fewer and fewer windows, each from the one before."""
-    chain: list[tuple[Problem, Minimum]] = []
+    chain: Chain = []
     for number in windows:
-        problem = Problem(
-            log=log, structure=structure, values=begin, free=free, windows=number, bounds=bounds, finer=finer
-        )
-        found = problem.fitted(iterations=iterations if number > 1 else 40)
+        one = replace(problem, values=begin, windows=number)
+        found = one.fitted(iterations=iterations if number > 1 else 40)
         if np.isfinite(found.normal.cost):
-            chain.append((problem, found))
+            chain.append((one, found))
             begin = _values(chain[-1])
     return chain
 
 
-def _values(one: tuple[Problem, Minimum]) -> dict[str, float]:
+def _cost(chain: Chain) -> float:
+    """Return the cost of a chain's last fit [1]."""
+    return chain[-1][1].normal.cost
+
+
+def _values(one: Fitted) -> dict[str, float]:
     """Return all parameters of a fit."""
     problem, found = one
     return dict(zip(problem.structure.parameters, problem.vector(found.point).tolist(), strict=True))
 
 
-def starts(
-    motion: Motion, structure: Structure, values: Mapping[str, float], free: tuple[str, ...],
-    bounds: Mapping[str, tuple[float, float]], known: Collection[str] = (),
-) -> tuple[list[dict[str, float]], float]:  # fmt: skip
+def starts(problem: Problem, known: Collection[str] = ()) -> tuple[list[dict[str, float]], float]:
     """Return starting values, of each combination of the effects' starts those that leave the least torque missing; and that [N*m].
 
     A gear does not show in the missing torque: each of its starts is tried.
@@ -285,84 +310,70 @@ def starts(
     Args:
         known: Parameters whose value is a start already.
     """
-    scales = scales_of(motion.log, structure, values)
-
-    def limits(name: str) -> tuple[float, float]:
-        low, high = np.array(limits_of(structure, name, scales)) * size_of(structure, name, scales)
-        return bounds.get(name, (float(low), float(high)))
-
+    scales, values, free = problem.scales, problem.values, problem.free
     choices: dict[str, list[float]] = {}
     geared: dict[str, list[float]] = {}
-    for part in structure.parts:
+    for part in problem.structure.parts:
         hidden = (isinstance(part, DriveEffect) and part.transmit is not None) or bool(part.states)
         for p in part.parameters:
             name = f"{part.name}.{p.name}"
             if name in free and name not in known and not (isinstance(part, DriveEffect) and part.sources):
-                (geared if hidden else choices)[name] = [
-                    float(np.clip(s * p.size(scales), *limits(name))) for s in p.starts
-                ]
+                begins = [float(np.clip(s * p.size(scales), *problem.limits_of(name))) for s in p.starts]
+                (geared if hidden else choices)[name] = begins
     linear = tuple(n for n in free if n not in geared)
     tried: list[tuple[float, dict[str, float]]] = []
     left = 0.0
     for one in product(*choices.values()):
         begin = {**values, **dict(zip(choices, one, strict=True))}
         for _ in range(2 if len(choices) < 3 else 1):
-            begin, left = linear_start(structure, begin, linear, motion, limits)
+            begin, left = linear_start(problem, begin, linear)
         tried.append((left, begin))
     left, best = min(tried, key=lambda pair: pair[0])
-    gear = structure.gear
-    if gear is not None:  # the rotor needs an inertia of its own
+    if problem.structure.gear is not None:  # the rotor needs an inertia of its own
         best["armature"] = max(best["armature"], 0.05 * scales.inertia)
     return [{**best, **dict(zip(geared, one, strict=True))} for one in product(*geared.values())], left
 
 
-def _restarts(
-    structure: Structure, values: Mapping[str, float], free: Collection[str]
-) -> list[dict[str, float]]:
+def _restarts(problem: Problem) -> list[dict[str, float]]:
     """Return other starts of effects whose parameters may have lost their gradient."""
     return [
         {f"{part.name}.{name}": value for name, value in again.items()}
-        for part in structure.parts
+        for part in problem.structure.parts
         if isinstance(part, TorqueEffect)
         and part.restarts
-        and {f"{part.name}.{n}" for n in part.parameter_names} <= {*free}
-        for again in part.restarts(part.of(values))
+        and {f"{part.name}.{n}" for n in part.parameter_names} <= {*problem.free}
+        for again in part.restarts(part.of(problem.values))
     ]
 
 
-def _result(chain: Sequence[tuple[Problem, Minimum]], *, quick: bool) -> DrivenFit:
+def _result(chain: Chain, *, quick: bool) -> DrivenFit:
     """Return the fit of the whole log; if its residuals are correlated, the windows with the narrowest intervals give the parameters."""
     problem, found = chain[-1]
     log, structure, free = problem.log, problem.structure, problem.free
-    rest = problem.residuals(found.point, slopes=False)[0]
-    whole = np.concatenate(rest) * log.std
-    noise = residual_noise([r * log.std for r in rest])
+    residual = problem.residuals(found.point, slopes=False)[0][0] * log.std
     vector, method = problem.vector(found.point), "output error"
     covariance = np.full((len(free),) * 2, np.nan)
     if not quick:
         covariance = problem.covariance(found)
-        if len(chain) > 1 and not _is_noise(noise):
+        if len(chain) > 1 and not _is_noise(residual_noise([residual])):
             vector, covariance, windows = _weighed(chain, covariance)
             method = f"output error over {windows} windows"
     values = dict(zip(structure.parameters, vector.tolist(), strict=True))
     quantities = {
         name: Quantity(
             values[name],
-            math.nan if quick else math.sqrt(max(covariance[i, i], 0.0)),
+            math.sqrt(max(covariance[i, i], 0.0)),
             slide_unit(structure.parameters[name]) if log.slides else structure.parameters[name],
             method,
         )
         for i, name in enumerate(free)
     }
-    n, rmse = len(whole), float(np.sqrt(np.mean(whole**2)))
-    score = n * math.log(max(noise.innovation, 1e-300)) + (len(free) + structure.states) * math.log(n)
     return DrivenFit(
-        log=log, structure=structure, values=values, quantities=quantities, covariance=covariance, rmse=rmse,
-        noise=min(log.std, rmse), colour=noise, score=score, residual=whole, problem=problem, point=found.point,
+        problem=problem, point=found.point, residual=residual, values=values, quantities=quantities, covariance=covariance
     )  # fmt: skip
 
 
-def _shorter(one: tuple[Problem, Minimum]) -> list[tuple[Problem, Minimum, Array]]:
+def _shorter(one: Fitted) -> list[tuple[Problem, Minimum, Array]]:
     """Return fits over more and more windows, with their covariances, the one given last: until intervals stop narrowing."""
     found = [(*one, one[0].covariance(one[1]))]
     while len(one[0].log.time) >= SHORTEST * FEWER * one[0].windows:
@@ -383,7 +394,7 @@ def _sharpness(covariance: Array, other: Array) -> float:
     return float(np.sum(ratios[np.isfinite(ratios)]))
 
 
-def _weighed(chain: Sequence[tuple[Problem, Minimum]], last: Array) -> tuple[Array, Array, int]:
+def _weighed(chain: Chain, last: Array) -> tuple[Array, Array, int]:
     """Return all parameters, shape (q,), and the covariance of the free ones, shape (p, p), in SI, of the best number of windows.
 
     It is the number whose intervals are narrowest. If other numbers disagree, deviations grow by the scale factor

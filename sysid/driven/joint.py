@@ -329,11 +329,11 @@ def stepper(structure: Structure, free: tuple[str, ...]) -> Any:
     known: dict[str, Any] = dict(zip(GIVEN, items_of(given, slice(0, len(GIVEN))), strict=True))
     after = Equations(structure, parameters).step(y, known)
     names = list(structure.parameters)
-    chosen = ca.vertcat(*(parameters[names.index(name)] for name in free)) if free else ca.SX(0, 1)
     carried = ca.SX.sym("s", n, len(free) + n if free else 0)
     columns = carried
     if free:
-        columns = ca.jacobian(after, y) @ carried + ca.horzcat(ca.jacobian(after, chosen), ca.SX(n, n))
+        slopes = ca.jacobian(after, ca.vertcat(y, *(parameters[names.index(name)] for name in free)))
+        columns = slopes[:, :n] @ carried + ca.horzcat(slopes[:, n:], ca.SX(n, n))
     given_all, whole = ca.vertcat(parameters, given), ca.vertcat(y, ca.vec(carried))
     return ca.Function(
         "step", [whole, given_all], [ca.vertcat(after, ca.vec(ca.densify(columns)))], {"cse": True}

@@ -7,6 +7,7 @@ from typing import Literal, Self, get_args
 
 import numpy as np
 
+from sysid.driven.motion import Motion
 from sysid.errors import SysidError
 from sysid.roll import Array, Roll
 
@@ -87,20 +88,25 @@ class DrivenLog:
         """Times of its load [s], shape (n,)."""
         return self.time if self.load.time is None else self.load.time
 
+    @cached_property
+    def motion(self) -> Motion:
+        """Its motion through a low-pass filter."""
+        return Motion(self.time, self.angle, self.std)
+
     @property
     def step(self) -> float:
         """Median sampling interval [s]."""
-        return float(np.median(np.diff(self.time)))
+        return self.motion.step
 
     @property
     def duration(self) -> float:
         """From the first to the last sample [s]."""
         return float(self.time[-1] - self.time[0])
 
-    def grid(self, substeps: int) -> Array:
-        """Return integration times with so many steps a sample [s], shape (m + 1,)."""
-        step = self.step / substeps
-        return self.time[0] + step * np.arange(int(self.duration / step + 1e-6) + 1)
+    def late_input(self, delay: float) -> Array:
+        """Return the mean input around the even times of the motion, late by a delay [s], shape (n,), in its unit."""
+        middle, half = self.motion.time, self.step / 2
+        return self.mean_input(np.r_[middle - half, middle[-1] + half], delay)[0]
 
     def mean_input(self, grid: Array, delay: float) -> Array:
         """Return mean and ramp of the input over each step of a grid [s], shape (m + 1,), and their derivatives by the delay [1/s].

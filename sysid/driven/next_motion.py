@@ -95,9 +95,7 @@ def _motions(fit: DrivenFit, low: float, high: float) -> Iterator[tuple[str, Dri
     time = np.arange(len(log.time)) * log.step
     seconds = float(time[-1])
     order = np.argsort(log.load.at)
-    natural = Problem(log=log, structure=fit.structure, values=fit.values, free=()).scales.frequency / (
-        2 * np.pi
-    )
+    natural = replace(fit.problem, values=fit.values).scales.frequency / (2 * np.pi)
     command = log.kind == "command"
     middle = (low + high) / 2 if command else 0.0
     size = (high - low) / 2 if command else float(np.quantile(np.abs(log.input), 0.98))
@@ -120,7 +118,7 @@ def _motions(fit: DrivenFit, low: float, high: float) -> Iterator[tuple[str, Dri
 
 def _seen(fit: DrivenFit, log: DrivenLog) -> tuple[Problem, tuple[Array, Array]]:
     """Return the problem of a motion, its simulated angle [rad], shape (n,), and sensitivities over noise, shape (n, p)."""
-    problem = Problem(log=log, structure=fit.structure, values=fit.values, free=tuple(fit.quantities))
+    problem = replace(fit.problem, log=log, values=fit.values, finer=1)
     point = problem.begin()
     point[len(problem.free) :] = 0.0
     point[len(problem.free)] = log.angle[0] / problem.scales.amplitude

@@ -11,7 +11,6 @@ import numpy as np
 
 from sysid.driven.joint import Structure, simulate
 from sysid.driven.log import DrivenLog
-from sysid.driven.missing import Motion
 from sysid.effects._algebra import NUMPY
 from sysid.effects._base import Actuation, Scales, State, TorqueEffect
 from sysid.joint.hermite import hermite_matrix
@@ -40,10 +39,8 @@ class Problem:
     free: tuple[str, ...]
     windows: int = 1
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
-    substeps: int = 0
-    """Integration steps a sample; 0 chooses them."""
     finer: int = 1
-    """Factor of the chosen ones."""
+    """Factor of integration steps."""
 
     @cached_property
     def scales(self) -> Scales:
@@ -53,9 +50,25 @@ class Problem:
     @cached_property
     def grid(self) -> Array:
         """Integration times [s], shape (m + 1,)."""
-        chosen = substeps_of(self.log, self.structure, self.values, self.scales, fine=self.windows == 1)
-        finer = self.finer if self.structure.simulator is None else 1
-        return self.log.grid(self.substeps or finer * chosen)
+        return self.log.motion.grid(self._substeps())
+
+    def _substeps(self) -> int:
+        """Return the integration steps a sample: those of a simulator, or enough for the fastest of motion, servo, spring and damper."""
+        log, structure, values, scales = self.log, self.structure, self.values, self.scales
+        if structure.simulator is not None:
+            return structure.simulator.steps(log.step)
+        inertia = max(float(np.min(log.load.inertia)) + values["armature"], LIGHT * scales.inertia)
+        pairs = [(values["stiffness"], values["damping"])]
+        own = [values[f"{structure.source.name}.{p.name}"] for p in structure.source.parameters]
+        if len(own) > 1:
+            pairs.append((own[0], own[1]))
+        rates = [max(np.sqrt(max(gain, 0.0) / inertia), rate / inertia / 2) for gain, rate in pairs]
+        geared = GEAR_STEPS * (4 if self.windows == 1 else 1) if structure.gear is not None else 1
+        rubs = any(isinstance(part, TorqueEffect) and part.friction is not None for part in structure.parts)
+        steps = STEPS_PER_RADIAN * (TURNS_FINER if rubs else 1)
+        return self.finer * int(
+            np.clip(np.ceil(log.step * max(*rates, scales.frequency) * steps), geared, MOST_STEPS)
+        )
 
     @property
     def h(self) -> float:
@@ -114,12 +127,33 @@ class Problem:
         return np.array([*state, *np.zeros(self.structure.states - len(state))])
 
     @cached_property
+    def ranges(self) -> dict[str, tuple[float, float, float]]:
+        """Size of each parameter in its unit, and its lowest and highest value in that size."""
+        s = self.scales
+        found = {
+            "armature": (s.inertia, 0.0 if self.structure.gear is None else 1e-4, 50.0),
+            "stiffness": (s.stiffness, -50.0, 500.0),
+            "damping": (s.stiffness / s.frequency, 0.0, 500.0),
+            "rest_angle": (s.amplitude, -50.0, 50.0),
+            "bias": (s.torque, -50.0, 50.0),
+            "zero": (s.amplitude, -50.0, 50.0),
+        }
+        own = {
+            f"{part.name}.{p.name}": (p.size(s), p.low, p.high)
+            for part in self.structure.parts
+            for p in part.parameters
+        }
+        return found | own
+
+    def limits_of(self, name: str) -> tuple[float, float]:
+        """Return the bounds of a parameter in its unit."""
+        size, low, high = self.ranges[name]
+        return self.bounds.get(name, (low * size, high * size))
+
+    @cached_property
     def sizes(self) -> Array:
         """Size of each unknown in its unit, shape (p,)."""
-        return np.r_[
-            [size_of(self.structure, name, self.scales) for name in self.free],
-            np.tile(self._state_sizes, self.windows),
-        ]
+        return np.r_[[self.ranges[name][0] for name in self.free], np.tile(self._state_sizes, self.windows)]
 
     @cached_property
     def _state_sizes(self) -> Array:
@@ -129,13 +163,10 @@ class Problem:
 
     def limits(self) -> tuple[Array, Array]:
         """Return lower and upper bounds in units of the sizes, shape (p,) each."""
-        pairs = [limits_of(self.structure, name, self.scales) for name in self.free]
-        low, high = (np.array([pair[i] for pair in pairs]) for i in (0, 1))
-        for place, name in enumerate(self.free):
-            if name in self.bounds:
-                low[place], high[place] = np.array(self.bounds[name]) / self.sizes[place]
+        low, high = np.array([self.limits_of(name) for name in self.free]).reshape(-1, 2).T
         wide = np.full(self.windows * self.structure.states, 20.0)
-        return np.r_[low, -wide], np.r_[high, wide]
+        sizes = self.sizes[: len(self.free)]
+        return np.r_[low / sizes, -wide], np.r_[high / sizes, wide]
 
     def vector(self, point: Array) -> Array:
         """Return all parameters in the structure's order and units, shape (q,), at unknowns, shape (p,)."""
@@ -249,60 +280,13 @@ class Problem:
 
 def scales_of(log: DrivenLog, structure: Structure, values: Mapping[str, float]) -> Scales:
     """Return the sizes of a log: motion, inertia, and the torque that its input makes."""
-    amplitude = float(np.ptp(log.angle)) / 2
-    motion = Motion(log)
+    amplitude, motion = float(np.ptp(log.angle)) / 2, log.motion
     source = structure.source
     own = {p.name: values[f"{source.name}.{p.name}"] for p in source.parameters}
-    late = motion.input(values.get(structure.delay, 0.0))
+    late = log.late_input(values.get(structure.delay, 0.0))
     acted = source.act(NUMPY, Actuation(late, 0.0, motion.angle, motion.rate), own)
     torque = float(np.quantile(np.abs(motion.filtered(acted)), 0.99)) or 1e-12
     felt = float(np.median(log.load.inertia)) + values.get("armature", 0.0)
     inertia = max(felt, LIGHT * torque / float(np.quantile(np.abs(motion.acceleration), 0.99)))
     return Scales(inertia=inertia, stiffness=torque / amplitude, damping=values.get("damping", 0.0), amplitude=amplitude,
                   duration=log.duration)  # fmt: skip
-
-
-def size_of(structure: Structure, name: str, scales: Scales) -> float:
-    """Return the size of a parameter in its unit."""
-    own = {f"{part.name}.{p.name}": p.size for part in structure.parts for p in part.parameters}
-    if name in own:
-        return own[name](scales)
-    return {
-        "armature": scales.inertia, "stiffness": scales.stiffness, "damping": scales.stiffness / scales.frequency,
-        "rest_angle": scales.amplitude, "bias": scales.torque, "zero": scales.amplitude,
-    }[name]  # fmt: skip
-
-
-def limits_of(structure: Structure, name: str, scales: Scales) -> tuple[float, float]:
-    """Return the bounds of a parameter in units of its size [1]."""
-    own = {f"{part.name}.{p.name}": (p.low, p.high) for part in structure.parts for p in part.parameters}
-    if name in own:
-        return own[name]
-    known = {
-        "armature": (0.0 if structure.gear is None else 1e-4, 50.0),
-        "stiffness": (-50.0, 500.0),
-        "damping": (0.0, 500.0),
-    }
-    return known.get(name, (-50.0, 50.0))
-
-
-def substeps_of(
-    log: DrivenLog, structure: Structure, values: Mapping[str, float], scales: Scales, *, fine: bool = True
-) -> int:
-    """Return the integration steps a sample: those of a simulator, or enough for the fastest of motion, servo, spring and damper."""
-    if structure.simulator is not None:
-        return structure.simulator.steps(log.step)
-    inertia = max(float(np.min(log.load.inertia)) + values["armature"], LIGHT * scales.inertia)
-    rates = [
-        np.sqrt(max(values["stiffness"], 0.0) / inertia),
-        values["damping"] / inertia / 2,
-        scales.frequency,
-    ]
-    own = {p.name: values[f"{structure.source.name}.{p.name}"] for p in structure.source.parameters}
-    if len(own) > 1:
-        gain, derivative = own.values()
-        rates += [np.sqrt(max(gain, 0.0) / inertia), derivative / inertia / 2]
-    geared = GEAR_STEPS * (4 if fine else 1) if structure.gear is not None else 1
-    rubs = any(isinstance(part, TorqueEffect) and part.friction is not None for part in structure.parts)
-    steps = STEPS_PER_RADIAN * (TURNS_FINER if rubs else 1)
-    return int(np.clip(np.ceil(log.step * max(rates) * steps), geared, MOST_STEPS))

@@ -36,6 +36,11 @@ def driven(truth: Truth, u: np.ndarray, rate: float, noise: float, seed: int = 0
     )
 
 
+def posed(log: DrivenLog, structure: Structure, given: dict[str, float], *named: str) -> Problem:
+    free = free_of(structure, (*structure.effects, *named), {})
+    return Problem(log=log, structure=structure, values=given, free=free)
+
+
 def waves(seconds: float, rate: float, size: float) -> np.ndarray:
     t = np.arange(round(seconds * rate)) / rate
     return size * (
@@ -62,7 +67,7 @@ def test_a_servo_joint_is_found_within_its_intervals():
     )
     log = driven(truth, waves(8, 200, 0.4), 200, 4e-4)
     structure = Structure("command", ("coulomb", "delay"))
-    found = fit(log, structure, SERVO, free_of(structure, structure.effects, {}))
+    found = fit(posed(log, structure, SERVO))
     for name, value in {
         "armature": 0.01,
         "damping": 0.15,
@@ -80,9 +85,9 @@ def test_a_torque_gives_inertia_and_an_unknown_gain_needs_a_known_load():
     truth = Truth((), "torque", 0.02, 0.01, 0.15, 0.8)
     log = driven(truth, waves(8, 200, 0.5), 200, 4e-4)
     structure = Structure("torque")
-    known = fit(log, structure, {}, free_of(structure, (), {}))
+    known = fit(posed(log, structure, {}))
     assert known.values["armature"] == pytest.approx(0.01, rel=0.03)
-    free = fit(log, structure, {}, free_of(structure, ("torque-constant",), {}))
+    free = fit(posed(log, structure, {}, "torque-constant"))
     assert free.values["torque-constant.gain"] == pytest.approx(1.0, abs=0.02)
     assert free.quantities["torque-constant.gain"].std > 0
 
@@ -165,7 +170,7 @@ def test_the_log_says_whether_its_input_was_held(smooth):
     load = Load.of(whole.load.rows[:, ::10])
     log = replace(whole, time=whole.time[::10], angle=whole.angle[::10], input=u[::10], load=load, held=None)
     structure = Structure("torque", ("delay",))
-    found = with_likelier_input(log, structure, {}, free_of(structure, structure.effects, {}))
+    found = with_likelier_input(posed(log, structure, {}))
     assert found.held is not smooth
     assert found.between == ("smooth" if smooth else "held")
 
@@ -211,13 +216,12 @@ def test_a_log_of_mujoco_is_fitted_as_mujoco_moves_it():
         name="mujoco", time=np.arange(len(u)) / 250, angle=seen, std=3e-4, input=u, kind="torque", load=load
     )
     structure = Structure("torque", ("coulomb",))
-    free = free_of(structure, structure.effects, {})
     simulator = Simulator(
         step=0.002, implicit="joint", rate=2 / (0.95 * 0.02), softness=1 / 0.9 - 1, alone=inertia
     )
     off = {}
     for law in (None, simulator):
-        found = fit(log, structure, {}, free, simulator=law)
+        found = fit(posed(log, structure, {}), simulator=law)
         assert found.structure.simulator is law
         q = found.quantities["armature"]
         off[law] = abs(q.value - model.dof_armature[0]) / q.std

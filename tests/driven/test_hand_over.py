@@ -12,6 +12,7 @@ from sysid.driven.fit import fit, free_of
 from sysid.driven.joint import Structure
 from sysid.driven.log import DrivenLog, Load
 from sysid.driven.next_motion import next_motion
+from sysid.driven.problem import Problem
 from sysid.driven.runs import agreement
 from sysid.errors import SysidError
 
@@ -36,7 +37,7 @@ def fits():
         log_of_arm("tuesday.csv", 0.2, 2),
         log_of_arm("friday.csv", 0.3, 3),
     ]
-    return [fit(one, structure, GAINS, free) for one in logs]
+    return [fit(Problem(log=one, structure=structure, values=GAINS, free=free)) for one in logs]
 
 
 def test_a_parameter_that_differs_between_logs_is_named(fits):
