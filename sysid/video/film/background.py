@@ -12,7 +12,7 @@ import numpy as np
 
 from sysid.errors import SysidError
 from sysid.roll import Array
-from sysid.video.film.camera import FOCAL_SPREAD, Lens
+from sysid.video.film.camera import Lens
 from sysid.video.film.frames import Frame, halved
 from sysid.video.film.shake import MIN_PATCHES, Shake, find_shake, fit_rotations, rays, still
 from sysid.video.types import Mask, Picture, Points
@@ -101,7 +101,7 @@ class Background:
         home, seen = (
             self.lens.straighten(one) for one in (self._seen[0][self._beside][usual], seen[:, usual])
         )
-        return find_shake(home, seen, self.lens.matrix, 0.0 if self.lens.known else FOCAL_SPREAD)
+        return find_shake(home, seen, self.lens.matrix)
 
     def _follow(self, small: Picture) -> Points:
         """Find the patches, shape (m, 2) [px of the small picture]; NaN where one is not found."""

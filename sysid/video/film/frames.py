@@ -4,9 +4,6 @@ Films hold brightness pixel by pixel and colour at half the resolution. Nearly a
 is used where the decoder left it. Colour is made of the parts that need it.
 """
 
-import mmap
-import re
-import struct
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -48,10 +45,6 @@ TURNS = dict(
     )
 )
 """Clockwise turns [deg] in OpenCV's names."""
-
-HEAD, ENTRY = 16, {0: ">IiHH", 1: ">QqHH"}
-"""An edit list (ISO 14496-12): bytes before its entries, which are size, name, version and number of entries. An entry of each version:
-length, start, and speed with its fraction."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,11 +195,6 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
             f"{path}: not a film that can be read: no pictures in it, cut off before its index, or "
             "another kind of file, or empty. Copy it again from the camera, or convert it to MP4."
         ) from error
-    if _plays_ramps(path):
-        raise SysidError(
-            f"{path}: parts of it play faster or slower than others (a speed ramp of slow motion): its times are not those "
-            "of the board. Give the film as the camera took it, not as it was edited."
-        )
     with closing(_decoded(path)) as frames:
         first = next(frames, None)
     if first is None:
@@ -219,22 +207,6 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
     return Clip(
         path, *size, turned, announced, codec, slowed if round(slowed) > 1 else 1.0, progress, readout if 0 < readout * rate <= 1 else None
     )  # fmt: skip
-
-
-def _plays_ramps(path: Path) -> bool:
-    """Return whether an MP4 or QuickTime file plays parts at another speed by its edit list, which FFmpeg passes over."""
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        for found in re.finditer(b"elst", data):
-            begin = found.start() + 12
-            if len(head := data[begin - HEAD : begin]) < HEAD:
-                break
-            size, version, count = struct.unpack(">I4xB3xI", head)
-            entry, end = struct.Struct(ENTRY.get(version, ">")), begin - HEAD + size
-            if size != HEAD + count * entry.size or end > len(data):
-                continue  # these four letters are part of something else
-            if any(start >= 0 and speed != [1, 0] for _, start, *speed in entry.iter_unpack(data[begin:end])):
-                return True
-    return False
 
 
 def _decoded(path: Path) -> Generator[av.VideoFrame]:

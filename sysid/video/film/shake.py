@@ -55,17 +55,14 @@ def still(count: int, matrix: Array, *, found: bool = False) -> Shake:
     return Shake(np.tile(np.eye(3), (count, 1, 1)), np.zeros(count), matrix, found)
 
 
-def find_shake(home: Points, seen: Points, matrix: Array, focal_std: float) -> Shake:
+def find_shake(home: Points, seen: Points, matrix: Array) -> Shake:
     """Fit the camera's motion to patches of background, if it is likelier than none by the Bayesian information criterion.
 
     Args:
         home: Places of the patches in the first frame of the film [px], shape (m, 2).
         seen: Their places in n frames [px], shape (n, m, 2); NaN where one is not found.
         matrix: Camera matrix [px], shape (3, 3).
-        focal_std: Standard deviation of the logarithm of its focal length [1]; 0 for a known lens.
     """
-    if focal_std:
-        matrix = _likeliest_lens(home, seen, matrix, focal_std)
     start, now, count = rays(home, matrix), rays(seen, matrix), len(seen)
     # A hundred frames at once take little longer than one, and little memory.
     parts = [fit_rotations(start, now[at : at + 100]) for at in range(0, count, 100)]
@@ -86,27 +83,6 @@ def find_shake(home: Points, seen: Points, matrix: Array, focal_std: float) -> S
     return Shake(turn[last], std, matrix, True)
 
 
-def _likeliest_lens(home: Points, seen: Points, matrix: Array, std: float) -> Array:
-    """Return the camera matrix [px] with which patches (m, 2) in n frames (n, m, 2) fit best, by likelihood and prior.
-
-    A pan bends the picture the more, the shorter the lens. Fifty frames are used: neighbours err alike.
-    """
-    seen = seen[np.unique(np.linspace(0, len(seen) - 1, 50).astype(int))]
-
-    def score(off: float) -> float:
-        one = _longer(matrix, off * std)
-        rest = fit_rotations(rays(home, one), rays(seen, one))[1]
-        scale = one[0, 0] * np.nanmedian(np.linalg.norm(rest, axis=-1)) + 0.01
-        return float(-2 * np.isfinite(rest[..., 0]).sum() * np.log(scale) - off**2 / 2)
-
-    return _longer(matrix, std * max(np.linspace(-2.5, 2.5, 11), key=score))
-
-
-def _longer(matrix: Array, by: float) -> Array:
-    """Return a camera matrix of which the logarithm of the focal length is larger by some."""
-    return np.where(np.diag([1.0, 1.0, 0.0]) > 0, np.exp(by), 1.0) * matrix
-
-
 def fit_rotations(home: Array, seen: Array) -> tuple[Array, Array, Array]:
     """Fit the camera's rotation to each of n frames, ignoring patches that move on their own.
 
@@ -119,6 +95,7 @@ def fit_rotations(home: Array, seen: Array) -> tuple[Array, Array, Array]:
         off by 1 rad, shape (n,). It is NaN if fewer than four patches agree.
     """
     found = np.isfinite(seen[..., 0])
+    seen_any = found.any(axis=1, keepdims=True)
     place, weight = np.where(found[..., None], seen, home), found.astype(np.float64)
     turn = rest = np.zeros(0)
     for _ in range(8):  # weighed anew by how far each patch is off; converges by half or better each time
@@ -126,9 +103,9 @@ def fit_rotations(home: Array, seen: Array) -> tuple[Array, Array, Array]:
         left[..., -1] *= np.sign(np.linalg.det(left @ right))[:, None]
         turn = left @ right
         rest = place - home @ np.swapaxes(turn, 1, 2)
-        off = np.where(found, np.linalg.norm(rest, axis=-1), np.nan)
-        scale = np.nan_to_num(_median(off)) + 1e-5
-        weight = np.nan_to_num(1 / (1 + (off / (3 * scale[:, None])) ** 2) ** 2)
+        off = np.where(found, np.linalg.norm(rest, axis=-1), np.where(seen_any, np.nan, 0.0))
+        scale = np.nanmedian(off, axis=1) + 1e-5
+        weight = found * np.nan_to_num(1 / (1 + (off / (3 * scale[:, None])) ** 2) ** 2)
     total = weight.sum(axis=1)
     middle = (weight @ home) / np.maximum(total, 1e-9)[:, None]
     about = (weight * ((home - middle[:, None])[..., :2] ** 2).sum(axis=-1)).sum(axis=1)
@@ -138,10 +115,3 @@ def fit_rotations(home: Array, seen: Array) -> tuple[Array, Array, Array]:
         np.where(found[..., None], rest, np.nan),
         np.where(enough, 1 / np.maximum(about, 1e-9), np.nan),
     )
-
-
-def _median(values: Array) -> Array:
-    """Return the median of the finite values along the second axis, shape (n,); NaN without any."""
-    ordered = np.sort(values, axis=1)
-    count = np.isfinite(ordered).sum(axis=1)
-    return ordered[np.arange(len(values)), np.maximum(count - 1, 0) // 2]

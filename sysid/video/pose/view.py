@@ -40,20 +40,9 @@ class View:
         share = np.where(seen, when, 0).sum(axis=1) / np.maximum(count, 1)
         share = np.interp(track.time, track.time[count > 0], share[count > 0]) if seen.any() else share
         late = np.nan_to_num(when - share[:, None])[..., None]
-        return cls(track, points, share, -_velocity(points, track.time) * late)
+        velocity = np.nan_to_num(np.gradient(points, track.time, axis=0))
+        return cls(track, points, share, -velocity * late)
 
     def time(self, readout: float) -> Array:
         """Return when the sensor reads the middle of the points [s], shape (n,)."""
         return self.track.time + readout * self.share
-
-
-def _velocity(points: Array, time: Array) -> Array:
-    """Velocity of points [px/s], shape (n, N, 2), at times [s]; zero where a neighbour does not show one.
-
-    The slope of the parabola through three frames, so that an uneven rate does no harm.
-    """
-    slope = np.zeros(points.shape)
-    before, after = (step[:, None, None] for step in (np.diff(time)[:-1], np.diff(time)[1:]))
-    ahead, behind = (points[2:] - points[1:-1]) / after, (points[1:-1] - points[:-2]) / before
-    slope[1:-1] = (ahead * before + behind * after) / (before + after)
-    return np.nan_to_num(slope)
