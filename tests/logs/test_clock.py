@@ -42,34 +42,59 @@ def test_units_and_epoch_by_name_or_by_size(tmp_path, unit, size, epoch, named):
     assert any(f"in {unit}" in note for note in roll.notes)
 
 
-@pytest.mark.parametrize("burst", [4, 25])
-def test_bursts_get_the_even_clock_of_the_sensor(tmp_path, burst):
-    rng = np.random.default_rng(burst)
-    arrival = (np.arange(TRUE.size) // burst * burst + burst - 1) / RATE  # when the last of a packet is there
-    delay = np.repeat(rng.exponential(2e-3, TRUE.size // burst), burst)
-    stamps = arrival + delay + np.tile(np.arange(burst), TRUE.size // burst) * 1e-5
-    roll = read(tmp_path, stamps, noisy(TRUE))
-    assert roll.time.size == TRUE.size
-    assert clock_error(roll, TRUE) < 4e-3
-    assert roll.sampling_rate == pytest.approx(RATE, rel=2e-3)
-    assert any("bursts" in warning for warning in roll.warnings)
+RNG = np.random.default_rng(1)
+ROWS = np.arange(TRUE.size)
+LOST = RNG.random(TRUE.size) > 0.01
+GAP = (TRUE < 3.0) | (TRUE > 3.4)
+COPIED = np.sort(np.concatenate((ROWS, ROWS[::7])))
+SWAPPED = ROWS.copy()
+SWAPPED[[500, 501, 900, 903]] = SWAPPED[[501, 500, 903, 900]]
+MICRO = np.round(2**32 - 2e6 + TRUE * 1e6)
+"""A counter of 32 bits that overflows after 2 s."""
 
 
-def test_late_stamps_of_even_samples_are_evened(tmp_path):
-    stamps = TRUE + np.random.default_rng(1).normal(0, 1.2e-3, TRUE.size)
-    stamps = np.sort(stamps)
-    roll = read(tmp_path, stamps, noisy(TRUE))
-    assert clock_error(roll, TRUE) < 3e-4
-    assert any("jitter" in warning for warning in roll.warnings)
+def bursts(size):
+    """Stamps of packets: each has the time at which its last sample is there, and a delay."""
+    arrival = (ROWS // size * size + size - 1) / RATE
+    return arrival + np.repeat(RNG.exponential(2e-3, TRUE.size // size), size) + ROWS % size * 1e-5
 
 
-def test_each_lost_sample_of_jittering_stamps_leaves_its_own_gap(tmp_path):
-    rng = np.random.default_rng(4)
-    kept = rng.random(TRUE.size) > 0.01
-    stamps = (TRUE + 2e-4 * np.clip(rng.standard_normal(TRUE.size), -3, 3))[kept]
-    roll = read(tmp_path, stamps, noisy(TRUE, std=1e-4)[kept])
-    assert any("jitter" in warning for warning in roll.warnings)
-    assert clock_error(roll, TRUE[kept]) < 3e-5
+def frozen(rows, stamp):
+    return np.where(np.isin(ROWS, rows), TRUE[stamp], TRUE)
+
+
+def torn(stamps, row, value):
+    return np.where(np.arange(len(stamps)) == ROWS[row], value, stamps)
+
+
+CASES = {
+    "bursts of 4": (bursts(4), ROWS, ROWS, 4e-3, "bursts"),
+    "bursts of 25": (bursts(25), ROWS, ROWS, 4e-3, "bursts"),
+    "late": (np.sort(TRUE + RNG.normal(0, 1.2e-3, TRUE.size)), ROWS, ROWS, 3e-4, "jitter"),
+    "jitter and losses": ((TRUE + 2e-4 * np.clip(RNG.normal(size=TRUE.size), -3, 3))[LOST], ROWS[LOST], ROWS[LOST], 4e-5, "jitter"),
+    "a gap": (TRUE[GAP], ROWS[GAP], ROWS[GAP], 1e-8, "1 gap in"),
+    "torn at the begin": (torn(1.7e9 + TRUE, 0, 364.0), ROWS, ROWS[1:], 1e-6, "further off in time"),
+    "torn at the end": (torn(1.7e9 + TRUE, -1, 1.7e10), ROWS, ROWS[:-1], 1e-6, "further off in time"),
+    "copies": (TRUE[COPIED], COPIED, ROWS, 1e-8, "copies"),
+    "out of order": (TRUE[SWAPPED], SWAPPED, ROWS, 1e-8, "out of order"),
+    "counter of 16 bits": (np.mod(np.round(2**16 - 2e3 + TRUE * 1e3), 2**16), ROWS, ROWS, 1e-6, "overflowed 1 time"),
+    "counter of 32 bits": (np.mod(MICRO, 2**32), ROWS, ROWS, 1e-6, "overflowed 1 time"),
+    "counter, torn at the end": (torn(np.mod(MICRO, 2**32), -1, 3e12), ROWS, ROWS[:-1], 1e-6, "overflowed 1 time"),
+    "stops": (frozen(ROWS[-700:], -700), ROWS, ROWS[:-699], 1e-6, "the clock stands still"),
+    "begins late": (frozen(ROWS[:300], 299), ROWS, ROWS[299:], 1e-6, "the clock stands still"),
+}  # fmt: skip
+"""Stamps; which sample each row of the file is, and which of them stay; error of the repaired clock [s]; words of its remark."""
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_the_repaired_clock_is_that_of_the_sensor(tmp_path, kind):
+    stamps, rows, kept, tolerance, words = CASES[kind]
+    header = "t_us" if "32" in kind or "counter," in kind else "t_ms" if "16" in kind else "t_s"
+    values = noisy(TRUE, std=1e-4)
+    roll = read(tmp_path, stamps, values[rows], header=header)
+    assert clock_error(roll, TRUE[kept]) < tolerance
+    np.testing.assert_allclose(roll.roll, values[kept], atol=1e-8)
+    assert any(words in text for text in (*roll.notes, *roll.warnings))
 
 
 def test_times_for_which_a_roll_was_computed_are_kept(tmp_path):
@@ -88,65 +113,12 @@ def test_truthful_uneven_stamps_are_kept(tmp_path):
     assert any("uneven sampling kept" in note for note in roll.notes)
 
 
-def test_gaps_are_kept_and_said(tmp_path):
-    keep = (TRUE < 3.0) | (TRUE > 3.4)
-    roll = read(tmp_path, TRUE[keep], noisy(TRUE)[keep])
-    assert clock_error(roll, TRUE[keep]) < 1e-8
-    assert [w for w in roll.warnings if "1 gap in" in w and "0.41 s" in w]
-
-
-@pytest.mark.parametrize("row", [0, -1])
-def test_a_stamp_that_was_torn_at_an_end_of_the_log_is_left_out(tmp_path, row):
-    stamps = 1.7e9 + TRUE
-    stamps[row] = 364.0 if row == 0 else 1.7e10
-    roll = read(tmp_path, stamps, noisy(TRUE))
-    kept = np.delete(TRUE, row)
-    assert clock_error(roll, kept) < 1e-6
-    assert any("further off in time" in warning for warning in roll.warnings)
-
-
-def test_copies_of_rows_are_dropped(tmp_path):
-    twice = np.sort(np.concatenate((np.arange(TRUE.size), np.arange(0, TRUE.size, 7))))
-    values = noisy(TRUE)
-    roll = read(tmp_path, TRUE[twice], values[twice])
-    assert roll.time.size == TRUE.size
-    np.testing.assert_allclose(roll.roll, values, atol=1e-8)
-    assert any("copies" in warning for warning in roll.warnings)
-
-
-def test_rows_out_of_order_are_sorted(tmp_path):
-    order = np.arange(TRUE.size)
-    order[[500, 501]] = order[[501, 500]]
-    order[[900, 903]] = order[[903, 900]]
-    values = noisy(TRUE)
-    roll = read(tmp_path, TRUE[order], values[order])
-    np.testing.assert_allclose(roll.roll, values, atol=1e-8)
-    assert any("out of order" in warning for warning in roll.warnings)
-
-
 def test_restarted_counter_is_said(tmp_path):
     stamps = np.concatenate((TRUE, TRUE))
     roll = read(tmp_path, stamps, np.concatenate((noisy(TRUE), noisy(TRUE, 1))))
     assert np.all(np.diff(roll.time) > 0)
     assert roll.time[TRUE.size] - roll.time[TRUE.size - 1] == pytest.approx(1.0)
     assert any("restarts 1 time, first at row 1601" in warning for warning in roll.warnings)
-
-
-@pytest.mark.parametrize("bits", [16, 32])
-def test_overflowing_counters_are_undone(tmp_path, bits):
-    size = 1e3 if bits == 16 else 1e6
-    start = 2**bits - 2000.0 * size / 1e3
-    stamps = np.mod(np.round(start + TRUE * size), 2**bits)
-    roll = read(tmp_path, stamps, noisy(TRUE), header="t_ms" if bits == 16 else "t_us", form="%.0f")
-    assert clock_error(roll, TRUE) < 1e-6
-    assert any("overflowed 1 time" in note for note in roll.notes)
-
-
-def test_a_torn_stamp_hides_no_overflow(tmp_path):
-    stamps = np.mod(np.round(2**32 - 2e6 + TRUE * 1e6), 2**32)
-    stamps[-1] = 3e12
-    roll = read(tmp_path, stamps, noisy(TRUE), header="t_us", form="%.0f")
-    assert clock_error(roll, TRUE[:-1]) < 1e-6
 
 
 @pytest.mark.parametrize("rows", [600, 1600])
@@ -208,19 +180,6 @@ def test_rows_without_numbers_leave_gaps_not_a_shift(tmp_path):
     roll = read_roll(path, LogOptions(rate=RATE))
     np.testing.assert_allclose(roll.time, TRUE[keep])
     assert any("41 of 1600 rows" in warning for warning in roll.warnings)
-
-
-@pytest.mark.parametrize("frozen", [700, 300])
-def test_a_clock_that_stops_ends_or_begins_the_log(tmp_path, frozen):
-    """The rows at one stamp have no time; spread evenly they would halve the period."""
-    stamps = TRUE.copy()
-    rows = slice(-frozen, None) if frozen > 500 else slice(0, frozen)
-    stamps[rows] = stamps[rows][0] if frozen > 500 else stamps[rows][-1]
-    roll = read(tmp_path, stamps, noisy(TRUE))
-    assert roll.time.size == TRUE.size - frozen + 1
-    kept = TRUE[: roll.time.size] if frozen > 500 else TRUE[frozen - 1 :]
-    assert clock_error(roll, kept) < 1e-6
-    assert any("the clock stands still" in text for text in roll.warnings)
 
 
 @pytest.mark.parametrize("rate", [90.0, 2000.0])

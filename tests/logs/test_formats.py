@@ -1,257 +1,153 @@
-"""Any dialect of text, Parquet, phone exports, MCAP: the same roll comes out."""
+"""Files other than plain text: each holds one decay and is read without an option; damaged, huge and foreign ones get one line."""
 
+import bz2
+import gzip
 import json
-import math
+import lzma
+import struct
+import sys
 import zipfile
 from datetime import datetime, timedelta
 
 import numpy as np
 import pandas as pd
 import pytest
-from rocking import imu, rocking, write_csv
+from rocking import ACCEL, GYRO, MOTION, ROLL, TIME, right, rocking
 
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
-from sysid.logs.table.names import parse_column
+from sysid.releases import find_releases
 
-TIME = np.arange(0, 4, 0.01)
-ROLL = rocking(TIME)[0]
-
-
-def check(path, **options):
-    roll = read_roll(path, LogOptions(**options))
-    np.testing.assert_allclose(roll.time, TIME, atol=1e-6)
-    np.testing.assert_allclose(roll.roll, ROLL, atol=1e-6)
-    return roll
-
-
-@pytest.mark.parametrize(
-    ("name", "kind", "axis", "unit"),
-    [
-        ("roll_deg", "angle", "x", "deg"),
-        ("angle_rad", "angle", "", "rad"),
-        ("Winkel [°]", "angle", "", "deg"),
-        ("pitch", "angle", "y", None),
-        ("Gyroscope x (rad/s)", "rate", "x", "rad/s"),
-        ("GyroY_dps", "rate", "y", "deg/s"),
-        ("gyro_integrated_x [deg]", "angle", "x", "deg"),
-        ("gyroAngleX", "angle", "x", None),
-        ("integrated gyro x (rad/s)", "rate", "x", "rad/s"),
-        ("/imu.angular_velocity.x", "rate", "x", None),
-        ("ax", "accel", "x", None),
-        ("Acceleration z (m/s^2)", "accel", "z", "m/s^2"),
-        ("qw", "quaternion", "w", None),
-        ("Time (s)", "time", "", "s"),
-        ("timestamp_ns", "time", "", "ns"),
-        ("roll_std_rad", "std", "x", "rad"),
-        ("heave_m", "other", "", None),
-    ],
-)
-def test_names_tell_quantity_axis_and_unit(name, kind, axis, unit):
-    column = parse_column(name)
-    assert (column.kind, column.axis, column.unit) == (kind, axis, unit)
-
-
-@pytest.mark.parametrize(
-    ("sep", "decimal", "newline"),
-    [(",", ".", "\n"), (";", ",", "\r\n"), ("\t", ",", "\n"), ("|", ".", "\r\n"), (" ", ".", "\n")],
-)
-def test_every_delimiter_decimal_sign_and_line_end(tmp_path, sep, decimal, newline):
-    path = write_csv(
-        tmp_path / "log.txt", ("t_s", "roll_rad"), TIME, ROLL, sep=sep, decimal=decimal, newline=newline
-    )
-    roll = check(path)
-    assert any("roll_rad" in note for note in roll.notes)
-    assert any("decimal comma" in note for note in roll.notes) == (decimal == ",")
-
-
-def test_bom_preamble_comments_quotes_and_units_row(tmp_path):
-    rows = "\n".join(f'"{t:.9g}","{r:.9g}"' for t, r in zip(TIME, np.rad2deg(ROLL), strict=True))
-    path = tmp_path / "log.csv"
-    path.write_bytes(
-        b'\xef\xbb\xbf# recorded by hand\nBoard: pink, second try\n\n"time","roll"\n"ms","deg"\n'
-        + rows.replace("\n", "\n# a remark\n", 1).encode()
-        + b"\n"
-    )
-    roll = read_roll(path)
-    np.testing.assert_allclose(roll.time, TIME * 1e-3, atol=1e-9)
-    np.testing.assert_allclose(roll.roll, ROLL, atol=1e-6)
-
-
-def test_utf16_and_latin_1(tmp_path):
-    text = "Zeit (s)\tWinkel (°)\r\n" + "".join(
-        f"{t:.9g}\t{r:.9g}\r\n" for t, r in zip(TIME, np.rad2deg(ROLL), strict=True)
-    )
-    for name, encoding in (("a.txt", "utf-16"), ("b.txt", "cp1252")):
-        (tmp_path / name).write_bytes(text.encode(encoding))
-        check(tmp_path / name)
-
-
-def test_header_written_as_a_comment_and_no_header_at_all(tmp_path):
-    np.savetxt(tmp_path / "a.txt", np.stack((TIME, ROLL), axis=1), header="time_s roll_rad")
-    check(tmp_path / "a.txt")
-    np.savetxt(tmp_path / "b.txt", np.stack((TIME, ROLL), axis=1), delimiter=",")
-    roll = check(tmp_path / "b.txt", unit="rad")
-    assert any("numbered" in note for note in roll.notes)
-
-
-def test_without_header_time_is_found_beside_the_column_that_the_user_names(tmp_path):
-    path = write_csv(tmp_path / "log.csv", None, TIME, np.cos(20 * TIME), ROLL)
-    with pytest.raises(SysidError, match="--column"):
-        read_roll(path)
-    check(path, column="3")
-
-
-def test_trailing_delimiters_and_blanks_after_commas(tmp_path):
-    lines = ["t_s, roll_rad,", *(f"{t:.9g}, {r:.9g}," for t, r in zip(TIME, ROLL, strict=True))]
-    (tmp_path / "log.csv").write_text("\n".join(lines))
-    check(tmp_path / "log.csv")
-
-
-def test_dates_and_times_of_day_as_time(tmp_path):
-    stamps = pd.to_datetime("2026-03-01T23:59:58") + pd.to_timedelta(TIME, unit="s")
-    iso = [stamp.isoformat(timespec="milliseconds") for stamp in stamps]
-    check(write_csv(tmp_path / "a.csv", ("timestamp", "roll_rad"), iso, ROLL))
-    clock = [f"{h:02d}:{m:02d}:{s:06.3f}" for h, m, s in ((13, 0, t) for t in TIME)]
-    check(write_csv(tmp_path / "b.csv", ("time", "roll_rad"), clock, ROLL))
-
-
-def test_parquet_with_and_without_time_stamps(tmp_path):
-    pd.DataFrame({"t_s": TIME, "junk": ["a"] * TIME.size, "roll_rad": ROLL}).to_parquet(
-        tmp_path / "a.parquet"
-    )
-    check(tmp_path / "a.parquet")
-    stamps = pd.to_datetime(1.7e18 + TIME * 1e9)
-    pd.DataFrame({"time": stamps, "roll_deg": np.rad2deg(ROLL)}).to_parquet(tmp_path / "b.pq")
-    check(tmp_path / "b.pq")
-    (tmp_path / "c.parquet").write_bytes((tmp_path / "a.parquet").read_bytes()[:500])
-    with pytest.raises(SysidError, match="Parquet"):
-        read_roll(tmp_path / "c.parquet")
-
-
-def sensor_files():
-    rng = np.random.default_rng(3)
-    time = np.arange(0, 6, 0.005)
-    gyro, accel = imu(time, *rocking(time))
-    gyro = gyro + rng.normal(0, 2e-3, gyro.shape) + 0.01
-    return time, gyro, accel + rng.normal(0, 0.02, accel.shape)
-
-
-def check_phone(path, tolerance_deg=0.3):
-    roll = read_roll(path)
-    assert roll.origin == "imu"
-    error = roll.roll - rocking(roll.time)[0]
-    assert np.rad2deg(np.abs(error).max()) < tolerance_deg
-    return roll
+UP = 9.81 * np.stack((np.zeros(len(TIME)), np.sin(MOTION[0]), np.cos(MOTION[0])), axis=1)
+EPOCH = 1_700_000_000_000_000_000
+COLUMNS = {"time_s": TIME, "roll_rad": ROLL}
 
 
 def table(names, *columns, sep=",", decimal="."):
     lines = [sep.join(f'"{name}"' for name in names)]
-    lines += [
-        sep.join(f"{value:.9g}".replace(".", decimal) for value in row) for row in zip(*columns, strict=True)
-    ]
+    for row in zip(*columns, strict=True):
+        cells = [cell if isinstance(cell, str) else f"{cell:.9g}".replace(".", decimal) for cell in row]
+        lines.append(sep.join(cells))
     return "\n".join(lines) + "\n"
 
 
-@pytest.mark.parametrize(("sep", "decimal"), [(",", "."), ("\t", "."), (";", ",")])
-def test_phyphox_zip(tmp_path, sep, decimal):
-    time, gyro, accel = sensor_files()
-    path = tmp_path / "Gyroscope and accelerometer 2026-03-01.zip"
-    with zipfile.ZipFile(path, "w") as archive:
-        names = [f"Gyroscope {axis} (rad/s)" for axis in "xyz"]
-        archive.writestr(
-            "Gyroscope.csv", table(("Time (s)", *names), time, *gyro.T, sep=sep, decimal=decimal)
-        )
-        names = [f"Acceleration {axis} (m/s^2)" for axis in "xyz"]
-        late = np.maximum(time[::2] - 1e-3, 0.0)
-        sampled = [np.interp(late, time, column) for column in accel.T]
-        archive.writestr(
-            "Accelerometer.csv", table(("Time (s)", *names), late, *sampled, sep=sep, decimal=decimal)
-        )
-        archive.writestr("meta/time.csv", '"event","experiment time"\n"START",0\n"PAUSE",6\n')
-        archive.writestr("meta/device.csv", "property,value\nversion,1.1\n")
-    check_phone(path)
+def axes(sensor, unit):
+    return [f"{sensor} {axis} ({unit})" for axis in "xyz"]
 
 
-def test_matlab_mobile_zip(tmp_path):
+def archive(path, files):
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, content in files.items():
+            packed.writestr(name, content)
+
+
+def phyphox(sep=",", decimal="."):
+    """The accelerometer at half the rate, on a clock of its own."""
+    late = np.maximum(TIME[::2] - 1e-3, 0.0)
+    accel = [np.interp(late, TIME, column) for column in ACCEL.T]
+    gyro = table(("Time (s)", *axes("Gyroscope", "rad/s")), TIME, *GYRO.T, sep=sep, decimal=decimal)
+    felt = table(("Time (s)", *axes("Acceleration", "m/s^2")), late, *accel, sep=sep, decimal=decimal)
+    meta = {"meta/time.csv": '"event","experiment time"\n"START",0\n', "meta/device.csv": "property,value\n"}
+    return {"Gyroscope.csv": gyro, "Accelerometer.csv": felt, **meta}
+
+
+def matlab_mobile():
     """Bare axes, stamps with the month in letters, and the gyro called by what it measures."""
-    time, gyro, accel = sensor_files()
-    start, path = datetime(2026, 5, 12, 14, 5, 12), tmp_path / "sensorlog_20260512_140512.zip"
-    with zipfile.ZipFile(path, "w") as archive:
-        for name, values in (("Acceleration", accel), ("AngularVelocity", gyro)):
-            lines = ["Timestamp,X,Y,Z"]
-            for t, row in zip(time, values, strict=True):
-                stamp = start + timedelta(milliseconds=round(1000 * t))
-                lines.append(",".join((f"{stamp:%d-%b-%Y %H:%M:%S.%f}"[:-3], *map(str, row))))
-            archive.writestr(f"{name}.csv", "\n".join(lines) + "\n")
-    check_phone(path)
-
-
-@pytest.mark.parametrize("kind", ["total", "gravity-apart", "uncalibrated", "folder"])
-def test_sensor_logger_export(tmp_path, kind):
-    time, gyro, accel = sensor_files()
-    epoch = 1.7e18 + np.round(time * 1e9)
-    header = ("time", "seconds_elapsed", "z", "y", "x")
-    roll, *_ = rocking(time)
-    up = 9.81 * np.stack((np.zeros(time.size), np.sin(roll), np.cos(roll)), axis=1)
-
-    def of(values):
-        lines = [",".join(header)]
-        for stamp, t, row in zip(epoch, time, values, strict=True):
-            lines.append(f"{stamp:.0f},{t:.9f}," + ",".join(f"{value:.9g}" for value in row[::-1]))
-        return "\n".join(lines) + "\n"
-
-    files = {
-        "Gyroscope.csv": of(gyro),
-        "Metadata.csv": "version,device\n3,phone\n",
-        "Annotation.csv": "time,text\n",
+    start = datetime(2026, 5, 12, 14, 5, 12)
+    stamps = [f"{start + timedelta(seconds=float(t)):%d-%b-%Y %H:%M:%S.%f}"[:-3] for t in TIME]
+    sensors = {"Acceleration": ACCEL, "AngularVelocity": GYRO}
+    return {
+        f"{name}.csv": table(("Timestamp", *"XYZ"), stamps, *values.T) for name, values in sensors.items()
     }
-    if kind == "uncalibrated":
-        files["AccelerometerUncalibrated.csv"] = of(accel / 9.81)
-    elif kind == "gravity-apart":
-        files |= {"Accelerometer.csv": of(accel - up), "Gravity.csv": of(up)}
-    else:
-        files |= {"Accelerometer.csv": of(accel - up), "TotalAcceleration.csv": of(accel)}
-    half = roll / 2
-    lines = ["time,seconds_elapsed,qz,qy,qx,qw,roll,pitch,yaw"]
-    lines += [f"{e:.0f},{t:.9f},0,0,{math.sin(h)},{math.cos(h)},{r:.9g},0,0"
-              for e, t, h, r in zip(epoch, time, half, roll, strict=True)]  # fmt: skip
-    files["Orientation.csv"] = "\n".join(lines) + "\n"
-    if kind == "folder":
-        path = tmp_path / "export"
-        path.mkdir()
-        for name, text in files.items():
-            (path / name).write_text(text)
-    else:
-        path = tmp_path / "2026-03-01_12-00-00.zip"
-        with zipfile.ZipFile(path, "w") as archive:
-            for name, text in files.items():
-                archive.writestr(name, text)
-    check_phone(path)
-    fused = read_roll(path, LogOptions(source="quaternion"))
-    np.testing.assert_allclose(fused.roll, rocking(fused.time)[0], atol=1e-4)
-    fused = read_roll(path, LogOptions(source="angle", unit="rad"))
-    np.testing.assert_allclose(fused.roll, rocking(fused.time)[0], atol=1e-4)
 
 
-def test_archives_that_are_none_say_so(tmp_path):
-    (tmp_path / "a.zip").write_bytes(b"PK\x03\x04 nothing")
-    with zipfile.ZipFile(tmp_path / "b.zip", "w") as archive:
-        archive.writestr("letter.doc", "hello")
-    (tmp_path / "c.xlsx").write_bytes(b"PK\x03\x04 sheet")
-    (tmp_path / "d.csv.gz").write_bytes(b"\x1f\x8b\x08 zipped")
-    (tmp_path / "e.db3").write_bytes(b"SQLite format 3\0")
-    (tmp_path / "empty").mkdir()
-    for name, hint in (("a.zip", "damaged"), ("b.zip", "no table"), ("c.xlsx", "damaged"), ("d.csv.gz", "damaged"),
-                       ("e.db3", "damaged"), ("empty", "no table")):  # fmt: skip
-        with pytest.raises(SysidError, match=hint):
-            read_roll(tmp_path / name)
+def sensor_logger(**sensors):
+    """Axes backwards, beside stamps since the epoch; what the phone fused itself, and tables that are none."""
+    stamps = [str(EPOCH + round(1e9 * t)) for t in TIME]
+    own = ("time", "seconds_elapsed")
+    files = {f"{name}.csv": table((*own, *"zyx"), stamps, TIME, *v.T[::-1]) for name, v in sensors.items()}
+    half, still = MOTION[0] / 2, 0 * TIME
+    fused = (still, still, np.sin(half), np.cos(half), MOTION[0], still, still)
+    names = (*own, "qz", "qy", "qx", "qw", "roll", "pitch", "yaw")
+    files["Orientation.csv"] = table(names, stamps, TIME, *fused)
+    return files | {"Metadata.csv": "version,device\n3,phone\n", "Annotation.csv": "time,text\n"}
 
 
-def test_mcap_with_ros2_messages(tmp_path):
+ARCHIVES = {
+    "phyphox": phyphox(),
+    "phyphox, tabs": phyphox(sep="\t"),
+    "phyphox, decimal comma": phyphox(sep=";", decimal=","),
+    "MATLAB Mobile": matlab_mobile(),
+    "Sensor Logger": sensor_logger(Gyroscope=GYRO, Accelerometer=ACCEL - UP, TotalAcceleration=ACCEL),
+    "Sensor Logger, gravity apart": sensor_logger(Gyroscope=GYRO, Accelerometer=ACCEL - UP, Gravity=UP),
+    "Sensor Logger, uncalibrated": sensor_logger(Gyroscope=GYRO, AccelerometerUncalibrated=ACCEL / 9.81),
+}
+
+
+def write_parquet(path):
+    pytest.importorskip("pyarrow")
+    pd.DataFrame({**COLUMNS, "junk": "a"}).to_parquet(path)
+
+
+def write_dated_parquet(path):
+    pytest.importorskip("pyarrow")
+    pd.DataFrame({"time": pd.to_datetime(EPOCH + TIME * 1e9), "roll_deg": np.degrees(ROLL)}).to_parquet(path)
+
+
+def write_matlab(path):
+    pytest.importorskip("scipy.io").savemat(path, {**COLUMNS, "name": "pink", "gain": 3.0})
+
+
+def write_matlab_struct(path):
+    pytest.importorskip("scipy.io").savemat(path, {"data": COLUMNS})
+
+
+def write_hdf5(path, prefix=""):
+    with pytest.importorskip("h5py").File(path, "w") as file:
+        for name, values in COLUMNS.items():
+            file[prefix + name] = values
+
+
+def write_hdf5_group(path):
+    write_hdf5(path, "run 1/")
+
+
+def write_hdf5_table(path):
+    with pytest.importorskip("h5py").File(path, "w") as file:
+        file["log"] = np.rec.fromarrays(list(COLUMNS.values()), names=list(COLUMNS))
+
+
+def write_workbook(path):
+    """As phyphox writes .xls: a sheet a sensor, and what is no table beside them."""
+    pytest.importorskip("python_calamine")
+    with pytest.importorskip("xlsxwriter").Workbook(path) as book:
+        for name, values, unit in (("Gyroscope", GYRO, "rad/s"), ("Accelerometer", ACCEL, "m/s^2")):
+            sheet = book.add_worksheet(name)
+            for row, cells in enumerate([("Time (s)", *axes(name, unit)), *np.column_stack((TIME, values))]):
+                sheet.write_row(row, 0, cells)
+        book.add_worksheet("Metadata Device").write_row(0, 0, ("property", "value"))
+
+
+def write_bag(path):
+    rosbag1 = pytest.importorskip("rosbags.rosbag1")
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    kind = {
+        name.rsplit("/", 1)[-1]: made for name, made in store.types.items() if name != "std_msgs/msg/Time"
+    }
+    with rosbag1.Writer(path) as bag:
+        topic = bag.add_connection("/imu", "sensor_msgs/msg/Imu", typestore=store)
+        for number, (t, w, a) in enumerate(zip(TIME, GYRO, ACCEL, strict=True)):
+            stamp, nine = EPOCH + round(1e9 * t), np.zeros(9)
+            header = kind["Header"](number, kind["Time"](stamp // 10**9, stamp % 10**9), "imu")
+            vectors = nine, kind["Vector3"](*map(float, w)), nine, kind["Vector3"](*map(float, a)), nine
+            message = kind["Imu"](header, kind["Quaternion"](0.0, 0.0, 0.0, 1.0), *vectors)
+            bag.write(topic, stamp, store.serialize_ros1(message, "sensor_msgs/msg/Imu"))
+
+
+def write_mcap(path):
     writer_module = pytest.importorskip("mcap_ros2.writer", reason="the mcap extra is not installed")
-    time, gyro, accel = sensor_files()
-    path = tmp_path / "recording.mcap"
     vector = "geometry_msgs/Vector3 angular_velocity\ngeometry_msgs/Vector3 linear_acceleration\n"
     definition = (
         "std_msgs/Header header\n" + vector + "float64[9] angular_velocity_covariance\n"
@@ -262,36 +158,224 @@ def test_mcap_with_ros2_messages(tmp_path):
     with path.open("wb") as file:
         writer = writer_module.Writer(file)
         schema = writer.register_msgdef("sensor_msgs/msg/Imu", definition)
-        for t, g, a in zip(time, gyro, accel, strict=True):
-            stamp = round((1.7e9 + t) * 1e9)
+        for t, g, a in zip(TIME, GYRO, ACCEL, strict=True):
+            stamp, late = EPOCH + round(1e9 * t), EPOCH + round(1e9 * t) + 10**9
             message = {
                 "header": {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": "imu"},
                 "angular_velocity": dict(zip("xyz", g.tolist(), strict=True)),
                 "linear_acceleration": dict(zip("xyz", a.tolist(), strict=True)),
                 "angular_velocity_covariance": [0.0] * 9,
             }
-            late = stamp + 10**9
             writer.write_message("/imu/data", schema, message, log_time=late, publish_time=late)
         writer.finish()
-    roll = check_phone(path)
-    assert any("/imu/data" in note for note in roll.notes)
-    (tmp_path / "cut.mcap").write_bytes(path.read_bytes()[:5000])
-    with pytest.raises(SysidError):
-        read_roll(tmp_path / "cut.mcap")
 
 
-def test_mcap_with_json_messages_and_a_joint(tmp_path):
+def write_json_mcap(path):
     module = pytest.importorskip("mcap.writer", reason="the mcap extra is not installed")
-    path = tmp_path / "joint.mcap"
     with path.open("wb") as file:
         writer = module.Writer(file)
         writer.start()
         schema = writer.register_schema("JointState", "jsonschema", b"{}")
         channel = writer.register_channel("/joint_states", "json", schema)
         for t, angle in zip(TIME, ROLL, strict=True):
-            content = {"name": ["board_tilt"], "position": [angle]}
-            stamp = round((1.7e9 + t) * 1e9)
+            content, stamp = {"name": ["board_tilt"], "position": [angle]}, EPOCH + round(1e9 * t)
             writer.add_message(channel, stamp, json.dumps(content).encode(), stamp)
         writer.finish()
-    roll = read_roll(path, LogOptions(unit="rad"))
-    np.testing.assert_allclose(roll.roll, ROLL, atol=1e-9)
+
+
+FILES = {
+    "log.parquet": write_parquet, "dated.pq": write_dated_parquet, "log.mat": write_matlab, "struct.mat": write_matlab_struct,
+    "log.h5": write_hdf5, "group.h5": write_hdf5_group, "table.h5": write_hdf5_table, "log.xlsx": write_workbook,
+    "log.bag": write_bag, "log.mcap": write_mcap, "json.mcap": write_json_mcap,
+    **{
+        f"log.csv.{name}": lambda path, pack=pack: path.write_bytes(pack(table(COLUMNS, TIME, ROLL).encode()))
+        for name, pack in (("gz", gzip.compress), ("bz2", bz2.compress), ("xz", lzma.compress))
+    },
+    "export.zip": lambda path: archive(path, ARCHIVES["phyphox"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_formats_are_read_and_damage_is_one_line(tmp_path, name):
+    path = tmp_path / name
+    FILES[name](path)
+    right(path)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 3 // 5])
+    with pytest.raises(SysidError, match=name.replace(".", r"\.")) as refused:
+        read_roll(path)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("kind", ARCHIVES)
+def test_exports_of_phones(tmp_path, kind):
+    archive(tmp_path / "export.zip", ARCHIVES[kind])
+    roll = right(tmp_path / "export.zip")
+    assert roll.origin == "imu"
+    assert np.abs(roll.roll - rocking(roll.time)[0]).max() < np.radians(1.0)
+    if "Orientation.csv" in ARCHIVES[kind]:
+        for source in ("quaternion", "angle"):
+            fused = read_roll(tmp_path / "export.zip", LogOptions(source=source))
+            np.testing.assert_allclose(fused.roll, rocking(fused.time)[0], atol=1e-4)
+
+
+def test_an_export_may_be_unpacked(tmp_path):
+    for name, content in ARCHIVES["Sensor Logger"].items():
+        (tmp_path / name).write_text(content)
+    assert right(tmp_path).origin == "imu"
+
+
+@pytest.mark.parametrize("place", [60, 1660, 3660])
+def test_one_bad_byte_is_said(tmp_path, place):
+    path = tmp_path / "export.zip"
+    archive(path, ARCHIVES["Sensor Logger"])
+    data = bytearray(path.read_bytes())
+    data[place] ^= 0xFF
+    path.write_bytes(data)
+    with pytest.raises(SysidError, match=r"export\.zip"):
+        read_roll(path)
+
+
+def test_what_is_not_needed_is_not_unpacked(tmp_path):
+    """A microphone beside the sensors; then a table that says that it has two gigabytes."""
+    path = tmp_path / "export.zip"
+    archive(path, {**ARCHIVES["phyphox"], "Microphone.csv": "0" * (64 << 20)})
+    assert read_roll(path).origin == "imu"
+    bomb = bytearray(path.read_bytes())
+    place = bomb.rindex(b"PK\x01\x02", 0, bomb.rindex(b"Accelerometer.csv"))
+    struct.pack_into("<I", bomb, place + 24, 2_000_000_000)
+    path.write_bytes(bomb)
+    with pytest.raises(SysidError, match="more than 1 GiB"):
+        read_roll(path)
+
+
+def test_files_that_are_none_say_so(tmp_path):
+    archive(tmp_path / "b.zip", {"letter.doc": "hello"})
+    (tmp_path / "empty").mkdir()
+    for name, content in (("a.zip", b"PK\x03\x04 nothing"), ("c.xlsx", b"PK\x03\x04 sheet"), ("d.csv.gz", b"\x1f\x8b\x08 zip"),
+                          ("e.db3", b"SQLite format 3\0")):  # fmt: skip
+        (tmp_path / name).write_bytes(content)
+    for path in tmp_path.iterdir():
+        with pytest.raises(SysidError, match="no table" if path.name in ("b.zip", "empty") else "damaged"):
+            read_roll(path)
+
+
+@pytest.mark.parametrize(
+    ("head", "package", "command"),
+    [
+        (b"\x89HDF\r\n\x1a\n", "h5py", "h5dump"),
+        (b"MATLAB 7.3 MAT-file", "h5py", "save"),
+        (b"\xd0\xcf\x11\xe0", "python_calamine", "libreoffice --headless --convert-to csv"),
+        (b"#ROSBAG V2.0", "rosbags.highlevel", "mcap convert"),
+        (b"SQLite format 3\0", "rosbags.highlevel", "mcap convert"),
+        (b"PAR1", "pyarrow", r"\[parquet\]"),
+    ],
+)
+def test_what_reads_another_format_or_converts_it_is_named(tmp_path, monkeypatch, head, package, command):
+    path = tmp_path / "log.bin"
+    path.write_bytes(head + bytes(500))
+    with pytest.raises(SysidError, match=r"damaged|not a readable"):
+        read_roll(path)
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(SysidError, match=rf"pip install .*{command}|{command}"):
+        read_roll(path)
+
+
+# Several clocks, several files
+
+
+def files_of_vectors(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    from scipy.io import savemat
+
+    fast = np.arange(0, 6, 1e-3)
+    content = {"imu": {"time_s": fast, "temp": 20 + 0 * fast}, "joint": COLUMNS}
+    savemat(tmp_path / "log.mat", {**content, "audio": np.sin(np.arange(9000.0))})
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        for group, columns in content.items():
+            for name, values in columns.items():
+                file[f"{group}/{name}"] = values
+        file["audio"] = np.sin(np.arange(9000.0))
+    return (tmp_path / "log.mat", "joint.roll_rad"), (tmp_path / "log.h5", "joint/roll_rad")
+
+
+def test_vectors_at_several_rates_beside_a_longer_one(tmp_path):
+    for path, name in files_of_vectors(tmp_path):
+        assert right(path).time.size == len(TIME)
+        assert right(path, column=name).time.size == len(TIME)
+        assert read_roll(path, LogOptions(column="audio", unit="rad", rate=1e3)).time.size == 9000
+        with pytest.raises(SysidError, match=r"'audio' has no time of its own.*--rate"):
+            read_roll(path, LogOptions(column="audio", unit="rad"))
+
+
+def test_a_lerobot_data_set_is_one_log_of_its_episodes(tmp_path):
+    """One file an episode, the state as a list, element names in info.json."""
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    still, folder = 10 + np.random.default_rng(0).normal(0, 0.05, len(TIME)), tmp_path / "set"
+    for episode in range(3):
+        elbow = np.degrees(ROLL) * (1 - 0.15 * episode)
+        state = list(np.column_stack((still, elbow)).astype(np.float32))
+        path = folder / f"data/chunk-000/episode_{episode:06d}.parquet"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lists = {
+            "action": pa.array(state, pa.list_(pa.float32())),
+            "observation.state": pa.array(state, pa.list_(pa.float32())),
+        }
+        pq.write_table(
+            pa.table({**lists, "timestamp": TIME.astype(np.float32), "frame_index": np.arange(len(TIME))}),
+            path,
+        )
+    (folder / "meta").mkdir()
+    names = {"names": ["shoulder.pos", "elbow.pos"]}
+    features = {"features": {"action": names, "observation.state": names}}
+    (folder / "meta/info.json").write_text(json.dumps(features))
+    roll = right(path, swing=0.7 * MOTION[0])
+    assert any("'observation.state.elbow.pos'" in text for text in (*roll.notes, *roll.warnings))
+    right(path, swing=0.7 * MOTION[0], column="observation.state.elbow.pos", unit="deg")
+    assert len(find_releases(right(folder))) == 3
+
+
+# Files of a few kilobytes that ask for gigabytes, and one whose reader would end the process
+
+
+def write_matlab_bomb(path):
+    write_matlab(path)
+    data = bytearray(path.read_bytes())
+    struct.pack_into("<II", data, 160, 1, 1 << 30)  # the array's size, behind its tag and flags
+    path.write_bytes(data)
+
+
+def write_parquet_bomb(path):
+    """A billion equal rows."""
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    part = pa.table({"flag": pa.DictionaryArray.from_arrays(np.zeros(1 << 21, np.int8), ["x"])})
+    with pq.ParquetWriter(path, part.schema) as writer:
+        for _ in range(70):
+            writer.write_table(part)
+
+
+def write_hdf5_bomb(path):
+    """A data set that was never filled."""
+    with pytest.importorskip("h5py").File(path, "w") as file:
+        file.create_dataset("roll_rad", shape=(1 << 40,), dtype="f8", chunks=(1 << 16,), compression="gzip")
+
+
+def write_far_cell(path):
+    pytest.importorskip("python_calamine")
+    with pytest.importorskip("xlsxwriter").Workbook(path) as book:
+        sheet = book.add_worksheet()
+        sheet.write_row(0, 0, ("time_s", "roll_rad"))
+        sheet.write(1048575, 16383, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [("log.mat", write_matlab_bomb), ("log.parquet", write_parquet_bomb), ("log.h5", write_hdf5_bomb), ("log.xlsx", write_far_cell)],
+)  # fmt: skip
+def test_small_files_that_ask_for_gigabytes_are_refused(tmp_path, name, write):
+    write(tmp_path / name)
+    assert (tmp_path / name).stat().st_size < 1 << 20
+    with pytest.raises(
+        SysidError,
+        match=r"unpacks to more than 1 GiB|a cell far from the others \(column 16384, row 1048576\)",
+    ):
+        read_roll(tmp_path / name)

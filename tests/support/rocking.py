@@ -44,3 +44,25 @@ def write_csv(path: Path, header, *columns, sep=",", decimal=".", form="%.9g", n
         rows.append(sep.join(cell.replace(".", decimal) if decimal != "." else cell for cell in cells))
     path.write_text(newline.join(rows) + newline, encoding="utf-8")
     return path
+
+
+TIME = np.arange(0, 6, 0.01)
+MOTION = rocking(TIME)
+"""Roll, rate and acceleration of the decay that files in all formats hold."""
+_NOISE = np.random.default_rng(0)
+ROLL = MOTION[0] + _NOISE.normal(0, 5e-4, len(TIME))
+GYRO, ACCEL = (sensor + _NOISE.normal(0, 0.01, sensor.shape) for sensor in imu(TIME, *MOTION))
+
+
+def right(path, *, swing=MOTION[0], **options):
+    """Read a log: frequency, damping and size of its swing are those of the decay. Return the roll."""
+    from sysid.free_decay import fit_decay
+    from sysid.logs import LogOptions, read_roll
+    from sysid.releases import find_releases
+
+    roll = read_roll(path, LogOptions(**options))
+    numbers = fit_decay(find_releases(roll)).numbers
+    assert abs(numbers.omega_n.value / OMEGA - 1) < 3e-3
+    assert abs(numbers.damping_ratio.value / ZETA - 1) < 0.06
+    assert abs(np.ptp(roll.roll) / np.ptp(swing) - 1) < 0.04
+    return roll
