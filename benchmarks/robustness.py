@@ -24,7 +24,6 @@ from policy_runtime.evaluation.metrics import METRICS
 from policy_runtime.evaluation.plain import Protocol, evaluate_policy, riders
 from policy_runtime.evaluation.result import TIME_LIMIT
 from policy_runtime.evaluation.statistics import proportion
-from policy_runtime.evaluation.stress import Stress
 from policy_runtime.evaluation.suite import SUITE
 from reports.figures.ride import suite_figure
 from sysid.text import in_brackets as text
@@ -50,7 +49,7 @@ def conditions() -> dict[str, Protocol]:
             for name, factors in (("k", STIFFNESS), ("rake", RAKE)):
                 for factor in factors:
                     found[f"map {name} {factor:g} {speed:g} {delay:g}"] = Protocol(
-                        speed=(speed, speed), board_scale={name: factor}, stress=Stress(delay=delay)
+                        speed=(speed, speed), board_scale={name: factor}, delay=delay
                     )
     return found
 

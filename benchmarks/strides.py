@@ -20,7 +20,6 @@ from policy_runtime.evaluation.metrics import METRICS
 from policy_runtime.evaluation.plain import Protocol, evaluate_policy, riders
 from policy_runtime.evaluation.result import TIME_LIMIT
 from policy_runtime.evaluation.statistics import proportion
-from policy_runtime.evaluation.stress import Stress
 from policy_runtime.evaluation.strides import clip_ranges
 from sysid.workspace import Workspace
 
@@ -30,11 +29,11 @@ SEED = 7
 LEVEL = "level ground"
 CONDITIONS = {
     LEVEL: Protocol(),
-    "actions 40 ms late": Protocol(stress=Stress(delay=0.04)),
-    "soles 0.4 on ground and deck": Protocol(stress=Stress(friction=0.4)),
+    "actions 40 ms late": Protocol(delay=0.04),
+    "soles 0.4 on ground and deck": Protocol(friction=0.4),
     "slopes": Protocol(terrain="slopes"),
-    "3° uphill": Protocol(stress=Stress(slope=math.radians(3))),
-    "3° downhill": Protocol(stress=Stress(slope=-math.radians(3))),
+    "3° uphill": Protocol(slope=math.radians(3)),
+    "3° downhill": Protocol(slope=-math.radians(3)),
     "120 s": Protocol(duration=120.0),
     "a stop at 0.6 m/s, 30 s": Protocol(duration=30.0, speed=(0.6, 0.6), stop=True),
     "a stop at 1.2 m/s, 30 s": Protocol(duration=30.0, speed=(1.2, 1.2), stop=True),

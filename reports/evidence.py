@@ -18,8 +18,7 @@ from sysid.fitting.result import JointFit
 from sysid.joint import JointLaw
 from sysid.progress import stage
 from sysid.recording import Recording
-from sysid.releases import Phase
-from sysid.roll import Release, Roll
+from sysid.roll import Release
 from sysid.workspace import Workspace
 
 
@@ -33,9 +32,6 @@ class Evidence:
     stood: JointLaw
     """The board's law before it was first changed in this workspace; its present one if it never was."""
     files: tuple[LogFile, ...] = ()
-    rolls: tuple[Roll, ...] = ()
-    phases: tuple[tuple[Phase, ...], ...] = ()
-    """Of each roll."""
     ladder: tuple[Rung, ...] = ()
     """From spring and damper up to all effects of the board."""
     fit: JointFit | None = None
@@ -81,10 +77,9 @@ def gather(
     Raises:
         SysidError: The board's law cannot be compared with these releases.
     """
-    rolls = [recording.roll for recording in recordings]
     releases = [release for recording in recordings for release in recording.releases]
     options = FitOptions(**signal_of(releases))
-    warnings = [warning for roll in rolls for warning in roll.warnings]
+    warnings = [warning for recording in recordings for warning in recording.roll.warnings]
     with stage(0.0, 0.2, "comparing"):
         compared = compare(recordings, board, tolerance=tolerance)
     names = [part.name for part in board.effects]
@@ -103,9 +98,7 @@ def gather(
     return Evidence(
         board=board,
         files=tuple(files),
-        rolls=tuple(rolls),
         releases=tuple(releases),
-        phases=tuple(recording.phases for recording in recordings),
         comparison=compared,
         ladder=tuple(rungs),
         fit=fit,

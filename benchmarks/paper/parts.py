@@ -12,9 +12,8 @@ import numpy as np
 from paper.figures import curves_figure, map_figure, trajectories_figure
 from paper.published import MAIN, METRICS, SENSITIVITY, TERRAIN, Row
 from paper.runs import Run
-from policy_runtime.evaluation.plain import Protocol
+from policy_runtime.evaluation.protocol import Protocol
 from policy_runtime.evaluation.result import Evaluation
-from policy_runtime.evaluation.stress import Stress
 from sysid.quantity import Quantity
 from sysid.text import in_brackets as text
 
@@ -130,7 +129,7 @@ def success_map(runs: Sequence[Run], measure: Measure, folder: Path) -> Section:
             for v in MAP_SPEED:
                 grid.append([])
                 for k in MAP_STIFFNESS:
-                    protocol = Protocol(speed=(v, v), board_scale={"k": k}, stress=Stress(delay=delay))
+                    protocol = Protocol(speed=(v, v), board_scale={"k": k}, delay=delay)
                     success = measure(run, protocol).success
                     place = {"run": run.name, "delay": delay, "speed": v, "k_factor": k}
                     grid[-1].append(success.value)

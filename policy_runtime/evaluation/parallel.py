@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 
 from policy_runtime.evaluation.metrics import Rides, asked_course
-from policy_runtime.evaluation.plain import Protocol
+from policy_runtime.evaluation.protocol import Protocol
 from policy_runtime.evaluation.result import PATHS, TIME_LIMIT, Evaluation, Part, part_of, summarise
-from policy_runtime.evaluation.stress import CALM
 from policy_runtime.loop.policy_file import open_policy
 from sim.board.scaled import scaled_board
 from sim.skate.cycle.clock import CONTROL_PERIOD
@@ -87,7 +86,7 @@ def evaluate_in_parallel(
         device: 'cuda:0' or 'cpu'; the first GPU if there is one.
     """
     protocol = protocol or Protocol()
-    if protocol.stress != CALM or protocol.hold_heading or protocol.jump or protocol.stop:
+    if protocol.is_stressed or protocol.hold_heading or protocol.jump or protocol.stop:
         raise SysidError(
             "delay, noise, mass, friction, rolling, slope, push, jump, stop and a held heading are of plain MuJoCo. "
             "Leave --simulator out."

@@ -6,21 +6,20 @@ touches ground or board, or both feet have left the deck.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from policy_runtime.evaluation.metrics import Rides
+from policy_runtime.evaluation.protocol import Protocol
 from policy_runtime.evaluation.recording import Recorder, Recording
 from policy_runtime.evaluation.result import PATHS, TIME_LIMIT, Evaluation, Part, part_of, summarise
-from policy_runtime.evaluation.stress import CALM, Stress, StressedRobot
+from policy_runtime.evaluation.stress import StressedRobot, change
 from policy_runtime.loop.commands import Command
 from policy_runtime.loop.policy import OnnxPolicy, Policy
 from policy_runtime.loop.policy_file import find_policy, open_policy
@@ -31,42 +30,12 @@ from sim.board.scaled import scaled_board
 from sim.board.scene import Coupling
 from sim.skate.cycle.clock import CONTROL_PERIOD, Clock
 from sim.skate.mdp.terminations import FALLEN_INCLINATION, SETTLING_STEPS
-from sim.skate.world.terrain import Terrain
 from sysid.board import Board
 from sysid.errors import SysidError
 from sysid.roll import Array
 
 STOP_TIME = 9.0
 """Duration of a commanded stop [s]; the robot must be at rest after 8 s."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Protocol:
-    """Conditions of the episodes of an evaluation."""
-
-    duration: float = 20.0
-    """[s]"""
-    speed: tuple[float, float] = (0.0, 1.5)
-    """Range of the commanded speed [m/s]."""
-    turn: float = math.pi / 4
-    """Largest commanded turn to either side [rad]."""
-    stress: Stress = CALM
-    """How the world differs from the nominal one (plain MuJoCo only)."""
-    terrain: Terrain = "flat"
-    """The ground."""
-    coupling: Literal["equality", "direct", "none"] = "equality"
-    """How the deck's tilt steers the trucks; 'none' holds them straight."""
-    board_scale: Mapping[str, float] = field(default_factory=dict[str, float])
-    """Factors of the board's numbers, see `sim.board.scaled`."""
-    hold_heading: bool = False
-    """Correct the heading errors of earlier turns (plain MuJoCo only)."""
-    jump: float = 0.0
-    """Time after which speed and turn are drawn anew [s] (plain MuJoCo only); 0 for a speed an episode and a turn a cycle."""
-    stop: bool = False
-    """Tell the robot to stand for 9 s, once, between 6 and 12 s, and to go on afterwards (plain MuJoCo only)."""
-    randomised: bool = False
-    """Every world another one, as in training: friction, centres of mass, boards, place of the pelvis (mjlab
-    only)."""
 
 
 class _Episode:
@@ -104,12 +73,10 @@ class _Episode:
         if time >= self._jump - CONTROL_PERIOD / 2:
             self._draw()
             self._jump += self._protocol.jump
-        if self._protocol.stress.push > 0 and time >= self._push:
+        if self._protocol.push > 0 and time >= self._push:
             assert isinstance(self._world.robot, StressedRobot)  # as `protocol_world` builds it
             angle = self._rng.uniform(-math.pi, math.pi)
-            self._world.robot.push_with(
-                self._protocol.stress.push * np.array([math.cos(angle), math.sin(angle)])
-            )
+            self._world.robot.push_with(self._protocol.push * np.array([math.cos(angle), math.sin(angle)]))
             self._push = time + float(self._rng.uniform(5, 10))
         stands = self._stop <= time < self._stop + STOP_TIME
         return Command(0.0 if stands else self._speed, self._turn)
@@ -162,11 +129,11 @@ def protocol_world(board: Board, protocol: Protocol) -> World:
     coupling: Coupling = "equality" if protocol.coupling == "none" else protocol.coupling
     steered = protocol.coupling != "none"
     world = make_world(board, coupling=coupling, steered=steered, terrain=protocol.terrain)
-    if protocol.stress == CALM:
+    if not protocol.is_stressed:
         return world
     model = world.robot.model
-    protocol.stress.change(model)
-    return World(StressedRobot(model, protocol.stress, direct_rake(board, coupling)), world.start)
+    change(model, protocol)
+    return World(StressedRobot(model, protocol, direct_rake(board, coupling)), world.start)
 
 
 def policy_named(name: str, board: Board | None, *, force: bool = False) -> Policy:

@@ -1,4 +1,4 @@
-"""Result of an evaluation: success rate, errors with their intervals, terminations, and where errors come from."""
+"""Result of an evaluation: success rate, errors with their intervals, and terminations."""
 
 import math
 from collections import Counter
@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from policy_runtime.evaluation.breakdown import Table, add_up, break_down
 from policy_runtime.evaluation.metrics import METRICS, Flags, Rides, episode_errors, reachable_headings
 from policy_runtime.evaluation.statistics import mean_over, proportion
 from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED
@@ -36,8 +35,6 @@ class Part:
     """Whether it was commanded to stand all the time, shape (n,)."""
     headings: Array
     """See `metrics.reachable_headings`."""
-    tables: tuple[Table, ...]
-    """See `breakdown.break_down`."""
     paths: list[Array]
     """Paths of the board in some of the episodes: x, y, heading, each (t, 3)."""
 
@@ -51,7 +48,6 @@ def part_of(seed: int, rides: Rides, endings: list[str], paths: list[Array]) -> 
         endings=endings,
         stood=np.atleast_1d((rides.commanded_speed * rides.alive < STILL_SPEED).all(axis=0)),
         headings=reachable_headings(rides),
-        tables=break_down(rides),
         paths=paths,
     )
 
@@ -79,8 +75,6 @@ class Evaluation:
     """Of the rides, without commanded standing [s]."""
     headings: Array
     """See `metrics.reachable_headings`."""
-    tables: tuple[Table, ...]
-    """See `breakdown.break_down`."""
     paths: tuple[Array, ...]
     """Paths of the board in the first episodes: x, y, heading, each (t, 3)."""
 
@@ -97,7 +91,6 @@ class Evaluation:
             "duration": self.duration.to_json(),
             "median_duration": None if math.isnan(self.median_duration) else self.median_duration,
             "endings": self.endings,
-            "breakdown": [table.to_json() for table in self.tables],
             "headings": [
                 {"asked_rad": asked, "achieved_rad": done, "speed": speed}
                 for asked, done, speed in self.headings.tolist()
@@ -131,6 +124,5 @@ def summarise(parts: list[Part], policy: str, board: str) -> Evaluation:
         duration=mean_over(by_seed(lambda part: part.durations), "s"),
         median_duration=float(np.median(rode)) if len(rode) else math.nan,
         headings=np.concatenate([part.headings for part in parts]),
-        tables=add_up([part.tables for part in parts]),
         paths=tuple(path for part in parts for path in part.paths)[:PATHS],
     )

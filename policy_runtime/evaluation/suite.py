@@ -2,26 +2,25 @@
 
 import math
 
-from policy_runtime.evaluation.plain import Protocol
-from policy_runtime.evaluation.stress import Stress
+from policy_runtime.evaluation.protocol import Protocol
 
 SUITE: tuple[tuple[str, Protocol], ...] = (
     ("as it is", Protocol()),
     ("120 s", Protocol(duration=120.0)),
     ("straight on, 60 s", Protocol(duration=60.0, turn=0.0)),
     ("straight on, 60 s, heading held", Protocol(duration=60.0, turn=0.0, hold_heading=True)),
-    ("delay 20 ms", Protocol(stress=Stress(delay=0.02))),
-    ("delay 40 ms", Protocol(stress=Stress(delay=0.04))),
-    ("noise of the training", Protocol(stress=Stress(noise=1.0))),
-    ("mass + 10 %", Protocol(stress=Stress(mass=1.1))),
+    ("delay 20 ms", Protocol(delay=0.02)),
+    ("delay 40 ms", Protocol(delay=0.04)),
+    ("noise of the training", Protocol(noise=1.0)),
+    ("mass + 10 %", Protocol(mass=1.1)),
     ("speed and turn jump every 3 s", Protocol(duration=30.0, jump=3.0)),
     ("told to stand on the way", Protocol(duration=30.0, speed=(0.3, 1.5), stop=True)),
-    ("soles 0.4 on ground and deck", Protocol(stress=Stress(friction=0.4))),
-    ("rolling friction × 3", Protocol(stress=Stress(rolling=3.0))),
-    ("3° uphill", Protocol(stress=Stress(slope=math.radians(3)))),
-    ("3° uphill, 0.1 to 0.5 m/s", Protocol(speed=(0.1, 0.5), stress=Stress(slope=math.radians(3)))),
-    ("3° downhill", Protocol(stress=Stress(slope=-math.radians(3)))),
-    ("pushes of 100 N", Protocol(stress=Stress(push=100.0))),
+    ("soles 0.4 on ground and deck", Protocol(friction=0.4)),
+    ("rolling friction × 3", Protocol(rolling=3.0)),
+    ("3° uphill", Protocol(slope=math.radians(3))),
+    ("3° uphill, 0.1 to 0.5 m/s", Protocol(speed=(0.1, 0.5), slope=math.radians(3))),
+    ("3° downhill", Protocol(slope=-math.radians(3))),
+    ("pushes of 100 N", Protocol(push=100.0)),
     ("slopes", Protocol(terrain="slopes")),
     ("ledges", Protocol(terrain="steps")),
     ("board: k × 4", Protocol(board_scale={"k": 4.0})),

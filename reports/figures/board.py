@@ -1,12 +1,10 @@
-"""The figures of a board's page: decays, backbone, whole logs."""
+"""The figures of a board's page."""
 
 from typing import TYPE_CHECKING
 
 from reports.evidence import Evidence
 from reports.figures.compare import draw_release
-from reports.figures.palette import REAL, SIM
 from reports.figures.svg import thin
-from sysid.text import display
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,27 +33,6 @@ def release_figure(evidence: Evidence, number: int) -> "Figure":
     bottom.set_ylabel(f"model - real [{result.show.unit.strip()}]")
     top.set_xlim(release.time[0], release.time[-1])
     figure.align_ylabels()
-    return figure
-
-
-def log_figure(evidence: Evidence, number: int) -> "Figure":
-    """Draw one whole log with its phases shaded."""
-    roll, phases = evidence.rolls[number], evidence.phases[number]
-    figure = small_figure(2.6)
-    axes = figure.subplots()
-    shades = {"free": (SIM, 0.14), "held": (REAL, 0.16), "caught": ("#CC79A7", 0.22)}
-    named: set[str] = set()
-    for phase in phases:
-        if phase.kind in shades:
-            colour, alpha = shades[phase.kind]
-            label = None if phase.kind in named else phase.kind
-            axes.axvspan(phase.start, phase.end, color=colour, alpha=alpha, lw=0, label=label)
-            named.add(phase.kind)
-    show = display(is_rate=False, slides=evidence.board.slides)
-    axes.plot(*thin(roll.time, show.scale * roll.roll), color=REAL, lw=0.9, gid="series:roll")
-    axes.set(xlabel="time [s]", ylabel=show.axis, xlim=(roll.time[0], roll.time[-1]))
-    axes.margins(y=0.2)
-    axes.legend(loc="upper right", ncols=3)
     return figure
 
 

@@ -79,8 +79,6 @@ def board_report(
         unfitted = "The record holds no fit yet: its numbers come from its source."
         page.section("Fits so far", table(*history_table(board)) if board.history else paragraph(unfitted))
         page.section("Check in the training scene", _check(board, files, provenance.space))
-        if evidence is not None:
-            page.section("The logs", _logs(evidence))
         page.section("Provenance", *_provenance(board, files, provenance))
     return page.render()
 
@@ -232,14 +230,6 @@ def _check(board: Board, files: "Sequence[LogFile]", space: Workspace) -> str:
         f"{100 * check.get('tolerance', 0.02):g} %, on {check.get('date', '?')} in: {check.get('scene', '?')}."
     )
     return verdict(text, good=board.passed)
-
-
-def _logs(evidence: Evidence) -> str:
-    drawn: list[tuple[str, str]] = []
-    for i, roll in enumerate(evidence.rolls[:MOST_SHOWN]):
-        picture = _figure(board_figures.log_figure(evidence, i), f"log{i + 1}", "; ".join(roll.notes))
-        drawn.append((Path(roll.log).name, picture))
-    return choices(drawn)
 
 
 def _provenance(board: Board, files: "Sequence[LogFile]", provenance: Provenance) -> list[str]:

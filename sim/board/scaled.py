@@ -39,16 +39,3 @@ def scaled_board(board: Board, factors: Mapping[str, float]) -> Board:
     tilt = {name: times(board.tilt[full], name) for name, full in FACTORS.items() if full in board.tilt}
     scaled = board.with_tilt(**{FACTORS[name]: value for name, value in tilt.items()})
     return replace(scaled, inertia=times(board.inertia, "inertia"), geometry={**board.geometry, "rake": rake})
-
-
-def parse_factors(text: str) -> dict[str, float]:
-    """Read 'k=4,rake=0.9'.
-
-    Raises:
-        SysidError: It is not of that form.
-    """
-    try:
-        pairs = [part.split("=") for part in text.split(",") if part.strip()]
-        return {name.strip(): float(value) for name, value in pairs}
-    except ValueError:
-        raise SysidError(f"--board-scale {text}: expected factors like k=4,rake=0.9.") from None

@@ -2,7 +2,8 @@
 
 import math
 import os
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -10,73 +11,45 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Group, Parameter
 from cyclopts.validators import Number
 
-from sysid.cli.console import BoardName, Common, Output, Printer, Terrain
+from policy_runtime.evaluation.protocol import Protocol
+from sysid.cli.console import BoardName, Common, Output, Printer
+from sysid.cli.parameter_options import parse_fixed
 from sysid.errors import SysidError, UsageError
 from sysid.text import count
 
 if TYPE_CHECKING:
-    from policy_runtime.evaluation.plain import Protocol
     from policy_runtime.evaluation.result import Evaluation
 
 CONDITION = Group("Condition", sort_key=0)
 
 
+def _radians(_: object, tokens: Sequence[Any]) -> float:
+    """Read an option in degrees."""
+    return math.radians(float(tokens[0].value))
+
+
+def _factors(_: object, tokens: Sequence[Any]) -> dict[str, float]:
+    """Read 'k=4,rake=0.9'."""
+    return parse_fixed(tokens[0].value.split(","), "--board-scale")
+
+
 @Parameter(name="*", group=CONDITION)
 @dataclass(frozen=True, kw_only=True)
-class Condition:
-    """Conditions of a ride; the easy ones by default."""
+class Condition(Protocol):
+    """Conditions of a ride."""
 
-    duration: Annotated[float, Parameter(validator=Number(gt=0))] = 20.0
-    """Length of an episode [s]."""
-    delay: float = 0.0
-    """Delay from the policy's answer to the servos [s]."""
-    noise: float = 0.0
-    """Noise of the sensors, over that of the training."""
-    mass: float = 1.0
-    """Factor of the robot's masses and inertias."""
-    friction: float | None = None
-    """Sliding friction of the soles on ground and deck; the scene's 1.0 if not given."""
-    rolling: float = 1.0
-    """Factor of the wheels' rolling friction."""
-    slope: float = 0.0
+    slope: Annotated[float, Parameter(converter=_radians, allow_leading_hyphen=True)] = 0.0
     """Gradient of the ground along the start's direction [degrees], uphill positive."""
-    push: float = 0.0
-    """Force on the pelvis for 0.1 s, in a drawn direction, every 5 to 10 s [N]."""
-    terrain: Terrain = "flat"
-    """The ground: level, descents of 5 to 10 degrees, or ledges of 3 to 6 cm to roll down."""
-    coupling: Literal["equality", "direct", "none"] = "equality"
-    """Steering of the trucks by the deck's tilt: a constraint, set after every step, or none."""
-    board_scale: str | None = None
+    board_scale: Annotated[
+        Mapping[str, float], Parameter(converter=_factors, n_tokens=1, accepts_keys=False, show_default=False)
+    ] = field(default_factory=dict[str, float])
     """Factors of the board's stiffness, damping, inertia and rake, e.g. k=4,rake=0.9."""
-    turn_deg: float = 45.0
+    speed: Annotated[tuple[float, float], Parameter(parse=False)] = Protocol.speed
+    turn: Annotated[
+        float,
+        Parameter(name="--turn-deg", converter=_radians, show_default=lambda turn: f"{math.degrees(turn):g}"),
+    ] = Protocol.turn
     """Largest commanded turn [degrees]; 0 for straight on."""
-    jump: Annotated[float, Parameter(validator=Number(gte=0))] = 0.0
-    """Time after which speed and turn are drawn anew [s]; 0 for one speed an episode and one turn a cycle."""
-    stop: bool = False
-    """Command a stop of 9 s on the way."""
-    hold_heading: bool = False
-    """Correct the heading errors of earlier turns."""
-    randomised: bool = False
-    """Draw every world as in training: friction, centres of mass, boards (mjlab only)."""
-
-    def protocol(self) -> "Protocol":
-        """Return the conditions of the episodes."""
-        from policy_runtime.evaluation.plain import Protocol
-        from policy_runtime.evaluation.stress import Stress
-        from sim.board.scaled import parse_factors
-
-        if not 0 <= self.turn_deg <= 45:
-            raise SysidError(f"--turn-deg {self.turn_deg:g}: policies are trained for 0 to 45°.")
-        harder: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(Stress)}
-        own: dict[str, Any] = {
-            field.name: getattr(self, field.name) for field in fields(Protocol) if hasattr(self, field.name)
-        }
-        ours: dict[str, Any] = {
-            "stress": Stress(**(harder | {"slope": math.radians(self.slope)})),
-            "board_scale": parse_factors(self.board_scale or ""),
-            "turn": math.radians(self.turn_deg),
-        }
-        return Protocol(**(own | ours))
 
 
 @Parameter(name="*")
@@ -119,12 +92,13 @@ def evaluate(
         force: Run even if policy and board disagree, or the board has not passed `check`.
     """
     from policy_runtime.evaluation.parallel import evaluate_in_parallel
-    from policy_runtime.evaluation.plain import Protocol, evaluate_policy, riders
+    from policy_runtime.evaluation.plain import evaluate_policy, riders
     from policy_runtime.evaluation.suite import SUITE
     from sysid.cli.bars import bar
 
-    given = condition.protocol()
-    if suite and given != Protocol():
+    if not 0 <= condition.turn <= math.radians(45):
+        raise SysidError(f"--turn-deg {math.degrees(condition.turn):g}: policies are trained for 0 to 45°.")
+    if suite and condition != Condition():
         raise UsageError("--suite has conditions of its own; leave the options of one condition out.")
     printer = Printer(common)
     policies = (policy, *others)
@@ -136,7 +110,7 @@ def evaluate(
     with bar(printer) as progress, riders(processes) as pool:
         plain = partial(evaluate_policy, pool=pool)
         measure = evaluate_in_parallel if effort.simulator == "mjlab" else plain
-        for name, protocol in SUITE if suite else (("as asked for", given),):
+        for name, protocol in SUITE if suite else (("as asked for", condition),):
             for one in policies:
                 task = progress.add_task(f"{Path(one).stem}, {name}", total=effort.episodes * effort.seeds)
                 told = partial(progress.advance, task)

@@ -20,42 +20,35 @@ from sysid.video.options import VideoOptions, is_film
 from sysid.video.trackers import Method
 
 _Pair = Annotated[tuple[float, float] | None, Parameter(allow_leading_hyphen=True)]
+_Hidden = Annotated[None, Parameter(parse=False)]
 
 
 @Parameter(name="*", group=FILM)
 @dataclass(frozen=True, kw_only=True)
-class VideoArguments:
+class VideoArguments(VideoOptions):
     """Options for reading a film."""
 
     method: Method = "auto"
     """Tracker of the film."""
-    roi: tuple[int, int, int, int] | None = None
-    """Region of the board's motion: left, top, width and height in px."""
-    calibration: Path | None = None
-    """Camera calibration, a file or a film of a chessboard."""
-    readout: float | None = None
-    """Time from the sensor's first to its last row in s; 0 for a global shutter."""
     camera_angle: _Pair = None
     """Direction of the deck's axis from the line of sight, to the right and down, in degrees."""
     pivot: _Pair = None
     """Centre of rotation for a single dot, or for x and y of a table: in px, or in the table's unit."""
-    no_shake: bool = False
-    """The camera stands still; do not correct shake."""
-    front: bool = False
-    """Taken from the front of the board, not from behind."""
-    overlay: Path | None = None
-    """Write a film with the tracked points drawn in."""
+    rate: _Hidden = None
+    progress: _Hidden = None
 
     @property
     def options(self) -> VideoOptions:
         """The same, with angles in rad."""
+        given: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(VideoOptions)}
         angle = self.camera_angle
-        if angle is not None and not max(map(abs, angle)) < 90:
-            raise SysidError(
-                f"--camera-angle {angle[0]:g} {angle[1]:g}: expected degrees within ±90; from the side no roll is visible."
-            )
-        radians: Any = None if angle is None else tuple(map(math.radians, angle))
-        return VideoOptions(**(vars(self) | {"camera_angle": radians}))
+        if angle is not None:
+            if not max(map(abs, angle)) < 90:
+                raise SysidError(
+                    f"--camera-angle {angle[0]:g} {angle[1]:g}: expected degrees within ±90; from the side no roll is visible."
+                )
+            given["camera_angle"] = tuple(map(math.radians, angle))
+        return VideoOptions(**given)
 
 
 _NO_VIDEO = VideoArguments()

@@ -290,8 +290,6 @@ def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
     result = json.loads((tmp_path / "e.json").read_text())
     assert result["E_succ"]["value"] == 0
     assert result["E_yaw"]["value"] is None
-    first, *_ = result["breakdown"]
-    assert first["rows"]["phase 1"]["|v-v_cmd|"] > 0
     assert (tmp_path / "evaluate-zero-mujoco.png").stat().st_size > 10_000
 
 
@@ -317,7 +315,7 @@ def test_motions_lists_plots_and_plays(capsys, tmp_path):
         (("run", "zero", "-b", "pink", "--dry-run", "--robot", "rehearsal"), "was not trained on anything"),
         (("play", "zero", "-b", "pink", "--speed", "9"), "--speed 9: policies are trained for 0 to 1.5"),
         (("play", "zero", "-b", "pink", "--commands", "none.csv"), "none.csv: cannot be read"),
-        (("evaluate", "zero", "-b", "pink", "--board-scale", "k:4"), "expected factors like k=4"),
+        (("evaluate", "zero", "-b", "pink", "--board-scale", "k:4"), "expected --board-scale NAME=VALUE"),
     ],
 )
 def test_wrong_use_is_refused_in_words(capsys, arguments, message):

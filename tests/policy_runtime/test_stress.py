@@ -8,7 +8,7 @@ import pytest
 from riding import HoldStill, pink, world_or_skip
 
 from policy_runtime.evaluation.plain import Protocol, evaluate_policy, run_episode
-from policy_runtime.evaluation.stress import Stress, StressedRobot
+from policy_runtime.evaluation.stress import StressedRobot, change
 from policy_runtime.loop.world import World
 from policy_runtime.robots import JointCommand
 from sim.skate.robot.g1 import servos
@@ -19,9 +19,9 @@ pytestmark = pytest.mark.train
 
 def stressed(**numbers):
     world = world_or_skip()
-    stress = Stress(**numbers)
-    stress.change(world.robot.model)
-    return World(StressedRobot(world.robot.model, stress), world.start)
+    protocol = Protocol(**numbers)
+    change(world.robot.model, protocol)
+    return World(StressedRobot(world.robot.model, protocol), world.start)
 
 
 def told(position):
@@ -98,7 +98,7 @@ def test_noise_is_the_trainings_and_each_rides_own():
         [world.robot.read().joint_velocity - world.robot.data.qvel[world.robot._v] for _ in range(50)]
     )
     assert 1.4 < np.abs(off).max() <= 1.5
-    policy, protocol = HoldStill(), Protocol(duration=0.2, stress=Stress(noise=1.0))
+    policy, protocol = HoldStill(), Protocol(duration=0.2, noise=1.0)
     rides = [run_episode(world, policy, protocol, np.random.default_rng([0, n]))[0] for n in (1, 1, 2)]
     assert np.array_equal(rides[0].column("joints"), rides[1].column("joints"))
     assert not np.array_equal(rides[0].column("joints"), rides[2].column("joints"))
@@ -115,7 +115,7 @@ def test_noise_is_the_trainings_and_each_rides_own():
 )
 def test_what_cannot_be_is_said(numbers, message):
     with pytest.raises(SysidError, match=message):
-        Stress(**numbers)
+        stressed(**numbers)
 
 
 def test_standing_is_counted_apart():
