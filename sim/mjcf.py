@@ -35,6 +35,22 @@ class Mjcf:
     substitutes: tuple[str, ...] = ()
     """The substitute of each effect that MuJoCo lacks."""
 
+    def to_json(self) -> dict[str, Any]:
+        """Return the written numbers and what the step costs, for JSON."""
+        done = self.compensation
+        return {
+            "export": self.export,
+            "substitutes": self.substitutes,
+            "written": {
+                "stiffness_nm_rad": done.board.stiffness,
+                "damping_nms_rad": done.board.damping,
+                "inertia_kgm2": done.board.inertia.value,
+            },
+            "decay_nrmse": done.decay_error,
+            "decay_nrmse_uncompensated": done.decay_error_before,
+            "static_stiffness_error": done.static_error,
+        }
+
 
 def board_mjcf(
     board: Board, kind: Kind, *, timestep: float = 0.005, integrator: str = "implicitfast",
@@ -60,7 +76,7 @@ def board_mjcf(
         export = "in-scene" if kind == "scene" else "physical" if fine else "step-compensated"
     if export == "in-scene" and kind == "bench":
         raise SysidError(
-            "--export in-scene compensates for wheels and coupling, which a bench has not. Add --scene."
+            "--export in-scene compensates for wheels and coupling, which a bench has not. Leave --bench out."
         )
     step: dict[str, Any] = {"timestep": timestep, "integrator": integrator}
     done = compensate(board, export, coupling=coupling, **step)

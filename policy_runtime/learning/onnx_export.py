@@ -39,8 +39,8 @@ def policy_metadata(board: Board, board_hash: str, run: str, *, turn_feedback: b
 
 def export_policy(actor: Any, path: Path, metadata: dict[str, str]) -> None:
     """Write an rsl_rl actor, its normaliser included."""
-    import onnx
     import torch
+    from mjlab.rl.exporter_utils import attach_metadata_to_onnx
 
     model = actor.as_onnx(verbose=False)
     model.to("cpu").eval()
@@ -58,8 +58,4 @@ def export_policy(actor: Any, path: Path, metadata: dict[str, str]) -> None:
                 opset_version=18,
                 dynamo=False,
             )
-        graph = onnx.load(str(temporary))
-        for key, value in metadata.items():
-            entry = graph.metadata_props.add()
-            entry.key, entry.value = key, value
-        onnx.save(graph, str(temporary))
+        attach_metadata_to_onnx(str(temporary), dict(metadata))

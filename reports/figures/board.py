@@ -25,11 +25,10 @@ def release_figure(evidence: Evidence, number: int) -> "Figure":
     colours = [LADDER[j % len(LADDER)] for j in range(len(evidence.ladder) - 1)]
     for rung, colour in zip(evidence.ladder[:-1], colours, strict=True):
         simpler, error = rung.simulated[number], rung.simulated[number] - release.measured
-        top.plot(*thin(release.time, scale * simpler), color=colour, lw=1.0, gid=f"series:{rung.label}")
-        bottom.plot(
-            *thin(release.time, scale * error), color=colour, lw=0.7, gid=f"series:{rung.label}@error"
-        )
+        top.plot(*thin(release.time, scale * simpler), color=colour, lw=1.0, label=rung.label)
+        bottom.plot(*thin(release.time, scale * error), color=colour, lw=0.7)
     top.set_ylabel(result.show.axis)
+    top.legend(loc="best")
     bottom.set_ylabel(f"model - real [{result.show.unit.strip()}]")
     top.set_xlim(release.time[0], release.time[-1])
     figure.align_ylabels()

@@ -56,15 +56,15 @@ def draw_release(axes: "Sequence[Axes]", result: Comparison, index: int) -> None
     time, residual = thin(release.time, release.residual)
     band = 2 * scale * result.noise.std
     axes[1].axhspan(-band, band, color=NOISE, alpha=0.3, linewidth=0)
-    axes[1].plot(time, scale * residual, color=SIM, linewidth=0.7, gid="series:sim@error", zorder=3)
+    axes[1].plot(time, scale * residual, color=SIM, linewidth=0.7, zorder=3)
     axes[1].set_xlabel("time since release [s]")
 
 
 def draw_pair(axes: "Axes", time: Array, measured: Array, simulated: Array, name: str = "sim") -> None:
     """Draw a measured and a simulated motion in the unit of the axes."""
     time, measured, simulated = thin(time, measured, simulated)
-    axes.plot(time, measured, color=REAL, linewidth=2.7, label="real", gid="series:real")
-    axes.plot(time, simulated, color=SIM, linewidth=1.1, label=name, gid=f"series:{name}", zorder=3)
+    axes.plot(time, measured, color=REAL, linewidth=2.7, label="real")
+    axes.plot(time, simulated, color=SIM, linewidth=1.1, label=name, zorder=3)
 
 
 def _lower_panels(result: Comparison) -> "list[Callable[[Axes], None]]":
@@ -99,7 +99,7 @@ def draw_profile(
     axes.fill_between(
         scale * profile.at, profile.torque - band, profile.torque + band, color=REAL, alpha=0.25, linewidth=0
     )
-    axes.plot(scale * profile.at, profile.torque, ".-", color=REAL, lw=1.2, gid="series:missing")
+    axes.plot(scale * profile.at, profile.torque, ".-", color=REAL, lw=1.2)
     axes.set(xlabel=show.axis, ylabel=f"missing {effort(slides=slides)}", title=title)
 
 
@@ -112,7 +112,7 @@ def draw_backbone(axes: "Axes", result: Comparison, what: str) -> None:
     ):
         axes.plot(
             show.scale * backbone.amplitude, getattr(backbone, what), "o",
-            color=colour, label=name, ms=size, mew=0, gid=f"series:{name}@{what}",
+            color=colour, label=name, ms=size, mew=0,
         )  # fmt: skip
     axes.set(xlabel=f"amplitude [{show.unit.strip()}]", ylabel=BACKBONE[what])
     axes.margins(x=0.1, y=0.25)

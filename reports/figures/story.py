@@ -93,7 +93,7 @@ def draw_decay(axes: "Axes", story: Story) -> None:
     release, scale = after.releases[story.shown], after.show.scale
 
     def draw(label: str, time: Array, curve: Array, **style: Any) -> None:
-        axes.plot(*thin(time, scale * curve), label=label, gid=f"series:{label}", **style)
+        axes.plot(*thin(time, scale * curve), label=label, **style)
 
     draw("measured", release.time, release.measured, color=REAL, ls="", marker=".", ms=4)
     if story.before is not None:
@@ -109,7 +109,7 @@ def draw_missing(axes: "Axes", missing: Missing, show: Display, named: str, *, s
     draw_profile(axes, missing.seen, show, slides=slides)
     if len(missing.at):
         label = f"law of {named}"
-        axes.plot(show.scale * missing.at, missing.law, color=SIM, lw=1.6, label=label, gid=f"series:{label}")
+        axes.plot(show.scale * missing.at, missing.law, color=SIM, lw=1.6, label=label)
         axes.legend(loc="best")
     axes.set_ylabel(effort(slides=slides))
 
@@ -147,8 +147,6 @@ def draw_whiteness(axes: "Axes", story: Story) -> None:
     axes.axhline(0, color=NOISE, lw=0.8)
     colours = [STOOD, SIM][-len(story.correlations) :]
     for (label, values), colour in zip(story.correlations, colours, strict=True):
-        axes.plot(
-            1e3 * story.lags, values, ".-", color=colour, lw=1.0, ms=3, label=label, gid=f"series:{label}"
-        )
+        axes.plot(1e3 * story.lags, values, ".-", color=colour, lw=1.0, ms=3, label=label)
     axes.set(xlabel="lag [ms]", ylabel="autocorrelation")
     axes.legend(loc="best")

@@ -10,7 +10,6 @@ Spring and damper alone have a closed form. With further effects the same two nu
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -60,19 +59,6 @@ class Compensation:
     """Parts of the record that MuJoCo cannot represent, in words."""
     step_error: float = 0.0
     """NRMSE of the decay against the law without these parts: the cost of integrator and step alone."""
-
-    def entry(self) -> dict[str, Any]:
-        """Return the written parameters and both errors, for the board record and for JSON."""
-        return {
-            "how": self.how,
-            "timestep": self.timestep,
-            "integrator": self.integrator,
-            "stiffness": self.board.stiffness,
-            "damping": self.board.damping,
-            "inertia": self.board.inertia.value,
-            "decay_nrmse": self.decay_error,
-            "static_stiffness_error": self.static_error,
-        }
 
     def lines(self) -> tuple[str, ...]:
         """Return lines on the compensation and both errors, for output and for the comments of a file."""

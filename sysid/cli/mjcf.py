@@ -1,5 +1,6 @@
 """`husky-sysid mjcf`: a board as an MJCF or USD file."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal
 
 from sysid.cli.console import BoardName, Common, Coupling, Output, Printer, Step
@@ -35,7 +36,6 @@ def mjcf(
     """
     from sim.mjcf import board_mjcf
     from sysid.cli.bars import working
-    from sysid.fitting.result import TOLERANCE
     from sysid.progress import stage
 
     suffixes, write = (".xml",), write_atomically
@@ -51,44 +51,31 @@ def mjcf(
     with working(printer), stage(0.0, 1.0, "compensating the step"):
         made = board_mjcf(record, kind, timestep=timestep, export=export, coupling=coupling)
     write(output, made.xml)
-    done = made.compensation
-    error = f"{100 * done.decay_error:.1f} % off the board's"
     printer.say(f"{output}: {kind} of board {board}, {made.export}")
-    for line in done.lines():
+    for line in made.compensation.lines():
         printer.say(f"  {line}")
+    for line in _warnings(made, kind, coupling):
+        printer.warn(line)
+    printer.result({"board": board, "file": output, "kind": kind, **made.to_json()})
+
+
+def _warnings(made: "Mjcf", kind: str, coupling: str) -> Iterator[str]:
+    """Yield the causes of a decay's error, with the remedy."""
+    from sysid.fitting.result import TOLERANCE
+
+    error = f"{100 * made.compensation.decay_error:.1f} % off the board's"
     for line in made.substitutes:
-        printer.warn(f"{line}. The unloaded decay of this file is {error}.")
-    if done.decay_error > TOLERANCE and not made.substitutes:
-        printer.warn(f"the unloaded decay of this {kind} is {error}. {_why(made, kind, coupling)}")
-    printer.result(
-        {
-            "board": board,
-            "file": output,
-            "kind": kind,
-            "export": made.export,
-            "substitutes": made.substitutes,
-            "written": {
-                "stiffness_nm_rad": done.board.stiffness,
-                "damping_nms_rad": done.board.damping,
-                "inertia_kgm2": done.board.inertia.value,
-            },
-            "timestep_s": done.timestep,
-            "integrator": done.integrator,
-            "decay_nrmse": done.decay_error,
-            "decay_nrmse_uncompensated": done.decay_error_before,
-            "static_stiffness_error": done.static_error,
-        }
-    )
-
-
-def _why(made: "Mjcf", kind: str, coupling: str) -> str:
-    """Return the cause of a decay's error, and the remedy."""
+        yield f"{line}. The unloaded decay of this file is {error}."
+    if made.substitutes or made.compensation.decay_error <= TOLERANCE:
+        return
     if made.export == "physical":
         other = "in-scene" if kind == "scene" else "step-compensated"
-        return f"It has the record's numbers unchanged; --export {other} compensates them."
-    if kind == "scene" and coupling == "equality":
-        return (
+        why = f"It has the record's numbers unchanged; --export {other} compensates them."
+    elif kind == "scene" and coupling == "equality":
+        why = (
             "The joint equality drags the wheels over the ground, which damps more than this lightly damped joint. Choose --coupling "
             "direct, which sets the trucks after each step."
         )
-    return "Choose a smaller --timestep."
+    else:
+        why = "Choose a smaller --timestep."
+    yield f"the unloaded decay of this {kind} is {error}. {why}"

@@ -56,40 +56,20 @@ class Options:
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Machines:
-    """Time and machines of a run; on several machines the same command, with a shared folder."""
+class Effort:
+    """Time and processors of a run."""
 
     gpus: Literal[0, 1, 2, 4, 8] | None = None
     """Number of GPUs, one process each; 0 trains on the CPU, for a trial. Default: 1, and with --resume that of the run."""
     minutes: Annotated[float, Parameter(validator=Number(gt=0))] = math.inf
     """Stop, with a checkpoint, after so much time."""
-    nodes: Annotated[int, Parameter(validator=Number(gte=1))] = 1
-    """Number of machines; each brings --gpus."""
-    node: Annotated[int, Parameter(validator=Number(gte=0))] = 0
-    """Number of this machine; 0 begins the run."""
-    rendezvous: str | None = None
-    """Address of machine 0, HOST:PORT."""
-
-    def torchrun(self) -> list[str]:
-        """Return torchrun's options."""
-        processes = f"--nproc-per-node={self.gpus or 1}"
-        if self.nodes == 1 and self.node == 0 and self.rendezvous is None:
-            return ["--standalone", processes]
-        host, _, port = (self.rendezvous or "").rpartition(":")
-        if self.node >= self.nodes or not host or not port.isdigit():
-            raise SysidError(
-                f"--nodes {self.nodes} --node {self.node} --rendezvous {self.rendezvous}: expected machines 0 to "
-                f"{self.nodes - 1} and the address of machine 0, HOST:PORT."
-            )
-        here = [f"--nnodes={self.nodes}", f"--node-rank={self.node}"]
-        return [*here, f"--master-addr={host}", f"--master-port={port}", processes]
 
 
 def train(
     *,
     board: BoardName | None = None,
     options: Options = Options(),
-    machines: Machines = Machines(),
+    effort: Effort = Effort(),
     output: Output | None = None,
     resume: Path | None = None,
     start_from: Annotated[Path | None, Parameter(name="--from")] = None,
@@ -113,20 +93,11 @@ def train(
     record = _record(board, resume, common)
     printer.require_passed(record, force=force)
     _require_mjlab()
-    machines.torchrun()
-    if machines.node > 0:  # machine 0 begins the run
-        path = resume or output
-        if path is None:
-            raise SysidError(
-                f"--node {machines.node}: name the run's folder, which machine 0 shares, by --output."
-            )
-        _run(RunFolder(path), machines, printer)
-        return
     if resume is not None:
-        folder = _resume(resume, record, options, machines, printer)
+        folder = _resume(resume, record, options, effort, printer)
     else:
         folder = RunFolder(output or next_run(common.space.outputs(record.name)))
-        _begin(folder, common.space.board_path(record.name), options, start_from, machines, printer)
+        _begin(folder, common.space.board_path(record.name), options, start_from, effort, printer)
     rows = folder.read_curves()
     if not rows:
         raise SysidError(f"{folder.path}: the run ended before its first iteration; see the messages above.")
@@ -164,7 +135,7 @@ def _begin(
     record: Path,
     options: Options,
     start_from: Path | None,
-    machines: Machines,
+    effort: Effort,
     printer: Printer,
 ) -> None:
     """Begin a run in a new folder, which goes again if nothing was learned."""
@@ -175,17 +146,15 @@ def _begin(
     printer.note(f"run folder {folder.path}")
     config = options.config(0 if start_from is None else _iterations_of(start_from))
     clips = [] if options.motions is None else [options.motions]
-    folder.begin(
-        config, record, start_from, gpus=1 if machines.gpus is None else machines.gpus, motions=clips
-    )
+    folder.begin(config, record, start_from, gpus=1 if effort.gpus is None else effort.gpus, motions=clips)
     try:
-        _run(folder, machines, printer)
+        _run(folder, effort, printer)
     finally:
         if not folder.has_learned():
             folder.discard()
 
 
-def _resume(path: Path, record: Board, options: Options, machines: Machines, printer: Printer) -> RunFolder:
+def _resume(path: Path, record: Board, options: Options, effort: Effort, printer: Printer) -> RunFolder:
     """Go on with a run, if it has iterations left; a new total is written into its configuration."""
     folder = RunFolder(path)
     config, name = folder.read_config(), load_board(folder.board).name
@@ -216,8 +185,8 @@ def _resume(path: Path, record: Board, options: Options, machines: Machines, pri
     if folder.done() >= total:
         printer.warn(f"{path}: all of its {total} iterations are done; go on with a larger --iterations.")
     else:
-        gpus: Any = folder.gpus() if machines.gpus is None else machines.gpus
-        _run(folder, replace(machines, gpus=gpus), printer)
+        gpus: Any = folder.gpus() if effort.gpus is None else effort.gpus
+        _run(folder, replace(effort, gpus=gpus), printer)
     return folder
 
 
@@ -228,21 +197,21 @@ def _iterations_of(checkpoint: Path) -> int:
     return int(read_checkpoint(checkpoint)["iteration"])
 
 
-def _run(folder: RunFolder, machines: Machines, printer: Printer) -> None:
+def _run(folder: RunFolder, effort: Effort, printer: Printer) -> None:
     """Train in separate processes, so that a crash is reported and leaves the files intact."""
     import torch
 
-    gpus, found = 1 if machines.gpus is None else machines.gpus, torch.cuda.device_count()
+    gpus, found = 1 if effort.gpus is None else effort.gpus, torch.cuda.device_count()
     if gpus > found:
         raise SysidError(
             f"--gpus {gpus}: PyTorch sees {found} GPUs here. Train on fewer, or slowly on the processor with --gpus 0."
         )
     command = [sys.executable, "-m"]
-    if gpus > 1 or machines.nodes > 1:
-        command += ["torch.distributed.run", *machines.torchrun(), "-m"]
+    if gpus > 1:
+        command += ["torch.distributed.run", "--standalone", f"--nproc-per-node={gpus}", "-m"]
     command += ["policy_runtime.train", str(folder.path), "--device", "cuda" if gpus else "cpu"]
-    if math.isfinite(machines.minutes):
-        command += ["--minutes", str(machines.minutes)]
+    if math.isfinite(effort.minutes):
+        command += ["--minutes", str(effort.minutes)]
     code = subprocess.run(command, check=False, stdout=sys.stderr).returncode
     if code != 0:
         advice = (

@@ -420,19 +420,3 @@ def test_two_processes_hold_the_same_weights_normalisers_and_discriminator(start
         assert first[part].keys() == second[part].keys()
         for name, value in first[part].items():
             torch.testing.assert_close(value, second[part][name], rtol=0, atol=1e-6, msg=f"{part} {name}")
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--nodes", "2", "--rendezvous", "here"), "the address of machine 0"),
-        (("--nodes", "2", "--node", "2", "--rendezvous", "a:1"), "expected machines 0 to 1"),
-        (("--nodes", "2", "--node", "1", "--rendezvous", "a:1"), "name the run's folder"),
-    ],
-)
-def test_machines_that_do_not_fit_together_are_refused(options, message, monkeypatch):
-    from sysid.cli import train as command
-
-    monkeypatch.setattr(command, "_require_mjlab", lambda: None)
-    with pytest.raises(SysidError, match=message):
-        called("train", "--board", "pink", "--force", *options)

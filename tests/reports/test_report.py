@@ -187,23 +187,6 @@ def test_labels_of_a_figure_do_not_collide(tab):
     assert covered == []
 
 
-def test_a_series_can_be_switched_off_and_on(tab):
-    def state():
-        return tab.run(
-            "[...document.querySelectorAll('#release1 g')].filter(g => g.id.includes('series:sim'))"
-            ".map(g => g.style.display)"
-        )
-
-    box = "[...document.querySelectorAll('figure')].find(f => f.querySelector('#release1')).querySelectorAll('label')"
-    names = tab.run(f"[...{box}].map(l => l.textContent)")
-    assert names == ["real", "sim", "spring and damper"]
-    assert state() == ["", ""]
-    tab.run(f"{box}[1].querySelector('input').click()")
-    assert state() == ["none", "none"]  # the curve and its residual
-    tab.run(f"{box}[1].querySelector('input').click()")
-    assert state() == ["", ""]
-
-
 def test_releases_are_switched(tab):
     def shown():
         return tab.run(
@@ -214,21 +197,6 @@ def test_releases_are_switched(tab):
     tab.run("document.querySelector('[data-shows=\"release 2\"]').click()")
     assert shown() == ["release2"]
     tab.run("document.querySelector('[data-shows=\"release 1\"]').click()")
-
-
-def test_values_show_under_the_pointer(tab):
-    tab.run("document.getElementById('release1').scrollIntoView({block: 'center'})")
-    left, top, width, height = tab.run(
-        "(r => [r.left, r.top, r.width, r.height])(document.getElementById('release1').getBoundingClientRect())"
-    )
-    tab.move(left + 0.4 * width, top + 0.3 * height)
-    tips = tab.run(
-        "[...document.querySelectorAll('.tip')].filter(t => t.style.display == 'block').map(t => t.textContent)"
-    )
-    (tip,) = tips
-    lines = dict(line.split(": ") for line in tip.splitlines())
-    assert set(lines) == {"x", "real", "spring and damper", "sim"} or {"real", "sim"} < set(lines)
-    assert abs(float(lines["real"]) - float(lines["sim"])) < 1.0
 
 
 WIDTHS = {1400: 900, 390: 844}
