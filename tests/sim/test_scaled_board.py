@@ -3,14 +3,14 @@ import math
 import pytest
 from riding import pink
 
-from sim.board.scaled import parse_factors, scaled_board
+from sim.board.scaled import scaled_board
 from sim.board.scene import TILT_JOINT, board_spec
 from sysid.errors import SysidError
 
 
 def test_factors_reach_record_and_model_and_nothing_else():
     board = pink()
-    scaled = scaled_board(board, parse_factors("k=4, d=0.5,rake=0.9,inertia=1.1"))
+    scaled = scaled_board(board, {"k": 4.0, "d": 0.5, "rake": 0.9, "inertia": 1.1})
     assert scaled.stiffness == pytest.approx(4 * board.stiffness)
     assert scaled.tilt["stiffness"].std == pytest.approx(4 * board.tilt["stiffness"].std)
     assert scaled.damping == pytest.approx(0.5 * board.damping)
@@ -23,15 +23,14 @@ def test_factors_reach_record_and_model_and_nothing_else():
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("name", "factor", "message"),
     [
-        ("k", "expected factors like k=4,rake=0.9"),
-        ("q=2", "--board-scale q=2: unknown. Known: k, d, inertia, rake"),
-        ("k=-1", "--board-scale k=-1: must be a finite factor"),
-        ("inertia=0", "must be a finite factor"),
-        ("rake=1.4", "makes it 84°, at most 80°"),
+        ("q", 2, "--board-scale q=2: unknown. Known: k, d, inertia, rake"),
+        ("k", -1, "--board-scale k=-1: must be a finite factor"),
+        ("inertia", 0, "must be a finite factor"),
+        ("rake", 1.4, "makes it 84°, at most 80°"),
     ],
 )
-def test_what_is_no_board_is_refused(text, message):
+def test_what_is_no_board_is_refused(name, factor, message):
     with pytest.raises(SysidError, match=message):
-        scaled_board(pink(), parse_factors(text))
+        scaled_board(pink(), {name: factor})
