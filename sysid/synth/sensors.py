@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
@@ -21,7 +21,6 @@ Dialect = Literal["angle", "angle-deg", "position", "gyro", "imu", "phyphox", "s
 a CSV, a phyphox or a Sensor Logger export."""
 ANGLES: tuple[Dialect, ...] = ("angle", "angle-deg", "position")
 """Dialects with the position of the joint."""
-DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
 _DAY = datetime(2026, 1, 1, tzinfo=UTC)
 """Date of all archives: the same log is the same file."""
 
@@ -136,32 +135,33 @@ def write_log(path: Path, time: Array, channels: Array, dialect: Dialect) -> Non
     if zipped:
         write_atomically(path, _archive(_archived_tables(time, channels, dialect)))
     else:
-        write_atomically(path, _table(time, channels, dialect))
-
-
-def _table(time: Array, channels: Array, dialect: Dialect) -> str:
-    match dialect:
-        case "angle":
-            return _csv("time_s,roll_rad", ["%.6f", "%.8f"], time, channels)
-        case "angle-deg":
-            return _csv("time_ms,roll_deg", ["%.3f", "%.6f"], 1e3 * time, np.degrees(channels))
-        case "position":
-            return _csv("time_s,position_m", ["%.6f", "%.9f"], time, channels)
-        case "gyro":
-            return _csv("time_s,gyro_x_rad_s", ["%.6f", "%.7f"], time, channels)
-        case "imu":
-            header = "time_s," + ",".join(f"acc_{a}_m_s2" for a in "xyz") + ","
-            header += ",".join(f"gyro_{a}_rad_s" for a in "xyz")
-            return _csv(header, ["%.6f"] + ["%.5f"] * 3 + ["%.6f"] * 3, time, channels)
-        case _:
-            header = f"{_TIME},{_ACCELERATION},{_ROTATION}"
-            return _csv(header, ["%.9E"] + ["%.6E"] * 6, time, channels)
+        degrees = dialect == "angle-deg"
+        header, formats = _TABLES[dialect]
+        write_atomically(
+            path,
+            _csv(
+                header,
+                formats,
+                1e3 * time if degrees else time,
+                np.degrees(channels) if degrees else channels,
+            ),
+        )
 
 
 _TIME = '"Time (s)"'
 _ACCELERATION = ",".join(f'"Acceleration {axis} (m/s^2)"' for axis in "xyz")
 _ROTATION = ",".join(f'"Gyroscope {axis} (rad/s)"' for axis in "xyz")
 """Columns of phyphox."""
+_TABLES = {
+    "angle": ("time_s,roll_rad", ["%.6f", "%.8f"]),
+    "angle-deg": ("time_ms,roll_deg", ["%.3f", "%.6f"]),
+    "position": ("time_s,position_m", ["%.6f", "%.9f"]),
+    "gyro": ("time_s,gyro_x_rad_s", ["%.6f", "%.7f"]),
+    "imu": (",".join(("time_s", *(f"acc_{a}_m_s2" for a in "xyz"), *(f"gyro_{a}_rad_s" for a in "xyz"))),
+            ["%.6f"] + ["%.5f"] * 3 + ["%.6f"] * 3),
+    "phyphox": (f"{_TIME},{_ACCELERATION},{_ROTATION}", ["%.9E"] + ["%.6E"] * 6),
+}  # fmt: skip
+"""Header and formats of each dialect as one table."""
 
 
 def _archived_tables(time: Array, channels: Array, dialect: Dialect) -> Mapping[str, str]:

@@ -6,7 +6,7 @@ catalogue. A sensor then reads the motion.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -74,19 +74,20 @@ def _check(board: Board, options: SynthOptions, effects: Mapping[str, object]) -
                 refuse("a release position", f"{angle:g} m", "a position away from rest")
         elif not (abs(angle) > 0 and abs(angle - board.rest_angle) < math.pi / 2):
             refuse("a release angle", f"{math.degrees(angle):g} degrees", "0 to 90 degrees to either side")
-    for name in ("rate", "duration", "push"):
-        if not 0 < getattr(options, name) < math.inf:
-            refuse(f"the {name}", getattr(options, name), "a positive number")
-    for name in ("hold", "lead", "tremor"):
-        if not 0 <= getattr(options, name) < math.inf:
-            refuse(f"the {name}", getattr(options, name), "0 or more")
-    for name in ("noise", "quantisation", "gyro_noise", "accelerometer_noise"):
-        if not 0 <= getattr(options.sensor, name) < math.inf:
-            refuse(f"the {name.replace('_', ' ')}", getattr(options.sensor, name), "0 or more")
+    values = {**asdict(options), **asdict(options.sensor)}
+    for names, least in (
+        (("rate", "duration", "push"), math.ulp(0.0)),
+        (
+            ("hold", "lead", "tremor", "seed", "noise", "quantisation", "gyro_noise", "accelerometer_noise"),
+            0.0,
+        ),
+    ):
+        for name in names:
+            if not least <= values[name] < math.inf:
+                expected = "a positive number" if least else "0 or more"
+                refuse(f"the {name.replace('_', ' ')}", values[name], expected)
     if not all(map(math.isfinite, (*options.sensor.lever_arm, options.sensor.gyro_bias))):
         refuse("lever arm or gyro bias", "not finite", "finite numbers")
-    if options.seed < 0:
-        refuse("the seed", options.seed, "0 or more")
     seconds = options.lead + len(options.angles) * (options.push + options.hold + options.duration)
     if not seconds * options.rate <= MOST_SAMPLES:
         refuse("the number of samples", f"{seconds * options.rate:.3g}", f"at most {MOST_SAMPLES:.0e}")

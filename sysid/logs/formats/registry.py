@@ -1,11 +1,9 @@
-"""Registry of log formats: one a file of this folder, discovered by its file.
+"""Registry of log formats, discovered by their files in this folder.
 
 Such a file ends in `FORMAT = Format(...)`. A log is opened by the first format, in their order, that knows it
 by its first bytes, whatever its name ends in.
 """
 
-import importlib
-import pkgutil
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +13,7 @@ from pathlib import Path
 from sysid.errors import SysidError
 from sysid.logs import formats as package
 from sysid.logs.table.file import LogFile
+from sysid.logs.table.found import found_in
 
 HEAD = 16
 """First bytes of a file that formats are shown."""
@@ -80,12 +79,7 @@ def undamaged(path: Path, kind: str) -> Generator[None]:
 @cache
 def formats() -> tuple[Format, ...]:
     """Return every format in their order."""
-    modules = (
-        importlib.import_module(f"{package.__name__}.{found.name}")
-        for found in pkgutil.iter_modules(package.__path__)
-    )
-    found = [module.FORMAT for module in modules if hasattr(module, "FORMAT")]
-    return tuple(sorted(found, key=lambda format: format.order))
+    return tuple(found_in(package, Format))
 
 
 def open_log(path: Path) -> LogFile:

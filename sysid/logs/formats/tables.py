@@ -2,14 +2,13 @@
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from itertools import takewhile
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.logs.table.clock import rises, time_scale
+from sysid.logs.table.clock import time_scale
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import parse_column, sensor_of
 from sysid.roll import Array
@@ -20,8 +19,6 @@ MAX_ELEMENTS = 128
 """Elements of an array that is a robot's state; longer ones are pictures, scans or clouds."""
 VALUE = ("value", "val", "values", "data")
 """Names of the one quantity of a table whose own name says more."""
-PLAIN_VALUE = re.compile(r"(?<=.)[./](values?|data)$", re.I)
-"""The same at the end of a path."""
 GYRO = re.compile(r"gyr|angular.?(vel|rate)", re.I)
 """Names of the gyro's table: phones measure in rad/s."""
 MOTION = re.compile(rf"{GYRO.pattern}|acc|orient|attitude|grav|motion|raw|rotation", re.I)
@@ -63,35 +60,6 @@ def sensor_tables(
 
     own = (TIME,) if clocks else ()
     return LogFile(path=path, names=(*own, *columns), notes=(note,), read=read)
-
-
-def log_of_vectors(path: Path, kind: str, vectors: Mapping[str, Array]) -> LogFile:
-    """Return the vectors of a file as one log, each on the clock of its length whose name is most like its own.
-
-    The vectors are of shape (n,), of any length each, in the units of the file.
-
-    Raises:
-        SysidError: There is no vector.
-    """
-    named = {
-        PLAIN_VALUE.sub("", name): np.asarray(v, np.float64) for name, v in vectors.items() if len(v) > 1
-    }
-    if not named:
-        raise SysidError(f"{path}: no vector of numbers among {', '.join(vectors) or 'nothing'}.")
-    parsed = {name: parse_column(name) for name in named}
-    rising = [name for name in named if parsed[name].kind == "time" and rises(named[name])]
-    clocks = {clock: named[clock] * time_scale(named[clock], parsed[clock].unit)[0] for clock in rising}
-    columns: dict[str, tuple[str, Array]] = {}
-    for name, values in named.items():
-        same = [clock for clock in rising if len(named[clock]) == len(values)]
-        alike = [
-            len(list(takewhile(lambda pair: pair[0] == pair[1], zip(clock, name, strict=False))))
-            for clock in same
-        ]
-        columns[name] = (same[alike.index(max(alike))] if same else f"{len(values)} rows", values)
-    used = {columns[name][0] for name in named if name not in rising}
-    clocks = {clock: time for clock, time in clocks.items() if clock in used}
-    return sensor_tables(path, clocks, columns, f"table: {kind} file with {', '.join(named)}")
 
 
 def merge_logs(path: Path, logs: Mapping[str, LogFile], kind: str) -> LogFile:

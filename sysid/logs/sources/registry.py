@@ -4,8 +4,6 @@ Such a file ends in `SOURCE = Source(...)`. A source writes facts of its sensor 
 quantity was measured) into the `Roll`.
 """
 
-import importlib
-import pkgutil
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -21,6 +19,7 @@ from sysid.logs import sources as package
 from sysid.logs.table.choose import Choice, find_column, parse_axis, triple
 from sysid.logs.table.clock import MIN_SAMPLES, time_scale, typical_step
 from sysid.logs.table.file import LogFile
+from sysid.logs.table.found import found_in
 from sysid.logs.table.names import (
     ANGLE_UNITS,
     LENGTH_UNITS,
@@ -120,12 +119,7 @@ def known_scale(choice: Choice, quantity: Literal["angle", "rate"]) -> tuple[flo
 @cache
 def sources() -> Mapping[str, Source]:
     """Return every kind of sensor by name, in their order."""
-    modules = (
-        importlib.import_module(f"{package.__name__}.{found.name}")
-        for found in pkgutil.iter_modules(package.__path__)
-    )
-    found = [value for module in modules for value in vars(module).values() if isinstance(value, Source)]
-    return MappingProxyType({source.name: source for source in sorted(found, key=lambda s: s.order)})
+    return MappingProxyType({source.name: source for source in found_in(package, Source)})
 
 
 def choose_source(
