@@ -79,6 +79,8 @@ def clock_offset(one: Roll, other: Roll) -> Quantity:
 
 def _coarse(one: Roll, other: Roll, step: float) -> float:
     """Offset [s] at which the normalised correlation of both roll rates is greatest."""
+    from scipy.signal import correlate, correlation_lags
+
     rates: list[Array] = []
     for record in (one, other):
         grid = np.arange(record.time[0], record.time[-1], step)
@@ -86,10 +88,6 @@ def _coarse(one: Roll, other: Roll, step: float) -> float:
             raise SysidError(f"{record.log}: nothing moves in it, so its clock cannot be compared.")
         rate = np.gradient(np.interp(grid, record.time, record.roll), step)
         rates.append(rate - rate.mean())
-    size = 1 << int(np.ceil(np.log2(len(rates[0]) + len(rates[1]))))
-    product = np.fft.irfft(np.fft.rfft(rates[0], size) * np.conj(np.fft.rfft(rates[1], size)), size)
-    lags = np.arange(size)
-    lags = np.where(lags > size // 2, lags - size, lags)
-    allowed = np.abs(lags * step) <= MAX_OFFSET
-    best = int(lags[allowed][np.argmax(product[allowed])])
+    product, lags = correlate(*rates), correlation_lags(*map(len, rates))
+    best = lags[np.argmax(np.where(np.abs(lags * step) <= MAX_OFFSET, product, -np.inf))]
     return float(best * step + one.time[0] - other.time[0])

@@ -132,20 +132,11 @@ def write_log(path: Path, time: Array, channels: Array, dialect: Dialect) -> Non
         raise SysidError(f"{path}: Sensor Logger exports an archive; name the log {path.stem}.zip.")
     if zipped and dialect not in ("phyphox", "sensor-logger"):
         raise SysidError(f"{path}: only the dialects phyphox and sensor-logger are archives; name it .csv.")
-    if zipped:
-        write_atomically(path, _archive(_archived_tables(time, channels, dialect)))
-    else:
-        degrees = dialect == "angle-deg"
-        header, formats = _TABLES[dialect]
-        write_atomically(
-            path,
-            _csv(
-                header,
-                formats,
-                1e3 * time if degrees else time,
-                np.degrees(channels) if degrees else channels,
-            ),
-        )
+    if dialect == "angle-deg":
+        time, channels = 1e3 * time, np.degrees(channels)
+    write_atomically(
+        path, _archive(time, channels, dialect) if zipped else _csv(*_TABLES[dialect], time, channels)
+    )
 
 
 _TIME = '"Time (s)"'
@@ -153,13 +144,13 @@ _ACCELERATION = ",".join(f'"Acceleration {axis} (m/s^2)"' for axis in "xyz")
 _ROTATION = ",".join(f'"Gyroscope {axis} (rad/s)"' for axis in "xyz")
 """Columns of phyphox."""
 _TABLES = {
-    "angle": ("time_s,roll_rad", ["%.6f", "%.8f"]),
-    "angle-deg": ("time_ms,roll_deg", ["%.3f", "%.6f"]),
-    "position": ("time_s,position_m", ["%.6f", "%.9f"]),
-    "gyro": ("time_s,gyro_x_rad_s", ["%.6f", "%.7f"]),
+    "angle": ("time_s,roll_rad", "%.6f,%.8f"),
+    "angle-deg": ("time_ms,roll_deg", "%.3f,%.6f"),
+    "position": ("time_s,position_m", "%.6f,%.9f"),
+    "gyro": ("time_s,gyro_x_rad_s", "%.6f,%.7f"),
     "imu": (",".join(("time_s", *(f"acc_{a}_m_s2" for a in "xyz"), *(f"gyro_{a}_rad_s" for a in "xyz"))),
-            ["%.6f"] + ["%.5f"] * 3 + ["%.6f"] * 3),
-    "phyphox": (f"{_TIME},{_ACCELERATION},{_ROTATION}", ["%.9E"] + ["%.6E"] * 6),
+            "%.6f,%.5f,%.5f,%.5f,%.6f,%.6f,%.6f"),
+    "phyphox": (f"{_TIME},{_ACCELERATION},{_ROTATION}", "%.9E,%.6E,%.6E,%.6E,%.6E,%.6E,%.6E"),
 }  # fmt: skip
 """Header and formats of each dialect as one table."""
 
@@ -167,7 +158,7 @@ _TABLES = {
 def _archived_tables(time: Array, channels: Array, dialect: Dialect) -> Mapping[str, str]:
     acceleration, rates = channels[:, :3], channels[:, 3:]
     if dialect == "phyphox":
-        formats = ["%.9E"] * 4
+        formats = ",".join(["%.9E"] * 4)
         return {
             "Accelerometer.csv": _csv(f"{_TIME},{_ACCELERATION}", formats, time, acceleration),
             "Gyroscope.csv": _csv(f"{_TIME},{_ROTATION}", formats, time, rates),
@@ -175,23 +166,21 @@ def _archived_tables(time: Array, channels: Array, dialect: Dialect) -> Mapping[
     stamps = (int(_DAY.timestamp()) * 10**9 + np.round(1e9 * time).astype(np.int64)).astype(np.str_)
     tables: dict[str, str] = {}
     for name, values in (("TotalAcceleration", acceleration), ("Gyroscope", rates)):
-        body = _csv("seconds_elapsed,z,y,x", ["%.7f"] * 4, time, values[:, ::-1]).splitlines()
+        body = _csv("seconds_elapsed,z,y,x", ",".join(["%.7f"] * 4), time, values[:, ::-1]).splitlines()
         lines = [f"{stamp},{line}" for stamp, line in zip(["time", *stamps.tolist()], body, strict=True)]
         tables[f"{name}.csv"] = "\n".join(lines) + "\n"
     return tables
 
 
-def _csv(header: str, formats: list[str], time: Array, channels: Array) -> str:
+def _csv(header: str, formats: str, time: Array, channels: Array) -> str:
     buffer = io.StringIO()
-    np.savetxt(
-        buffer, np.column_stack((time, channels)), fmt=formats, delimiter=",", header=header, comments=""
-    )
+    np.savetxt(buffer, np.column_stack((time, channels)), fmt=formats, header=header, comments="")
     return buffer.getvalue()
 
 
-def _archive(tables: Mapping[str, str]) -> bytes:
+def _archive(time: Array, channels: Array, dialect: Dialect) -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, text in tables.items():
+        for name, text in _archived_tables(time, channels, dialect).items():
             archive.writestr(zipfile.ZipInfo(name, _DAY.timetuple()[:6]), text, zipfile.ZIP_DEFLATED)
     return buffer.getvalue()

@@ -5,7 +5,6 @@ import re
 import tempfile
 import zipfile
 from pathlib import Path
-from typing import Any
 
 from sysid.errors import SysidError, needs_extra
 from sysid.logs.formats.phone_exports import merge
@@ -36,17 +35,10 @@ def open_workbook(path: Path) -> LogFile:
             file = Path(folder) / str(number) / f"{name.replace('/', ' ')}.csv"
             file.parent.mkdir()
             with file.open("w", newline="", encoding="utf-8") as out:
-                csv.writer(out).writerows(_without_strays(rows))
+                csv.writer(out).writerows(rows)
             files.append(file)
         with named_as(path, Path(folder)):
             return merge(path, [file for file in files if file.stat().st_size > 0])
-
-
-def _without_strays(rows: list[list[Any]]) -> list[list[Any]]:
-    """Return the columns in which a cell is no exception: a note beside the table is no column of it."""
-    filled = [sum(cell != "" for cell in column) for column in zip(*rows, strict=True)]
-    kept = [n for n, count in enumerate(filled) if 20 * count > max(filled)]
-    return [[row[n] for n in kept] for row in rows]
 
 
 def _refuse_bomb(path: Path) -> None:
