@@ -88,6 +88,8 @@ def _coarse(one: Roll, other: Roll, step: float) -> float:
             raise SysidError(f"{record.log}: nothing moves in it, so its clock cannot be compared.")
         rate = np.gradient(np.interp(grid, record.time, record.roll), step)
         rates.append(rate - rate.mean())
-    product, lags = correlate(*rates), correlation_lags(*map(len, rates))
+    first, second = rates
+    product: Array = correlate(first, second)
+    lags: Array = correlation_lags(len(first), len(second))
     best = lags[np.argmax(np.where(np.abs(lags * step) <= MAX_OFFSET, product, -np.inf))]
     return float(best * step + one.time[0] - other.time[0])
