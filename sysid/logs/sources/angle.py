@@ -50,15 +50,6 @@ def find_angle(columns: Sequence[Column], axis: str, sign: float) -> list[Choice
     return choices
 
 
-def angle_turning(choice: Choice, signals: Sequence[Array], period: float) -> Array:
-    """Return the slope of an angle [rad/s], shape (n,); in doubt it is in degrees, as filters write it."""
-    (angle,) = signals
-    scale = choice.scale or ANGLE_UNITS[choice.unit or "deg"]
-    slope = scale / period * np.gradient(angle)
-    largest = float(np.percentile(np.abs(slope), 99.9))  # where it wraps it does not turn
-    return np.clip(slope, -largest, largest)
-
-
 def angle_from(column: Column, columns: Sequence[Column], sign: float) -> Choice:
     """Return one column that the user names, as an angle."""
     unit = column.unit if column.unit in (*ANGLE_UNITS, *LENGTHS["angle"]) else None
@@ -176,6 +167,6 @@ SOURCE = Source(
     to_roll=roll_from_angle,
     moving=1,
     unwrap=unwrap_angle,
-    turning=angle_turning,
+    compared=True,
     from_column=angle_from,
 )

@@ -7,7 +7,7 @@ import numpy as np
 
 from sysid.errors import SysidError
 from sysid.logs.sources.axis import find_roll_axis
-from sysid.logs.sources.registry import LENGTHS, Reading, Source, known_scale
+from sysid.logs.sources.registry import LENGTHS, MAX_RATE, Reading, Source, known_scale
 from sysid.logs.sources.swing_smoother import PER_SWING, ROUNDS, integral_of
 from sysid.logs.table.choose import Choice, chosen, triple
 from sysid.logs.table.names import RATE_UNITS, Column, unit_kind
@@ -16,9 +16,6 @@ from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.noise.sensor import clipped_rows
 from sysid.quantity import Z95
 from sysid.roll import Array, Roll
-
-MAX_RATE = 35.0
-"""No common gyro measures more than 2000 °/s = 34.9 rad/s: larger numbers are degrees [rad/s]."""
 
 
 def find_gyro(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
@@ -53,14 +50,6 @@ def roll_from_gyro(reading: Reading) -> Roll:
     return roll_from_rate(reading, rates @ axis, remarks + how_axis)
 
 
-def gyro_turning(choice: Choice, signals: Sequence[Array], period: float) -> Array:
-    """Return the rate about the axis of most rotation [rad/s], shape (n,)."""
-    rates = np.stack(signals, axis=1)
-    scale, _ = known_scale(choice, "rate") or _likely_scale(rates, choice)
-    rates = (rates - np.median(rates, axis=0)) * scale
-    return rates @ np.linalg.eigh(rates.T @ rates)[1][:, -1]
-
-
 def rate_scale(rates: Array, choice: Choice) -> tuple[float, Remarks]:
     """Return rad/s per unit of the rates, shape (n, m), and how that is known.
 
@@ -75,12 +64,6 @@ def rate_scale(rates: Array, choice: Choice) -> tuple[float, Remarks]:
             f"'{choice.columns[0]}' names no unit, and its whole numbers up to {largest:.0f} look like counts of a gyro. Give "
             f"the size of one in rad/s: --unit {250 * RATE_UNITS['deg/s'] / 2**15:.4g} where 16 bits are ±250 deg/s."
         )
-    return _likely_scale(rates, choice)
-
-
-def _likely_scale(rates: Array, choice: Choice) -> tuple[float, Remarks]:
-    """Return the same from the size of the rates, which are no counts."""
-    largest = float(np.abs(rates).max())
     unit = "deg/s" if largest > MAX_RATE else "rad/s"
     return RATE_UNITS[unit], warning(
         f"'{choice.columns[0]}' names no unit; taken as {unit}, because it reaches {largest:.3g}. "
@@ -192,6 +175,6 @@ SOURCE = Source(
     find=find_gyro,
     to_roll=roll_from_gyro,
     moving=3,
-    turning=gyro_turning,
+    compared=True,
     from_column=gyro_from,
 )

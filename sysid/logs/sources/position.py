@@ -30,14 +30,6 @@ def find_position(columns: Sequence[Column], axis: str, sign: float) -> list[Cho
     ]
 
 
-def position_turning(choice: Choice, signals: Sequence[Array], period: float) -> Array:
-    """Return the speed of a point along the line that it moves on most, shape (n,), in the log's unit a second."""
-    points = np.stack(signals, axis=1)
-    points = points - points.mean(axis=0)
-    along = np.linalg.eigh(points.T @ points)[1][:, -1]
-    return np.gradient(points @ along) / period
-
-
 def fit_circle(points: Array) -> tuple[Array, float, float, float]:
     """Fit a circle to points, shape (n, 2), by least squares of the distances from it.
 
@@ -95,5 +87,5 @@ def roll_from_position(reading: Reading) -> Roll:
 
 
 SOURCE = Source(
-    name="position", order=5, quantity=None, find=find_position, to_roll=roll_from_position, moving=2, turning=position_turning,
+    name="position", order=5, quantity=None, find=find_position, to_roll=roll_from_position, moving=2, compared=True,
 )  # fmt: skip

@@ -34,6 +34,8 @@ from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.logs.table.rows import LARGEST
 from sysid.roll import Array, Roll
 
+MAX_RATE = 35.0
+"""No common gyro measures more than 2000 °/s = 34.9 rad/s: larger numbers are degrees [rad/s]."""
 MIN_MOTION_SHARE = 0.2
 """A column that turns less than this share of another is not the deck's [1]."""
 DUPLICATE_CORRELATION = 0.9
@@ -43,7 +45,10 @@ AVERAGED_ROWS = (1, 4, 16)
 LENGTHS = {"angle": {unit: LENGTH_UNITS[unit] for unit in ("m", "cm", "mm")}, "rate": SPEED_UNITS}
 """Units of a slide, whose position in m is what an angle in rad is of a hinge. A length is taken where the user names it, or where the
 log holds no angle: other columns of a log are lengths too."""
-_UNITS = {"angle": ("an angle", "rad", ANGLE_UNITS), "rate": ("a rotation rate", "rad/s", RATE_UNITS)}
+_UNITS = {
+    "angle": ("an angle", "rad", {**ANGLE_UNITS, **LENGTHS["angle"]}),
+    "rate": ("a rotation rate", "rad/s", {**RATE_UNITS, **SPEED_UNITS}),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,9 +101,8 @@ class Source:
     an outlier. Accelerations are knocked, and a quaternion's sign is free."""
     unwrap: Callable[[Choice, Array], tuple[Choice, Array]] | None = None
     """Its one column, shape (n,), without jumps by a whole turn, and what these tell of it; None where it does not begin again."""
-    turning: Callable[[Choice, Sequence[Array], float], Array] | None = None
-    """How fast it turns [rad/s], shape (n,), from its columns, shape (n,) each, sampled every so many seconds; None where
-    that is not told by so little. Of several that turn differently, the one that moves is the deck's."""
+    compared: bool = False
+    """Whether its columns alone tell how fast it turns. Of several that turn differently, the one that moves is the deck's."""
     from_column: Callable[[Column, Sequence[Column], float], Choice] | None = None
     """One column that the user names, beside the others and with a sign; None where one is not enough."""
 
@@ -106,13 +110,11 @@ class Source:
 def known_scale(choice: Choice, quantity: Literal["angle", "rate"]) -> tuple[float, Remarks] | None:
     """Return SI units per unit of a column, and how that is known; None where neither its name nor the user says it."""
     name, (_, si, table) = choice.columns[0], _UNITS[quantity]
-    if choice.unit in LENGTHS[quantity]:
-        what = "position" if quantity == "angle" else "speed"
-        return LENGTHS[quantity][choice.unit], note(
-            "unit", f"'{name}' is the {what} of a slide in {choice.unit}"
-        )
     if choice.scale is not None:
         return choice.scale, note("unit", f"one count is {choice.scale:g} {si}, as --unit says")
+    if choice.unit in LENGTHS[quantity]:
+        what = "position" if quantity == "angle" else "speed"
+        return table[choice.unit], note("unit", f"'{name}' is the {what} of a slide in {choice.unit}")
     return None if choice.unit is None else (table[choice.unit], Remarks())
 
 
@@ -193,7 +195,7 @@ def _that_moves(
     log: LogFile, found: Sequence[tuple[Source, Choice]], time: Column | None, options: LogOptions
 ) -> tuple[Source, Choice]:
     """Return the first of some, or another motion that turns more, where it is as good by its name or the first hardly moves."""
-    rivals = [pair for pair in found if pair[0].turning is not None]
+    rivals = [pair for pair in found if pair[0].compared]
     rates = _rates(log, rivals, time, options) if found[0] in rivals and len(rivals) > 1 else []
     if not rates:
         return found[0]
@@ -242,10 +244,20 @@ def _rates(
         stamps = data[time.name][sound]
         period = max(typical_step(stamps) * time_scale(stamps, time.unit)[0], 1e-9)
     return [
-        source.turning(choice, [data[name][sound] for name in choice.columns], period)
+        _turning(source, choice, np.stack([data[name][sound] for name in choice.columns], axis=1), period)
         for source, choice in rivals
-        if source.turning is not None
     ]
+
+
+def _turning(source: Source, choice: Choice, columns: Array, period: float) -> Array:
+    """Return how fast columns, shape (n, m), turn about the axis of most motion [rad/s], shape (n,); in doubt angles are in degrees."""
+    known = known_scale(choice, source.quantity) if source.quantity else (1.0, Remarks())
+    degrees = source.quantity == "angle" or np.abs(columns).max() > MAX_RATE
+    columns = columns - np.median(columns, axis=0)
+    rate = columns @ np.linalg.eigh(columns.T @ columns)[1][:, -1]
+    rate = rate if source.quantity == "rate" else np.gradient(rate) / period
+    largest = float(np.percentile(np.abs(rate), 99.9))  # where an angle wraps it does not turn
+    return (known[0] if known else ANGLE_UNITS["deg"] if degrees else 1.0) * np.clip(rate, -largest, largest)
 
 
 def _likeness(one: Array, other: Array) -> float:
@@ -290,8 +302,6 @@ def _with_unit(source: Source, choice: Choice, options: LogOptions) -> Choice:
         )
     what, si, table = _UNITS[source.quantity]
     unit = parse_unit(options.unit)
-    if length := LENGTHS[source.quantity].get(options.unit):
-        return replace(choice, unit=options.unit, scale=length)
     if unit in table:
         return replace(choice, unit=unit)
     try:
