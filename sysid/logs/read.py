@@ -19,9 +19,8 @@ from sysid.logs.table.file import LogFile
 from sysid.logs.table.free import free_rows, telling_column
 from sysid.logs.table.names import Column
 from sysid.logs.table.options import LogOptions
-from sysid.logs.table.outliers import measured_motion
 from sysid.logs.table.remarks import Remarks
-from sysid.logs.table.rows import measured_rows, on_common_rows
+from sysid.logs.table.rows import measured_motion, measured_rows, on_common_rows
 from sysid.roll import Array, Roll
 from sysid.video.options import VideoOptions, is_film
 

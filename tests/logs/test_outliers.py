@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from rocking import imu, rocking, write_csv
 
 from sysid.logs import LogOptions, read_roll
-from sysid.logs.table.outliers import measured_motion
+from sysid.logs.table.rows import measured_motion
 from sysid.noise.outliers import lone_outliers
 from sysid.recording import Recording
 

@@ -1,4 +1,4 @@
-"""Which rows of a log are measurements: those with numbers that are no placeholders."""
+"""Which rows of a log are measurements: those with numbers that are neither placeholders nor lone outliers."""
 
 import re
 from collections.abc import Mapping
@@ -8,7 +8,10 @@ import numpy.typing as npt
 
 from sysid.logs.table.clock import MIN_SAMPLES
 from sysid.logs.table.remarks import Remarks, note, warning
-from sysid.roll import Array
+from sysid.noise.outliers import lone_outliers
+from sysid.roll import Array, shown
+from sysid.shown import MOST_SHOWN
+from sysid.text import count
 
 LARGEST = float(np.iinfo(np.uint64).max)
 """Beyond it a signal or a time stamp is damage: no counter of a logger holds more [the log's unit]."""
@@ -26,21 +29,21 @@ def measured_rows(
     Signals and time stamps, where there are any, are of shape (n,) each, in the log's units.
     """
     columns = [*signals.values(), *([] if stamps is None else [stamps])]
-    count = columns[0].size
+    rows = columns[0].size
     # One pass without a copy for the usual case; NaN makes both comparisons false.
-    sound = np.ones(count, dtype=np.bool_)
+    sound = np.ones(rows, dtype=np.bool_)
     remarks = Remarks()
-    if count and not all(column.min() > -LARGEST and column.max() < LARGEST for column in columns):
+    if rows and not all(column.min() > -LARGEST and column.max() < LARGEST for column in columns):
         sound = np.logical_and.reduce([np.abs(column) < LARGEST for column in columns])
-        remarks += warning(f"{np.count_nonzero(~sound)} of {count} rows without a number in them: dropped")
+        remarks += warning(f"{np.count_nonzero(~sound)} of {rows} rows without a number in them: dropped")
     for name, column in signals.items():
-        rows = np.flatnonzero(sound)[_stand_ins(column[sound] if remarks.warnings else column)]
-        if rows.size:
-            shown = ", ".join(f"{value:.6g}" for value in np.unique(column[rows]))
+        missing = np.flatnonzero(sound)[_stand_ins(column[sound] if remarks.warnings else column)]
+        if missing.size:
+            values = ", ".join(f"{value:.6g}" for value in np.unique(column[missing]))
             remarks += warning(
-                f"{rows.size} of {count} rows of '{name}' hold a logger's sign for no measurement ({shown}): dropped"
+                f"{missing.size} of {rows} rows of '{name}' hold a logger's sign for no measurement ({values}): dropped"
             )
-            sound[rows] = False
+            sound[missing] = False
     return (np.flatnonzero(sound) if remarks.warnings else None), remarks
 
 
@@ -63,6 +66,33 @@ def on_common_rows(data: Mapping[str, Array], stamps: Array | None) -> tuple[dic
         for name, rows in finite.items()
     }
     return joined, note("rows", f"sensors have rows of their own: brought to those of '{next(iter(data))}'")
+
+
+def measured_motion(
+    signals: Mapping[str, Array], time: Array, unit: str | None, *, rates: bool
+) -> tuple[npt.NDArray[np.intp] | None, Remarks]:
+    """Return the rows, out of n, that are no outlier in any signal, None for all; and where and how far off the others are.
+
+    Args:
+        signals: Angles without wraps or rates, in the log's unit, shape (n,) each.
+        time: Strictly increasing [s], shape (n,).
+        unit: Their unit, where it is known.
+        rates: Whether they are rates.
+    """
+    out, remarks = np.zeros(time.size, dtype=np.bool_), Remarks()
+    for name, signal in signals.items():
+        distance = lone_outliers(time, signal, rate=rates)
+        rows = np.flatnonzero(distance)
+        if rows.size:
+            told = [f"{distance[row]:+.3g} at {shown(float(time[row]))}" for row in rows[:MOST_SHOWN]]
+            told += [f"and {rows.size - MOST_SHOWN} more"] if rows.size > MOST_SHOWN else []
+            remarks += warning(
+                f"{count(rows.size, 'lone sample')} of '{name}' far beside the neighbours "
+                f"({', '.join(told)}{f'; {unit}' if unit else ''}): no motion does that, left out. "
+                "--keep-outliers keeps such samples"
+            )
+            out[rows] = True
+    return (np.flatnonzero(~out) if out.any() else None), remarks
 
 
 def _stand_ins(signal: Array) -> npt.NDArray[np.intp]:
