@@ -2,16 +2,18 @@
 
 A fit sees all of a release: its start, where friction stops it, and where it rests. A set has error e and p parameters. Its evidence is:
 
-    ln p = -ν e²/2σ² - p/2 ln ν + log odds of its families.
+    ln p = -ν e²/2σ² - p/2 ln n + log odds of its families.
 
-σ is the error of the best set, and ν the number of independent samples. It is Laplace's method with a unit-information prior
-(Schwarz 1978; Kass and Raftery, JASA 90, 1995). If the best set reaches the noise, ν counts all samples. If not, no law is exact. The
-error of a law is alike in each swing, so ν counts the correlation lengths of one swing.
+σ is the error of the best set and n the number of independent samples. It is Laplace's method with a unit-information prior (Schwarz
+1978; Kass and Raftery, JASA 90, 1995). No law is exact, and the error of a law is alike in each swing. If the best set misses the
+noise, n is the number s of correlation lengths in a swing, and ν is n. If it reaches the noise, n counts all samples. A law may still be
+off by δ, a tenth of the error that it explains, where another law happens to fit: 1/ν = 1/n + δ²/(s σ²).
 
 The zero of an angle may wander. A drift slower than a swing is no error if the best set reaches the noise beside it.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -19,8 +21,9 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from sysid.board import Board
-from sysid.diagnosis.evidence import BREADTH, MOST_DEVIATIONS, ODDS, STRENGTH, log_odds
+from sysid.diagnosis.evidence import BREADTH, DEPTH, MOST_DEVIATIONS, ODDS, STRENGTH, log_odds
 from sysid.diagnosis.laws import candidates
+from sysid.diagnosis.nuisances import TENTH
 from sysid.diagnosis.posterior import Found, Posterior, Size
 from sysid.effects import effect
 from sysid.errors import SysidError
@@ -32,6 +35,9 @@ from sysid.joint.trajectory import Trajectory, simulate
 from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Quantity
 from sysid.roll import Array, Release
+
+WIDTH = 3
+"""Sets of a size from which larger ones grow in trials."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,8 +89,8 @@ class Candidate:
 
 
 def fittable(names: Sequence[str]) -> tuple[str, ...]:
-    """Return those of some effects that `fit` can add: not another number of the record."""
-    parts = [effect(name) for name in names]
+    """Return those of some effects that `fit` can add, sorted: not another number of the record."""
+    parts = [effect(name) for name in sorted(names)]
     return tuple(
         p.name for p in parts if (p.identifiable_from_decay or p.identifiable_with) and p.role != "shift"
     )
@@ -111,21 +117,26 @@ class Yardstick:
 
     unit: float
     """σ [rad or rad/s]."""
+    counted: float
+    """n [1]."""
     samples: float
     """ν [1]."""
 
     @classmethod
-    def of(cls, base: JointFit, error: float, residuals: Sequence[Array]) -> "Yardstick":
+    def of(cls, base: "Candidate", error: float, residuals: Sequence[Array]) -> "Yardstick":
         """Return that of rivals.
 
         Args:
-            base: A fit of the same records.
+            base: The record's own law.
             error: Of the best rival [rad or rad/s].
             residuals: Of the best rival, each shape (s,) [rad or rad/s].
         """
-        if error <= base.noise.highest:
-            return cls(error, base.problem.samples)
-        return cls(error, max(swing_of(base) / correlation_length(steady(base, residuals)), 1.0))
+        fit = base.fit
+        swing = max(swing_of(fit) / correlation_length(steady(fit, residuals)), 1.0)
+        if error > fit.noise.highest:
+            return cls(error, swing, swing)
+        off = TENTH**2 * max(base.judged**2 - error**2, 0.0)
+        return cls(error, fit.problem.samples, 1 / (1 / fit.problem.samples + off / error**2 / swing))
 
     def log_evidence(self, effects: Sequence[str], error: float, parameters: int) -> float:
         """Return the log evidence of a set [1].
@@ -135,9 +146,8 @@ class Yardstick:
             error: RMS error of its fit [rad or rad/s].
             parameters: Their number.
         """
-        prior = sum(log_odds(effect(name).family) for name in effects)
-        samples = self.samples
-        return -0.5 * (samples * (error / self.unit) ** 2 + parameters * float(np.log(samples))) + prior
+        odds = sum(log_odds(effect(name).family) for name in effects)
+        return odds - 0.5 * (self.samples * (error / self.unit) ** 2 + parameters * float(np.log(self.counted)))
 
 
 @dataclass(slots=True)
@@ -150,19 +160,23 @@ class Fits:
     base: Candidate
     """With the record's own effects alone."""
     made: dict[tuple[str, ...], Candidate] = field(default_factory=dict[tuple[str, ...], Candidate])
-    tried: dict[tuple[str, ...], Trial] = field(default_factory=dict[tuple[str, ...], Trial])
+    tried: dict[tuple[str, ...], Trial | None] = field(default_factory=dict[tuple[str, ...], Trial | None])
+    """Trials of sets; None where the motion has no bound."""
 
     def __post_init__(self) -> None:
         """The record's law is a candidate."""
         self.made[()] = self.base
 
-    def add(self, effects: Sequence[str], near: Mapping[str, float]) -> None:
-        """Fit a set from near some parameters; one that cannot be fitted, or that ends in impossible torques, is left out."""
+    def add(self, effects: Sequence[str], near: Mapping[str, float], *, again: bool = False) -> None:
+        """Fit a set from near some parameters; one that cannot be fitted, or that ends in impossible torques, is left out.
+
+        A set that was fitted before is fitted again only if asked for, and keeps the better fit.
+        """
         names = fittable(effects)
-        if names in self.made:
+        if not names or (names in self.made and not again):
             return
         (every, start), scales = self._problem(names, near), self.base.fit.problem.scales
-        start |= self.tried[names].parameters if names in self.tried else {}
+        start |= self._tried(names)
         try:
             fit = fit_joint(self.releases, self.board, every, self.options, scales, start)
             if fit.rmse > self.base.rmse:  # no minimum: the set holds the record's law
@@ -170,7 +184,7 @@ class Fits:
             possible = is_possible(fit, names)
         except SysidError:  # no law, or one without bound
             return
-        if possible:
+        if possible and (names not in self.made or fit.rmse < self.made[names].rmse):
             self.made[names] = Candidate(effects=names, fit=fit, beside_drift=self.base.beside_drift)
 
     def _problem(
@@ -198,7 +212,8 @@ class Fits:
         """Fit the likeliest set, and of all that compete with it the best in a trial.
 
         Parts of the likeliest sets compete. Other laws of its families compete if the best set misses the noise. All single laws, and
-        pairs with the best of these, compete if the equations do not decide either: a short motion says more as a whole.
+        pairs with the best of these, compete if the equations do not decide either: a short motion says more as a whole. Richer sets
+        compete if they reach the noise: one that misses it too is no better law.
         """
         best = found.sets[0]
         self.add(best.effects, best.parameters)
@@ -210,12 +225,30 @@ class Fits:
         if not is_decided(found):
             for one in (s for s in found.sets[1 : BREADTH // 2] if len(fittable(s.effects)) <= 2):
                 rivals |= {part: one.parameters for part in (one.effects, *_without_one(one.effects))}
-            rivals |= {} if reached else self._pairs(found, own)
+            rivals |= {} if reached else self._grown(found, own, 1, 2)
         if reached:  # one law more only costs
             rivals = {names: start for names, start in rivals.items() if not set(names) > set(best.effects)}
-        for names in self._ranked(rivals)[: BREADTH - len(self.made)]:
-            self.add(names, rivals[names])
+        self._add_best(rivals, BREADTH - len(self.made))
+        if not is_decided(found):
+            near = set(self.made)
+            self._add_best(self._grown(found, own, WIDTH, DEPTH), BREADTH)
+            self.made = {n: c for n, c in self.made.items() if n in near or c.reaches_noise}
+        self._prune()
         self.count_drift()
+
+    def _add_best(self, sets: Mapping[tuple[str, ...], Mapping[str, float]], count: int) -> None:
+        """Fit the `count` sets that do best in a trial."""
+        starts = {fittable(names): start for names, start in sets.items()}
+        for names in self._ranked(starts)[:count]:
+            self.add(names, starts[names])
+
+    def _prune(self) -> None:
+        """Fit the parts of the best set from where it ends, until none is better."""
+        asked: set[tuple[str, ...]] = set()
+        while (best := _scored(list(self.made.values()))[0]).effects not in asked:
+            asked.add(best.effects)
+            for part in _without_one(best.effects):
+                self.add(part, best.fit.problem.parameters(best.fit.minimum.point), again=True)
 
     def count_drift(self) -> None:
         """Count a drift of the zero as no error if a fit needs it to reach the noise. A rate and a counter have no such drift."""
@@ -226,38 +259,50 @@ class Fits:
         if any(c.reaches_noise for c in beside.values()):
             self.made, self.base = beside, beside[()]
 
-    def _pairs(self, found: Posterior, own: Sequence[str]) -> dict[tuple[str, ...], Mapping[str, float]]:
-        """Return all single laws, and pairs of the best one with the best of each other family, with parameters to start from."""
-        alone = {s.effects: s.parameters for s in found.singles}
-        alone |= {(name,): {} for name in own if len(effect(name).parameters) == 1 and (name,) not in alone}
-        best: dict[str, tuple[str, ...]] = {}
+    def _grown(
+        self, found: Posterior, own: Sequence[str], width: int, depth: int
+    ) -> dict[tuple[str, ...], Mapping[str, float]]:
+        """Return sets of at most `depth` laws that grow in trials from the best `width` of each size, with parameters to start from."""
+        starts = {fittable(s.effects): s.parameters for s in found.singles if fittable(s.effects)}
+        starts |= {(name,): {} for name in own if len(effect(name).parameters) == 1 and (name,) not in starts}
+        alone, laws = dict(starts), dict[str, tuple[str, ...]]()
         for one in self._ranked(alone):
-            best.setdefault(effect(one[0]).family, one)
-        first, *others = best.values() or [()]
-        return alone | {(*first, *one): {**alone[one], **self.tried[first].parameters} for one in others}
+            laws.setdefault(effect(one[0]).family, one)
+        tops = self._ranked(starts)[:width]
+        for size in range(2, depth + 1):
+            layer: dict[tuple[str, ...], Mapping[str, float]] = {}
+            for top in (top for top in tops if len(top) < size):
+                others = sorted(laws.keys() - {effect(name).family for name in top})
+                layer |= {fittable((*top, *laws[f])): {**alone[laws[f]], **self._tried(top)} for f in others}
+            starts |= layer
+            tops = self._ranked(starts)[:width]
+            if not tops or tops[0] not in layer:  # one law more only costs
+                break
+        return starts
 
-    def _ranked(self, rivals: Mapping[tuple[str, ...], Mapping[str, float]]) -> list[tuple[str, ...]]:
-        """Return the sets that a trial can fit, the likeliest first."""
-        errors: dict[tuple[str, ...], float] = {}
-        for effects, near in rivals.items():
-            names = fittable(effects)
-            if names and names not in self.tried:
-                every, start = self._problem(names, near)
-                try:
-                    self.tried[names] = trial_fit(self.base.fit, self.board, every, self.options, start)
-                except SysidError:
-                    continue
-            if names:
-                errors[effects] = rms(self.tried[names].residuals)
-        if not errors:
+    def _tried(self, names: tuple[str, ...]) -> Mapping[str, float]:
+        """Return the parameters of a trial, none without one."""
+        trial = self.tried.get(names)
+        return trial.parameters if trial else {}
+
+    def _ranked(self, sets: Mapping[tuple[str, ...], Mapping[str, float]]) -> list[tuple[str, ...]]:
+        """Try sets from some parameters, each once, and return those with a bounded motion, the likeliest first."""
+        for names in [names for names in sets if names and names not in self.tried]:
+            every, start = self._problem(names, sets[names])
+            with suppress(SysidError):
+                self.tried[names] = None
+                self.tried[names] = trial_fit(self.base.fit, self.board, every, self.options, start)
+        trials = {names: trial for names in sets if (trial := self.tried.get(names))}
+        if not trials:
             return []
+        errors = {names: rms(trial.residuals) for names, trial in trials.items()}
         best = min(errors, key=errors.__getitem__)
-        measure = Yardstick.of(self.base.fit, errors[best], self.tried[fittable(best)].residuals)
+        measure = Yardstick.of(self.base, errors[best], trials[best].residuals)
         plain = len(self.base.fit.problem.names)
 
-        def cost(effects: tuple[str, ...]) -> float:
-            count = sum(len(effect(name).parameters) for name in fittable(effects))
-            return -measure.log_evidence(fittable(effects), errors[effects], plain + count)
+        def cost(names: tuple[str, ...]) -> float:
+            count = plain + sum(len(effect(name).parameters) for name in names)
+            return -measure.log_evidence(names, errors[names], count)
 
         return sorted(errors, key=cost)
 
@@ -271,11 +316,16 @@ class Fits:
         if is_decided(found):
             families = {effect(name).family for name in found.sets[0].effects}
             rivals = [c for c in rivals if set(c.families) <= families]
-        best = min(rivals, key=lambda c: c.judged)
-        measure = Yardstick.of(best.fit, best.judged, best.fit.residuals)
-        logs = [measure.log_evidence(c.effects, c.judged, len(c.fit.problem.names)) for c in rivals]
-        scored = [replace(c, score=2 * (max(logs) - log)) for c, log in zip(rivals, logs, strict=True)]
-        return sorted(scored, key=lambda c: c.score)
+        return _scored(rivals)
+
+
+def _scored(rivals: Sequence[Candidate]) -> list[Candidate]:
+    """Return candidates with their scores, the likeliest first."""
+    best, base = min(rivals, key=lambda c: c.judged), next(c for c in rivals if not c.effects)
+    measure = Yardstick.of(base, best.judged, best.fit.residuals)
+    logs = [measure.log_evidence(c.effects, c.judged, len(c.fit.problem.names)) for c in rivals]
+    scored = [replace(c, score=2 * (max(logs) - log)) for c, log in zip(rivals, logs, strict=True)]
+    return sorted(scored, key=lambda c: c.score)
 
 
 def by_fits(found: Posterior, rivals: Sequence[Candidate]) -> Posterior:
