@@ -72,19 +72,30 @@ def weighed(judged, *candidates):
 
 def test_fits_that_reach_the_noise_are_weighed_by_all_samples():
     base, best = candidate(1.05), candidate(1.0, "friction")
-    measure = Yardstick.of(best.fit, best.rmse, best.fit.residuals)
-    assert measure == Yardstick(1.0, 2000)
+    measure = Yardstick.of(base, best.rmse, best.fit.residuals)
+    assert measure.counted == 2000
+    assert measure.samples == pytest.approx(2000, rel=0.1)
     gain = measure.log_evidence(best.effects, 1.0, 5) - measure.log_evidence(base.effects, 1.05, 4)
-    assert gain == pytest.approx(1000 * (1.05**2 - 1) - 0.5 * np.log(2000) + log_odds("friction"))
+    explained = 0.5 * measure.samples * (1.05**2 - 1)
+    assert gain == pytest.approx(explained - 0.5 * np.log(2000) + log_odds("friction"))
     result = weighed(posterior(found(0.6), found(0.4, "friction")), base, best)
     assert result.sets[0].families == ("friction",)
     assert result.sets[0].probability == pytest.approx(1 / (1 + np.exp(-gain)))
 
 
+def test_a_law_that_may_be_off_by_a_tenth_needs_no_other_law_for_what_it_leaves():
+    """Friction explains an error of 50 noises and leaves 1.3: a tenth of 50 may be how friction is bent."""
+    base, law, richer = candidate(50.0), candidate(1.3, "friction"), candidate(1.0, "friction", "drag")
+    result = weighed(posterior(found(0.5, "friction"), found(0.5)), base, law, richer)
+    assert result.sets[0].families == ("friction",)
+    weak = weighed(posterior(found(0.5, "friction"), found(0.5)), candidate(2.0), law, richer)
+    assert weak.sets[0].families == ("friction", "drag")
+
+
 def test_the_error_of_a_law_counts_once_a_swing():
     """A fit that misses the noise is wrong in the same way in each swing: ten times the samples say no more."""
     one = candidate(8.0, "friction", length=10)
-    measure = Yardstick.of(one.fit, one.rmse, one.fit.residuals)
+    measure = Yardstick.of(candidate(20.0), one.rmse, one.fit.residuals)
     assert measure.unit == 8.0
     assert measure.samples == pytest.approx(SWING / 10, rel=0.5)
     added = weighed(
