@@ -147,7 +147,9 @@ class Yardstick:
             parameters: Their number.
         """
         odds = sum(log_odds(effect(name).family) for name in effects)
-        return odds - 0.5 * (self.samples * (error / self.unit) ** 2 + parameters * float(np.log(self.counted)))
+        return odds - 0.5 * (
+            self.samples * (error / self.unit) ** 2 + parameters * float(np.log(self.counted))
+        )
 
 
 @dataclass(slots=True)
