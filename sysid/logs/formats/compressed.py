@@ -4,14 +4,12 @@ import bz2
 import gzip
 import lzma
 import tempfile
-import zlib
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from sysid.errors import SysidError
-from sysid.logs.formats.registry import Format, named_as, open_log, refuse_larger
+from sysid.logs.formats.registry import Format, named_as, open_log, refuse_larger, undamaged
 from sysid.logs.table.file import LogFile
 from sysid.roll import Array
 
@@ -46,16 +44,11 @@ def _unpacked(path: Path) -> Generator[LogFile]:
     unpack = next(opener for magic, opener in UNPACKERS.items() if head.startswith(magic))
     with tempfile.TemporaryDirectory() as folder:
         inside = Path(folder) / (path.stem or "log")
-        try:
-            with unpack(path) as packed, inside.open("wb") as file:
-                size = 0
-                while block := packed.read(1 << 20):
-                    size += file.write(block)
-                    refuse_larger(path, size)
-        except (OSError, EOFError, zlib.error, lzma.LZMAError) as error:
-            raise SysidError(
-                f"{path}: damaged ({error}). Compress it again, or give the log itself."
-            ) from error
+        with undamaged(path, "packed file"), unpack(path) as packed, inside.open("wb") as file:
+            size = 0
+            while block := packed.read(1 << 20):
+                size += file.write(block)
+                refuse_larger(path, size)
         with named_as(path, inside):
             yield open_log(inside)
 

@@ -184,7 +184,7 @@ def open_csv(path: Path) -> LogFile:
     ) and any(name.lower() in VALUE or len(name) == 1 for name in names):
         return log_of_records(path, [dict(zip(names, row, strict=False)) for _, row in table.cells()])
     return LogFile(
-        path=path, names=names, units={name: unit for name, unit in known.items() if unit}, dates=dates,
+        path=path, names=names, units={name: unit for name, unit in known.items() if unit},
         notes=tuple(notes), read=table.read,
     )  # fmt: skip
 

@@ -122,15 +122,15 @@ def _flat(record: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 def _log(path: Path, name: str, table: Table) -> LogFile:
     """Return the columns of a table that hold numbers or dates."""
     columns: dict[str, Array] = {}
-    dates: set[str] = set()
+    units: dict[str, str] = {}
     for key, column in table.items():
         given = [item for item in column if item is not None]
         if given and all(isinstance(item, str) and dialect.DATE.fullmatch(item) for item in given):
             columns[key] = dialect.seconds_of(column)
-            dates.add(key)
+            units[key] = "s"
         elif np.isfinite(values := np.array([_number(item) for item in column])).any():
             columns[key] = values
-    return held(path, columns, (f"table: JSON, '{name}'",), dates=frozenset(dates))
+    return held(path, columns, (f"table: JSON, '{name}'",), units)
 
 
 def _number(value: Any) -> float:

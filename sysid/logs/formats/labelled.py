@@ -44,7 +44,7 @@ def open_labelled(path: Path) -> LogFile:
         name: dialect.seconds_of(column) if name == dialect.ARRIVAL else np.array(column, dtype=float)
         for name, column in texts.items()
     }
-    return held(path, columns, tuple(notes), units, frozenset({dialect.ARRIVAL} & set(names)))
+    return held(path, columns, tuple(notes), {**units, dialect.ARRIVAL: "s"})
 
 
 def _samples(lines: list[dict[str, str]]) -> tuple[list[dict[str, str]], int]:

@@ -73,7 +73,9 @@ def undamaged(path: Path, kind: str) -> Generator[None]:
         raise
     except Exception as error:
         lines = str(error).splitlines() or [""]
-        raise SysidError(f"{path}: damaged {kind} ({type(error).__name__}: {lines[0][:100]}).") from error
+        raise SysidError(
+            f"{path}: damaged {kind} ({type(error).__name__}: {lines[0][:100]}). Copy or export it again."
+        ) from error
 
 
 @cache

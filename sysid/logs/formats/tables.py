@@ -74,9 +74,7 @@ def merge_logs(path: Path, logs: Mapping[str, LogFile], kind: str) -> LogFile:
         times = sorted((c for c in columns if c.kind == "time"), key=lambda c: c.unit is None)
         if not times:
             continue
-        values = table.read(
-            [times[0].name, *(c.name for c in columns if c.kind != "time" and c.name not in table.dates)]
-        )
+        values = table.read([times[0].name, *(c.name for c in columns if c.kind != "time")])
         clock = values.pop(times[0].name)
         finite = np.isfinite(clock)
         if np.count_nonzero(finite) < 2:

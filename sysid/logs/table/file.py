@@ -16,8 +16,6 @@ class LogFile:
     """Of the columns."""
     units: Mapping[str, str] = field(default_factory=dict[str, str])
     """Units of the columns of which the file says them apart from the names."""
-    dates: frozenset[str] = frozenset()
-    """Columns that hold dates or times of day instead of numbers."""
     notes: tuple[str, ...]
     """Inferences about the format, as 'table: separated by commas'."""
     read: Callable[[Sequence[str]], dict[str, Array]]
@@ -29,7 +27,6 @@ def held(
     columns: Mapping[str, Array],
     notes: tuple[str, ...] = (),
     units: Mapping[str, str] | None = None,
-    dates: frozenset[str] = frozenset(),
 ) -> LogFile:
     """Return columns in memory, shape (n,) each in the log's units, as a table."""
 
@@ -37,4 +34,4 @@ def held(
         return {name: columns[name].copy() for name in names}
 
     known = {name: unit for name, unit in (units or {}).items() if name in columns}
-    return LogFile(path=path, names=tuple(columns), units=known, dates=dates, notes=notes, read=read)
+    return LogFile(path=path, names=tuple(columns), units=known, notes=notes, read=read)
