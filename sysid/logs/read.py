@@ -16,7 +16,7 @@ from sysid.logs.sources.registry import Reading, choose_source
 from sysid.logs.table.choose import Choice, columns_of, find_column
 from sysid.logs.table.clock import MIN_SAMPLES, Clock, even_clock, repair_clock, usual_step
 from sysid.logs.table.file import LogFile
-from sysid.logs.table.free import free_rows, switch_of
+from sysid.logs.table.free import free_rows, telling_column
 from sysid.logs.table.names import Column
 from sysid.logs.table.options import LogOptions
 from sysid.logs.table.remarks import Remarks
@@ -60,8 +60,9 @@ def roll_of_table(table: LogFile, options: LogOptions) -> Roll:
     time, columns = columns_of(log, options)
     source, choice = choose_source(log, columns, time, options)
     also = [find_column(log, name, columns, "--input").name for name in options.also]
-    switch = switch_of(columns, choice.columns[0])
-    names = [name for name in (*choice.columns, time and time.name, choice.std, *also, switch) if name]
+    tells = telling_column(columns, choice.columns[0])
+    says = () if tells is None else (tells[1],)
+    names = [name for name in (*choice.columns, time and time.name, choice.std, *also, *says) if name]
     data = log.read(list(dict.fromkeys(names)))
     try:
         clock, cleaned = _clean(choice, time, data, options)
@@ -82,8 +83,8 @@ def roll_of_table(table: LogFile, options: LogOptions) -> Roll:
     kept = np.searchsorted(clock.time, roll.time)  # a source may leave out samples
     extra = {name: data[name][kept] for name in also}
     free = None
-    if switch is not None:
-        free, said = free_rows(switch, data[switch][kept], roll.time)
+    if tells is not None:
+        free, said = free_rows(*tells, data[tells[1]][kept], roll.time, data[choice.columns[0]][kept])
         cleaned += said
     rate = 1 / usual_step(roll.time)
     sampling = f"samples: {roll.time.size} in {roll.time[-1] - roll.time[0]:.4g} s at {rate:.4g} Hz"

@@ -1,4 +1,4 @@
-"""A column beside the motion that says whether the torque is on."""
+"""A column beside the motion that says when nothing drives the joint."""
 
 import json
 
@@ -19,6 +19,9 @@ ON = TIME < 2.0
     [
         ("torque_enable", [str(on) for on in ON.tolist()]),
         ("motor_on", ON.astype(float)),
+        ("current_A", np.where(ON, 0.4 * np.cos(9 * TIME), 0.0)),
+        ("goal_position", np.where(ON, 0.3 * np.sin(0.4 * np.pi * np.minimum(TIME, 2)) ** 2 + 0.02, 0.9)),
+        ("goal_position", [f"{v:.5f}" if on else "" for v, on in zip(ROLL, ON, strict=True)]),
     ],
 )
 def test_what_drives_the_joint_says_when_it_is_free(tmp_path, name, values):
@@ -57,6 +60,6 @@ def test_a_torque_that_is_never_switched_off_is_a_warning(tmp_path):
 
 
 def test_columns_that_do_not_tell_leave_it_open(tmp_path):
-    others = {"torque_enable": 0 * TIME, "temperature": 0 * TIME + 30}
+    others = {"torque_enable": 0 * TIME, "temperature": 0 * TIME + 30, "current_A": 0 * TIME}
     path = write_csv(tmp_path / "log.csv", ("t_s", "position_rad", *others), TIME, ROLL, *others.values())
     assert read_roll(path).free is None
