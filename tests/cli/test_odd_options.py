@@ -91,7 +91,7 @@ def test_a_message_is_one_line_whatever_a_cell_holds(tmp_path):
 @pytest.mark.parametrize(
     ("command", "where"),
     [("diagnose", ("--json", ".")), ("fit", ("--workspace", "a_file")), ("decay", ("--json", "a_file/x.json")),
-     ("compare", ("--rerun", "a_file/x.rrd"))],
+     ("compare", ("--rerun", "a_file/x.rrd")), ("report", ("-o", "a_file/x.html"))],
 )  # fmt: skip
 def test_what_cannot_be_written_is_said_before_anything_is_computed(tmp_path, command, where):
     (tmp_path / "a_file").touch()
@@ -121,9 +121,10 @@ def test_an_effect_that_is_shown_writes_no_picture_unless_one_is_named(tmp_path)
 
 def test_logs_of_the_fit_are_the_default(tmp_path, capsys):
     pink = ("--board", "pink", "--workspace", tmp_path)
-    for name in ("check", "compare", "diagnose"):
-        with pytest.raises(SysidError, match="never fitted"):
+    for name in ("check", "compare", "diagnose", "report"):
+        with pytest.raises(SysidError, match=r"never fitted.*husky-sysid fit LOG\.\.\. --board pink"):
             called(name, *pink)
+    assert list(tmp_path.iterdir()) == []
     called("fit", PINK, *pink)
     told = ("next: check it in MuJoCo: husky-sysid check", "next: ready to train: ")
     for name, text in zip(("compare", "check"), told, strict=True):

@@ -1,7 +1,7 @@
 """What CUDA graphs need, shown on the processor: memory that stays, nothing asked of the host, mjlab's numbers."""
 
 import pytest
-from training import needs_training, worlds
+from training import worlds
 
 pytestmark = [
     pytest.mark.train,
@@ -9,15 +9,12 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore"),
 ]  # the stack's own warnings
 
-pytest.importorskip("torch", reason="CUDA graphs are PyTorch's (extra 'train')")
-
 WORLDS = 8
 WAITS = ("_local_scalar_dense", "nonzero", "lift_fresh", "masked_select", "is_nonzero", "equal.default")
 """Operations that wait for the device, or that copy from the host."""
 
 
 def environment(kind=None):
-    needs_training()
     import torch
 
     torch.manual_seed(4)

@@ -27,10 +27,70 @@ def test_a_perfect_ride_has_no_error():
     ).all()
 
 
-def test_side_slip_is_of_either_side_and_of_the_ride_alone():
-    drift, alive = np.full((STEPS, 1), 9.0), np.zeros((STEPS, 1), bool)
-    drift[:10], alive[:10] = np.where(np.arange(10) % 2, 0.2, -0.1)[:, None], True
-    assert episode_errors(rides(board_drift=drift, alive=alive))["side_slip"][0] == pytest.approx(0.15)
+def row(otherwise, *changes):
+    """One number a step, shape (STEPS, 1): the same at all but at some."""
+    values = np.full((STEPS, 1), otherwise)
+    for where, value in changes:
+        values[where, 0] = value
+    return values
+
+
+def feet(*changes):
+    """Whether the left and the right foot touch, shape (STEPS, 1, 2), flipped at some steps."""
+    flipped = np.zeros((STEPS, 1, 2), bool)
+    for step, foot in changes:
+        flipped[step, 0, foot] = True
+    return flipped
+
+
+ODD, STEP, NAN = np.arange(20) % 2, np.arange(STEPS), math.nan
+LEANS = row(0.0, (STEER.start + 2, -0.07), (STEER.start + 5, 0.03), (PUSH, 0.2))
+MOVES = row(0.0)[..., None].repeat(23, 2)
+ERRORS = {
+    "speed counts in pushing only": (
+        {"board_speed": row(9.0, (PUSH, np.where(ODD, 1.3, 0.9)))}, {"E_vel": 0.2, "E_vel_mean_speed": 0.1},
+    ),
+    "heading counts in steering only, and wraps": (
+        {"board_heading": row(2.0, (STEER, math.pi - 0.1), (34, math.pi - 0.05)), "target_heading": row(0.1 - math.pi)},
+        {"E_yaw": (9 * 0.2 + 0.15) / 10, "E_yaw_final": 0.15},
+    ),
+    "smoothness is the change of joints a step": (
+        {"joint_position": MOVES + 0.023 * STEP[:, None, None] * (np.arange(23) == 0)}, {"E_smth": 0.001},
+    ),
+    "side slip is of either side, and of the ride alone": (
+        {"board_drift": row(9.0, (slice(10), np.where(ODD[:10], 0.2, -0.1))), "alive": row(False, (slice(10), True))},
+        {"side_slip": 0.15},
+    ),
+    "rolling where it is told to stand": (
+        {"commanded_speed": row(0.8, (slice(10), 0.05)), "still": row(False, (slice(10), True)),
+         "board_speed": row(0.8, (slice(10), -0.4))},
+        {"E_still": 0.4},
+    ),
+    "a wrong foot: the right off the deck or the left on it in pushing, the left on the ground in steering": (
+        {"foot_on_deck": rides().foot_on_deck ^ feet((3, 1), (4, 0), (22, 0), (22, 1)), "foot_on_ground": feet((26, 0))},
+        {"E_contact": 3 / 30, "E_contact_push": 2 / 20, "E_contact_steer": 1 / 10},
+    ),
+    "nothing counts after the end": (
+        {"alive": row(True, (slice(10, None), False)), "board_speed": row(1.0, (slice(10, None), 77.0)),
+         "joint_position": MOVES + 5.0 * (STEP >= 10)[:, None, None]},
+        {"E_vel": 0, "E_smth": 0, "E_yaw": NAN, "E_yaw_final": NAN},
+    ),
+    "the course is that of every turn asked for since the start": (
+        {"board_heading": row(0.3, (STEER.stop - 1, 0.3 + 0.45)), "course": row(0.0, (slice(STEER.start, None), 0.5)),
+         "target_heading": row(0.8)},
+        {"E_course": 0.05},
+    ),
+    "a tilt against a turn to the left": ({"tilt": LEANS, "target_heading": row(0.5)}, {"E_tilt": 0.07}),
+    "a tilt against a turn to the right": ({"tilt": LEANS, "target_heading": row(-0.5)}, {"E_tilt": 0.03}),
+    "a turn to the right over the back": ({"tilt": LEANS, "target_heading": row(math.tau - 0.5)}, {"E_tilt": 0.03}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ERRORS)
+def test_an_error_is_what_the_page_says(name):
+    changes, expected = ERRORS[name]
+    found = episode_errors(rides(**changes))
+    assert {key: found[key][0] for key in expected} == pytest.approx(expected, nan_ok=True)
 
 
 def long_ride(**changes):
@@ -90,67 +150,6 @@ def test_cost_of_transport_is_work_over_weight_and_way():
     assert episode_errors(long_ride(power=np.full((600, 1), 0.3)))["transport"][0] == pytest.approx(0.3)
 
 
-def test_rolling_where_it_is_told_to_stand_is_an_error_of_its_own():
-    told = np.where(np.arange(STEPS) < 10, 0.05, 0.8)[:, None]
-    waits = told < 0.1
-    speed = np.where(np.arange(STEPS) < 10, -0.4, 0.8)[:, None]
-    assert episode_errors(rides(commanded_speed=told, still=waits, board_speed=speed))["E_still"][
-        0
-    ] == pytest.approx(0.4)
-    assert np.isnan(episode_errors(rides())["E_still"][0])
-
-
-def test_velocity_counts_in_pushing_only():
-    speed = np.full((STEPS, 1), 9.0)
-    speed[PUSH] = np.where(np.arange(20) % 2, 1.3, 0.9)[:, None]
-    errors = episode_errors(rides(board_speed=speed))
-    assert errors["E_vel"][0] == pytest.approx(0.2)
-    assert errors["E_vel_mean_speed"][0] == pytest.approx(0.1)  # mean speed 1.1
-
-
-def test_heading_counts_in_steering_only_and_wraps():
-    heading = np.full((STEPS, 1), 2.0)
-    heading[STEER] = math.pi - 0.1
-    heading[34] = math.pi - 0.05
-    target = np.full((STEPS, 1), -math.pi + 0.1)
-    errors = episode_errors(rides(board_heading=heading, target_heading=target))
-    assert errors["E_yaw"][0] == pytest.approx((9 * 0.2 + 0.15) / 10)
-    assert errors["E_yaw_final"][0] == pytest.approx(0.15)
-
-
-def test_smoothness_is_the_change_of_joints_a_step():
-    joints = np.zeros((STEPS, 1, 23))
-    joints[:, 0, 0] = 0.023 * np.arange(STEPS)
-    errors = episode_errors(rides(joint_position=joints))
-    assert errors["E_smth"][0] == pytest.approx(0.001)
-
-
-def test_wrong_feet_are_counted():
-    deck, ground = rides().foot_on_deck.copy(), rides().foot_on_ground.copy()
-    deck[3, 0, 1] = False  # pushing: right foot off the deck
-    deck[4, 0, 0] = True  # pushing: left foot on it
-    ground[26, 0, 0] = True  # steering: left foot on the ground
-    deck[22] = False  # mounting: whatever it does
-    errors = episode_errors(rides(foot_on_deck=deck, foot_on_ground=ground))
-    assert errors["E_contact"][0] == pytest.approx(3 / 30)
-    assert errors["E_contact_push"][0] == pytest.approx(2 / 20)
-    assert errors["E_contact_steer"][0] == pytest.approx(1 / 10)
-
-
-def test_what_comes_after_the_end_does_not_count():
-    alive = np.ones((STEPS, 1), bool)
-    alive[10:] = False
-    speed = np.full((STEPS, 1), 1.0)
-    speed[10:] = 77.0
-    joints = np.zeros((STEPS, 1, 23))
-    joints[10:] = 5.0
-    errors = episode_errors(rides(alive=alive, board_speed=speed, joint_position=joints))
-    assert errors["E_vel"][0] == 0
-    assert errors["E_smth"][0] == 0
-    assert np.isnan(errors["E_yaw"][0])
-    assert np.isnan(errors["E_yaw_final"][0])
-
-
 def test_headings_reached_are_those_of_whole_steering_phases():
     heading = np.zeros((STEPS, 1))
     heading[STEER, 0] = np.linspace(3.1, 3.1 + 0.4, 10)  # through π
@@ -182,22 +181,3 @@ def test_interval_over_seeds_covers_the_truth_as_often_as_it_says():
         low, high = mean_over(seeds, "m/s").ci95
         covered += low <= 1.0 <= high
     assert 0.92 <= covered / 400 <= 0.98
-
-
-@pytest.mark.parametrize(("turn", "largest"), [(0.5, 0.07), (-0.5, 0.03), (2 * math.pi - 0.5, 0.03)])
-def test_wrong_tilt_is_the_largest_against_the_turn(turn, largest):
-    tilt = np.zeros((STEPS, 1))
-    tilt[STEER.start + 2], tilt[STEER.start + 5] = -0.07, 0.03
-    tilt[PUSH] = 0.2
-    errors = episode_errors(rides(tilt=tilt, target_heading=np.full((STEPS, 1), turn)))
-    assert errors["E_tilt"][0] == pytest.approx(largest)
-
-
-def test_course_counts_from_the_start_and_every_turn_asked_for_since():
-    heading, course = np.full((STEPS, 1), 0.3), np.zeros((STEPS, 1))
-    heading[STEER.stop - 1] = 0.3 + 0.45  # at the end of steering
-    course[STEER.start :] = 0.5
-    errors = episode_errors(
-        rides(board_heading=heading, course=course, target_heading=np.full((STEPS, 1), 0.8))
-    )
-    assert errors["E_course"][0] == pytest.approx(0.05)

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 from command_line import called
-from riding import HoldStill, make_onnx, our_metadata, pink, published_metadata, world_or_skip
+from riding import HoldStill, make_onnx, our_metadata, pink, published_metadata
 
 from policy_runtime.evaluation.plain import Protocol, evaluate_policy, riders, run_episode
 from policy_runtime.evaluation.recording import Recorder
@@ -25,6 +25,9 @@ from sysid.errors import SysidError
 from sysid.progress import listening
 
 pytestmark = pytest.mark.train
+
+for module in ("mjlab", "onnxruntime"):
+    pytest.importorskip(module, reason="rides need the robot and policies (extras 'train' and 'run')")
 
 
 def ride(world, policy, duration):
@@ -44,7 +47,7 @@ def ride(world, policy, duration):
 @pytest.fixture(scope="module")
 def held_ride():
     """The steering pose on the rolling board, held upright by a gantry, 5 s."""
-    world = world_or_skip(start="steer", gantry=Gantry())
+    world = make_world(pink(), start="steer", gantry=Gantry())
     world.reset(speed=1.0)
     return world, *ride(world, standing(), 5.0)
 
@@ -60,14 +63,14 @@ def test_feet_stay_on_the_deck_and_wheels_on_the_ground(held_ride):
 
 
 def test_without_a_gantry_no_script_stays_up_and_the_guard_says_why():
-    world = world_or_skip()
+    world = make_world(pink())
     world.reset()
     result, _ = ride(world, scripted("zero"), 5.0)
     assert result.stopped.startswith(("tilt", "joint limit"))
 
 
 def test_pushing_script_pushes():
-    world = world_or_skip(start="push", gantry=Gantry())
+    world = make_world(pink(), start="push", gantry=Gantry())
     world.reset()
     result, recording = ride(world, scripted_push(), 2.4)
     assert result.stopped is None
@@ -84,8 +87,7 @@ def test_unknown_script_is_refused_in_words():
 
 
 def test_two_feet_share_the_weight_under_the_centre_of_mass():
-    if world_or_skip():
-        load = GravityLoad()
+    load = GravityLoad()
     pose = load_poses()["steer"]
     torque = load.torques(pose.joints, pose.quaternion, (True, True))
     model, data = load.model, load.data
@@ -108,7 +110,7 @@ def test_two_feet_share_the_weight_under_the_centre_of_mass():
 
 
 def test_direct_coupling_sets_the_trucks():
-    world = world_or_skip(coupling="direct")
+    world = make_world(pink(), coupling="direct")
     world.reset()
     _, recording = ride(world, HoldStill(), 0.5)
     roll, trucks = recording.column("roll"), recording.column("trucks")
@@ -117,7 +119,7 @@ def test_direct_coupling_sets_the_trucks():
 
 
 def test_episode_ends_when_the_robot_falls_and_is_repeatable():
-    world = world_or_skip()
+    world = make_world(pink())
     first, ending = run_episode(world, scripted("zero"), Protocol(), np.random.default_rng([1, 2]))
     assert ending in ("fallen", "body contact", "off the board")
     assert first.column("time")[-1] < 5
@@ -128,7 +130,7 @@ def test_episode_ends_when_the_robot_falls_and_is_repeatable():
 
 
 def test_turns_are_drawn_anew_in_every_cycle():
-    world = world_or_skip(start="steer", gantry=Gantry())
+    world = make_world(pink(), start="steer", gantry=Gantry())
     protocol = Protocol(duration=13.0, speed=(0.5, 0.5))
     recording, ending = run_episode(world, standing(), protocol, np.random.default_rng(5))
     assert ending == "time limit"
@@ -144,7 +146,6 @@ def test_turns_are_drawn_anew_in_every_cycle():
 
 @pytest.mark.slow
 def test_evaluation_is_the_same_whatever_the_workers():
-    world_or_skip()
     one = evaluate_policy("zero", pink(), episodes=3, seeds=(0, 1))
     with riders(2) as pool:
         two = evaluate_policy("zero", pink(), episodes=3, seeds=(0, 1), pool=pool)
@@ -163,8 +164,6 @@ def test_evaluation_is_the_same_whatever_the_workers():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    world_or_skip()
-    pytest.importorskip("onnxruntime", reason="policies need onnxruntime (extra 'run')")
     where = tmp_path_factory.mktemp("export")
     make_onnx(where / "policy.onnx", size=395, metadata=published_metadata())
     export_folder(pink(), where / "out", policy=where / "policy.onnx")
@@ -213,7 +212,6 @@ def test_changed_or_missing_files_are_noticed(folder, tmp_path):
 
 
 def test_export_keeps_its_hands_off_other_folders(tmp_path):
-    world_or_skip()
     (tmp_path / "thesis.txt").write_text("years of work")
     with pytest.raises(SysidError, match="not empty, and not an exported folder"):
         export_folder(pink(), tmp_path)
@@ -229,7 +227,6 @@ def call(capsys, *arguments):
 
 @pytest.mark.slow
 def test_play_writes_picture_and_recording(capsys, tmp_path, monkeypatch):
-    world_or_skip()
     told = {}
     monkeypatch.setattr("sysid.cli.play.working", lambda _: listening(told.setdefault))
     code, said = call(
@@ -246,7 +243,6 @@ def test_play_writes_picture_and_recording(capsys, tmp_path, monkeypatch):
 
 
 def test_run_ends_with_one_when_the_robot_was_stopped(capsys, tmp_path):
-    world_or_skip()
     code, said = call(capsys, "run", "zero", "--board", "pink", "--duration", 4, "-o", tmp_path)
     assert code == 1
     assert "ended: tilt" in said.out or "ended: joint limit" in said.out
@@ -256,7 +252,6 @@ def test_run_ends_with_one_when_the_robot_was_stopped(capsys, tmp_path):
 
 
 def test_rehearsal_drives_the_simulated_robot_over_the_network(capsys, tmp_path):
-    world_or_skip()
     pytest.importorskip("cyclonedds", reason="the robot's interface needs cyclonedds (extra 'robot')")
     code, said = call(
         capsys, "run", "stand", "-b", "pink", "--start", "stand", "--robot", "rehearsal",
@@ -269,7 +264,6 @@ def test_rehearsal_drives_the_simulated_robot_over_the_network(capsys, tmp_path)
 
 
 def test_the_real_robot_takes_only_boards_that_passed(capsys, tmp_path):
-    world_or_skip()
     save_board(replace(pink(), last_check={}), tmp_path / "data" / "boards" / "pink.toml")
     with pytest.raises(SysidError, match="has not passed `check`") as caught:
         call(
@@ -279,7 +273,6 @@ def test_the_real_robot_takes_only_boards_that_passed(capsys, tmp_path):
 
 
 def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
-    world_or_skip()
     code, said = call(
         capsys, "evaluate", "zero", "-b", "pink", "--episodes", 2, "--seeds", 1, "--workers", 1,
         "-o", tmp_path, "--json", tmp_path / "e.json",
@@ -294,7 +287,6 @@ def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
 
 
 def test_motions_lists_plots_and_plays(capsys, tmp_path):
-    world_or_skip()
     code, said = call(
         capsys, "motions", "push-low-slow", "--plot", tmp_path / "m.png", "--rerun", tmp_path / "m.rrd",
         "--json", tmp_path / "m.json",
@@ -319,14 +311,11 @@ def test_motions_lists_plots_and_plays(capsys, tmp_path):
     ],
 )
 def test_wrong_use_is_refused_in_words(capsys, arguments, message):
-    world_or_skip()
     with pytest.raises(SysidError, match=message):
         call(capsys, *arguments)
 
 
 def test_a_policy_for_another_board_is_refused(capsys, tmp_path):
-    world_or_skip()
-    pytest.importorskip("onnxruntime", reason="policies need onnxruntime (extra 'run')")
     make_onnx(tmp_path / "p.onnx", size=390, metadata=our_metadata(pink()))
     with pytest.raises(SysidError, match="trained on board 'pink', not on 'black'"):
         call(capsys, "play", tmp_path / "p.onnx", "-b", "black")
@@ -335,15 +324,9 @@ def test_a_policy_for_another_board_is_refused(capsys, tmp_path):
 # The same protocol in the training's simulator
 
 
-@pytest.fixture
-def mjlab():
-    for module in ("torch", "mjlab", "warp"):
-        pytest.importorskip(module, reason="evaluating in parallel needs the training stack")
-
-
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # the training stack's own
-def test_parallel_evaluation_agrees_with_the_plain_one_on_what_falls(mjlab):
+def test_parallel_evaluation_agrees_with_the_plain_one_on_what_falls():
     from policy_runtime.evaluation.parallel import evaluate_in_parallel
 
     protocol = Protocol(duration=2.0, speed=(0.5, 0.5))
@@ -357,7 +340,6 @@ def test_parallel_evaluation_agrees_with_the_plain_one_on_what_falls(mjlab):
 
 
 def test_parallel_evaluation_answers_many_observations_as_one_by_one(tmp_path):
-    pytest.importorskip("onnxruntime", reason="policies need onnxruntime (extra 'run')")
     from policy_runtime.evaluation.parallel import BatchPolicy
     from policy_runtime.loop.policy_file import open_policy
 
@@ -378,7 +360,6 @@ def test_ending_a_run_from_outside_brakes_and_is_logged(tmp_path):
     import sys
     import time
 
-    world_or_skip()
     command = [
         *(sys.executable, "-m", "sysid.cli", "run", "stand", "-b", "pink", "--start", "steer", "--gantry"),
         *("--duration", "60", "-o", str(tmp_path)),

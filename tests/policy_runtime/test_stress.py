@@ -5,20 +5,22 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from riding import HoldStill, pink, world_or_skip
+from riding import HoldStill, pink
 
 from policy_runtime.evaluation.plain import Protocol, evaluate_policy, run_episode
 from policy_runtime.evaluation.stress import StressedRobot, change
-from policy_runtime.loop.world import World
+from policy_runtime.loop.world import World, make_world
 from policy_runtime.robots import JointCommand
 from sim.skate.robot.g1 import servos
 from sysid.errors import SysidError
 
 pytestmark = pytest.mark.train
 
+pytest.importorskip("mjlab", reason="the robot comes with mjlab (extra 'train')")
+
 
 def stressed(**numbers):
-    world = world_or_skip()
+    world = make_world(pink())
     protocol = Protocol(**numbers)
     change(world.robot.model, protocol)
     return World(StressedRobot(world.robot.model, protocol), world.start)
@@ -43,7 +45,7 @@ def test_a_command_reaches_the_servos_after_the_delay(delay, steps):
 
 
 def test_masses_frictions_and_gravity_are_changed():
-    plain = world_or_skip().robot.model
+    plain = make_world(pink()).robot.model
     model = stressed(mass=1.1, friction=0.4, rolling=3.0, slope=math.radians(3)).robot.model
     links = [i for i in range(model.nbody) if model.body(i).name.startswith("robot/")]
     np.testing.assert_allclose(model.body_mass[links], 1.1 * plain.body_mass[links])
@@ -119,7 +121,6 @@ def test_what_cannot_be_is_said(numbers, message):
 
 
 def test_standing_is_counted_apart():
-    world_or_skip()
     protocol = Protocol(duration=0.3, speed=(0.0, 0.05))
     result = evaluate_policy("stand", pink(), episodes=2, seeds=(0,), protocol=protocol)
     assert math.isnan(result.success.value)

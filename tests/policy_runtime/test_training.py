@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import training  # noqa: F401  skips without the training stack
 from command_line import called
-from training import needs_training
 
 from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder
 from sim.skate.cycle.start import Start
@@ -248,16 +248,16 @@ def test_a_board_that_has_not_passed_is_refused(tmp_path):
 
 
 def test_style_is_one_for_reference_and_zero_far_off():
-    torch = pytest.importorskip("torch")
-    pytest.importorskip("rsl_rl")
+    import torch
+
     from policy_runtime.learning.amp import style_value
 
     np.testing.assert_allclose(style_value(torch.tensor([1.0, -1.0, 3.0, 5.0, 0.0])), [1, 0, 0, 0, 0.75])
 
 
 def test_the_running_normaliser_is_the_statistics_of_all_it_saw():
-    torch = pytest.importorskip("torch")
-    pytest.importorskip("rsl_rl")
+    import torch
+
     from policy_runtime.learning.amp import RunningNormaliser
 
     data = torch.tensor(np.random.default_rng(0).normal(3.0, 2.0, size=(300, 2)), dtype=torch.float)
@@ -269,8 +269,8 @@ def test_the_running_normaliser_is_the_statistics_of_all_it_saw():
 
 
 def test_the_discriminator_learns_to_tell_two_styles_apart():
-    torch = pytest.importorskip("torch")
-    pytest.importorskip("rsl_rl")
+    import torch
+
     from policy_runtime.learning.amp import Discriminator
 
     torch.manual_seed(0)
@@ -288,9 +288,10 @@ def test_the_discriminator_learns_to_tell_two_styles_apart():
 
 @pytest.mark.slow
 def test_training_runs_resumes_and_exports_a_policy_that_answers(started):
-    pytest.importorskip("mjlab")
-    ort, onnx = (pytest.importorskip(name) for name in ("onnxruntime", "onnx"))
-    torch = pytest.importorskip("torch")
+    import onnx
+    import onnxruntime as ort
+    import torch
+
     run("policy_runtime.train", started.path, "--device", "cpu")
     assert [path.name for path in started.checkpoints()] == ["model_2.pt", "model_3.pt"]
     before = started.policy.read_bytes()
@@ -312,33 +313,9 @@ def test_training_runs_resumes_and_exports_a_policy_that_answers(started):
     assert not np.array_equal(exported[name], kept["actor_state_dict"][name])
 
 
-def tensors(content, where=""):
-    """Yield everything in nested dictionaries and lists with its place."""
-    if isinstance(content, dict):
-        for key, value in content.items():
-            yield from tensors(value, f"{where}/{key}")
-    elif isinstance(content, list | tuple):
-        for i, value in enumerate(content):
-            yield from tensors(value, f"{where}/{i}")
-    else:
-        yield where, content
-
-
-def assert_same_bits(first, second):
-    torch = pytest.importorskip("torch")
-    first, second = dict(tensors(first)), dict(tensors(second))
-    assert first.keys() == second.keys()
-    for where, value in first.items():
-        if isinstance(value, torch.Tensor):
-            assert torch.equal(value, second[where]), where
-        else:
-            assert value == second[where], where
-
-
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
     """Two iterations of eight worlds, with a checkpoint after each."""
-    needs_training()
     from policy_runtime.train import train
 
     folder = RunFolder(tmp_path_factory.mktemp("trained") / "run")
@@ -367,7 +344,7 @@ def test_a_run_goes_on_bit_for_bit(trained, tmp_path):
     done, _ = restore(trained, config, env, learner, process)
     assert (done.iterations, done.samples) == (2, 2 * 8 * 6) == (kept["iteration"], kept["samples"])
     learned = learner.save()
-    assert_same_bits({key: kept[key] for key in learned}, learned)
+    torch.testing.assert_close(learned, {key: kept[key] for key in learned}, rtol=0, atol=0)
     env.close()
     ends = []  # of two runs that go on from it
     for name in ("first", "second"):
@@ -376,7 +353,7 @@ def test_a_run_goes_on_bit_for_bit(trained, tmp_path):
         assert train(folder, device="cpu", iterations=3) == 3
         ends.append(torch.load(folder.checkpoint(3), weights_only=True))
         assert [row["samples"] for row in folder.read_curves()] == [48, 96, 144]
-    assert_same_bits(*ends)
+    torch.testing.assert_close(*ends, rtol=0, atol=0)
 
 
 @pytest.mark.slow
@@ -411,8 +388,8 @@ def test_a_broken_checkpoint_is_said_in_one_line(trained, tmp_path, kind, option
 
 @pytest.mark.slow
 def test_two_processes_hold_the_same_weights_normalisers_and_discriminator(started):
-    torch = pytest.importorskip("torch")
-    pytest.importorskip("mjlab")
+    import torch
+
     torchrun = ("torch.distributed.run", "--standalone", "--nproc-per-node=2")
     run(*torchrun, Path(__file__).parents[1] / "support" / "keeps_all.py", started.path)
     first, second = (torch.load(started.path / f"process_{rank}.pt", weights_only=True) for rank in (0, 1))

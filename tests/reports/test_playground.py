@@ -19,17 +19,6 @@ from sysid.recording import Recording
 STIFF, DAMP = 14.68, 0.06
 
 
-@pytest.fixture(scope="module")
-def tab(tmp_path_factory):
-    pytest.importorskip("websockets", reason="the package websockets is not installed")
-    from chromium import BINARY, browser
-
-    if BINARY is None:
-        pytest.skip("there is no Chromium here")
-    with browser(tmp_path_factory.mktemp("chromium")) as opened:
-        yield opened
-
-
 def with_effects(board, **effects):
     """The board, light, with effects at given parameters."""
     own = []
@@ -76,13 +65,13 @@ CASES = {
 
 
 @pytest.fixture
-def opened(tab, tmp_path):
+def opened(chromium, tmp_path):
     def show(play):
         page = Page("play", "")
         page.lead = sliders(play, "")
         (tmp_path / "play.html").write_text(page.render(), encoding="utf-8")
-        tab.open(tmp_path / "play.html")
-        return tab
+        chromium.open(tmp_path / "play.html")
+        return chromium
 
     return show
 

@@ -88,3 +88,10 @@ def plain(inertia: float, stiffness: float, damping: float, rest: float = 0.0) -
             "rest_angle": Quantity(rest, 0.0, "rad"), "range": Quantity(3.0, 0.0, "rad"),
         },
     )  # fmt: skip
+
+
+def assert_near(found: dict[str, dict[str, list[float]]], truth: dict[str, float]) -> None:
+    """Each value of a result file lies within four standard deviations of the truth."""
+    for name, value in truth.items():
+        low, high = found[name]["ci95"]
+        assert low - (high - low) / 2 < value < high + (high - low) / 2, name

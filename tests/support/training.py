@@ -1,4 +1,4 @@
-"""Worlds of the task in the training's own simulator, on the processor."""
+"""Worlds of the task in the training's own simulator, on the processor; a module that imports this needs the training stack."""
 
 import contextlib
 import math
@@ -11,14 +11,11 @@ import pytest
 
 from sysid.workspace import Workspace
 
+for _module in ("torch", "mjlab", "onnxruntime"):
+    pytest.importorskip(_module, reason="needs the training stack")
+
 ALIKE = {"boards": 0, "foot_place": (0.0, 0.0), "change": math.inf, "standing": 0.0, "slow": 0.0}
 """Options of worlds that do not differ."""
-
-
-def needs_training() -> None:
-    """Skip where the training stack is not installed."""
-    for module in ("torch", "mjlab", "warp"):
-        pytest.importorskip(module, reason="needs the training stack")
 
 
 @contextlib.contextmanager
@@ -26,7 +23,6 @@ def worlds(
     count: int, board: Any = None, *, kind: Any = None, seed: int = 3, clips: Any = (), **options: Any
 ) -> Generator[Any]:
     """Yield so many worlds of a variant of the task after their first reset; mjlab's own environment, or another kind."""
-    needs_training()
     from policy_runtime.learning.fused_rewards import SkateEnv
     from sim.skate.options import SkateOptions
     from sim.skate.task import skate_env_cfg

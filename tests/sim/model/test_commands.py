@@ -55,9 +55,7 @@ def test_fit_finds_the_truth_and_shows_the_change(mended):
     folder, done = mended
     found = json.loads((folder / "fit.json").read_text())["parameters"]
     assert set(found) == set(KNEE)
-    for name, value in KNEE.items():
-        low, high = found[name]["ci95"]
-        assert low - (high - low) / 2 < value < high + (high - low) / 2, name
+    robots.assert_near(found, KNEE)
     assert "+++ " in done.stdout
     assert 'range="-150 150" damping="0.03' in done.stdout
     assert "known from the model, not fitted" in done.stderr
@@ -90,9 +88,7 @@ def test_a_slide_is_fitted_in_metres_with_its_weight_known(tmp_path):
         "damping": "N*s/m",
         "rest_angle": "m",
     }
-    for name, value in LIFT.items():
-        low, high = found[name]["ci95"]
-        assert low - (high - low) / 2 < value < high + (high - low) / 2, name
+    robots.assert_near(found, LIFT)
     checked = husky("check", log, "--unit", "m", "--board", "slider_lift", "--workspace", tmp_path)
     assert checked.returncode == 0, checked.stderr
     assert "mrad" not in checked.stdout
@@ -148,9 +144,7 @@ def test_known_masses_tell_armature_and_weight_apart(tmp_path):
     both = husky("fit", tmp_path / "runs.toml", *options, "--json", tmp_path / "fit.json")
     assert both.returncode == 0, both.stderr
     found = json.loads((tmp_path / "fit.json").read_text())["parameters"]
-    for name, value in {"armature.inertia": 0.002, "weight.scale": 1.06, "damping": 0.035}.items():
-        low, high = found[name]["ci95"]
-        assert low - (high - low) / 2 < value < high + (high - low) / 2, name
+    robots.assert_near(found, {"armature.inertia": 0.002, "weight.scale": 1.06, "damping": 0.035})
     assert "best pose alone" in both.stdout
     alone = husky("fit", tmp_path / "0.csv", *options)
     assert alone.returncode == 1, alone.stdout

@@ -39,9 +39,7 @@ def test_the_ankle_of_the_g1_is_fitted_and_its_file_mended(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     found = json.loads((tmp_path / "fit.json").read_text())["parameters"]
-    for name, value in TRUTH.items():
-        low, high = found[name]["ci95"]
-        assert low - (high - low) / 2 < value < high + (high - low) / 2, name
+    robots.assert_near(found, TRUTH)
     before, after = model.read_text().splitlines(), (tmp_path / f"g1_{JOINT}.xml").read_text().splitlines()
     changed = [new for old, new in zip(before, after, strict=True) if old != new]
     assert len(changed) == 1

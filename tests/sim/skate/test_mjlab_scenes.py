@@ -21,7 +21,6 @@ pytestmark = [
 
 def task(**options):
     """Two worlds of a variant of the task that begin at rest, in mjlab's own environment."""
-    training.needs_training()
     from mjlab.envs import ManagerBasedRlEnv
 
     from sim.skate.cycle.start import AT_REST, STANDING_PLACE

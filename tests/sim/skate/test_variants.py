@@ -8,9 +8,6 @@ import pytest
 import training
 from riding import pink
 
-pytest.importorskip("torch")
-pytest.importorskip("mjlab")
-
 from sim.skate.cycle.start import AT_REST
 from sim.skate.options import SkateOptions
 

@@ -8,7 +8,6 @@ import pytest
 import training
 
 torch = pytest.importorskip("torch")
-pytest.importorskip("mjlab")
 
 pytestmark = [
     pytest.mark.train,
