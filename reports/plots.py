@@ -12,14 +12,14 @@ from reports.figures.palette import NOISE, REAL, SIM
 from reports.figures.style import STYLE
 from reports.figures.svg import thin
 from sysid.board import Board
-from sysid.comparison.compare import Comparison
+from sysid.comparison.compare import ComparedRelease, Comparison
 from sysid.errors import SysidError
 from sysid.fit_mjcf import Fit
 from sysid.free_decay import FreeDecay
 from sysid.joint import JointLaw, simulate
 from sysid.joint.trajectory import Trajectory
 from sysid.recording import Recording
-from sysid.roll import Array
+from sysid.roll import Array, Release
 from sysid.text import Display, display
 
 if TYPE_CHECKING:
@@ -109,10 +109,9 @@ def _draw_recording(recording: Recording, axes: "Axes") -> None:
 
 def _draw_comparison(result: Comparison, axes: "Axes") -> None:
     """Draw the release with the largest error, measured and simulated."""
-    release = max(result.releases, key=lambda one: one.rmse)
-    _draw_pair(axes, release.time, (release.measured, release.simulated), result.show)
-    error = release.rmse / result.noise.std
-    axes.set_title(f"{release.log}, release {release.number}: error {error:.3g} × noise")
+    one = max(result.releases, key=lambda release: release.rmse)
+    error = f"error {one.rmse / result.noise.std:.3g} × noise"
+    _draw_pair(axes, one.time, (one.measured, one.simulated), result.show, "sim", one, error)
 
 
 def _draw_fit(fit: Fit, axes: "Axes") -> None:
@@ -120,25 +119,28 @@ def _draw_fit(fit: Fit, axes: "Axes") -> None:
     pairs = zip(fit.joint.records, fit.joint.residuals, strict=True)
     record, residual = max(pairs, key=lambda pair: float(np.mean(pair[1] ** 2)))
     show = display(is_rate=record.is_rate, slides=fit.before.slides)
-    _draw_pair(axes, record.time, (record.signal, record.signal + residual), show, "fitted")
-    error = fit.rmse / fit.noise.std
-    axes.set_title(f"{record.release.log}, release {record.release.number}: error {error:.3g} × noise")
+    error, motions = (
+        f"error {fit.rmse / fit.noise.std:.3g} × noise",
+        (record.signal, record.signal + residual),
+    )
+    _draw_pair(axes, record.time, motions, show, "fitted", record.release, error)
 
 
 def _draw_check(verdict: Any, axes: "Axes") -> None:
     """Draw the decay with the largest error, measured and in the scene."""
     one = max(verdict.case.decays.releases, key=lambda release: release.nrmse)
     show = display(is_rate=False, slides=verdict.case.board.slides)
-    time = one.release.time - one.release.time[0]
-    _draw_pair(axes, time, (one.release.roll, one.simulated), show, "in the scene")
-    axes.set_title(f"{one.release.log}, release {one.release.number}: NRMSE {100 * one.nrmse:.2f} %")
+    time, error = one.release.time - one.release.time[0], f"NRMSE {100 * one.nrmse:.2f} %"
+    _draw_pair(axes, time, (one.release.roll, one.simulated), show, "in the scene", one.release, error)
 
 
 def _draw_pair(
-    axes: "Axes", time: Array, motions: tuple[Array, Array], show: Display, name: str = "sim"
-) -> None:
+    axes: "Axes", time: Array, motions: tuple[Array, Array], show: Display, name: str,
+    release: Release | ComparedRelease, error: str,
+) -> None:  # fmt: skip
     draw_pair(axes, time, show.scale * motions[0], show.scale * motions[1], name)
-    axes.set(xlabel="time since release [s]", ylabel=show.axis)
+    title = f"{release.log}, release {release.number}: {error}"
+    axes.set(xlabel="time since release [s]", ylabel=show.axis, title=title)
     axes.legend(loc="best")
 
 

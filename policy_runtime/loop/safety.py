@@ -23,9 +23,7 @@ class Limits:
     tilt: float = math.radians(60)
     """Greatest inclination of the pelvis [rad]."""
     link_timeout: float = 0.1
-    """Longest time without a message from the robot [s]."""
-    stale_timeout: float = 0.1
-    """Longest time during which messages may repeat the same state [s]."""
+    """Longest time without a message from the robot, or with the same state repeated [s]."""
     torque_share: float = 0.98
     """Share of a motor's torque limit that counts as being at the limit."""
     torque_time: float = 0.5
@@ -56,7 +54,7 @@ class Guard:
                 return f"not finite: {name.replace('_', ' ')} is {getattr(state, name)}"
         self._stale = self._stale + self._period if state.time <= self._last_time else 0.0
         self._last_time = max(self._last_time, state.time)
-        if self._stale > limits.stale_timeout:
+        if self._stale > limits.link_timeout:
             return f"stale observation: the robot has repeated the same state for {self._stale * 1e3:.0f} ms"
         if state.inclination > limits.tilt:
             return (

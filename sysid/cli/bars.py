@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from sysid.cli.console import Printer
-from sysid.progress import Listener, listening
+from sysid.progress import Listener, listening, stage
 
 
 def bar(printer: Printer) -> Progress:
@@ -36,7 +36,7 @@ def told_bar(printer: Printer) -> Generator[Listener | None]:
 
 
 @contextmanager
-def working(printer: Printer) -> Generator[None]:
-    """Show a bar of the progress of the block, through `sysid.progress`."""
-    with told_bar(printer) as update, listening(update):
+def working(printer: Printer, what: str = "") -> Generator[None]:
+    """Show a bar of the progress of the block, through `sysid.progress`; its words are `what`, or those of the stages in it."""
+    with told_bar(printer) as update, listening(update), stage(0.0, 1.0, what):
         yield

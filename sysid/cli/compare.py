@@ -26,7 +26,6 @@ def compare(
     """
     from sysid.cli.bars import working
     from sysid.comparison.compare import compare as compare_recordings
-    from sysid.progress import stage
 
     if measurement.drive.given:
         from sysid.cli.driven import driven_replay, run_driven
@@ -38,7 +37,7 @@ def compare(
     folder = measurement.space.outputs(record.name)
     require_writable(folder / "compare.json")
     found = read_logs(measurement, logs, printer, record=record, outputs={"--rerun": rerun})
-    with working(printer), stage(0.0, 1.0, "comparing"):
+    with working(printer, "comparing"):
         result = compare_recordings(found.recordings, found.record, tolerance=tolerance)
     printer.warnings(result.warnings, found.recordings)
     content = result.to_json()

@@ -109,7 +109,6 @@ def _fitted(
     from sysid.fit_mjcf import fit as fit_recordings
     from sysid.fitting.bootstrap import require_enough
     from sysid.fitting.joint import check_effects, prior_in_words
-    from sysid.progress import stage
 
     own = (name for name in measurement.common.own_effects() if name not in model.effect)
     effects = (*model.effect, *own)
@@ -118,7 +117,7 @@ def _fitted(
     if model.bootstrap:
         require_enough(model.bootstrap)
     found = read_logs(measurement, logs, printer, record=record)
-    with working(printer), stage(0.0, 1.0, "fitting"):
+    with working(printer, "fitting"):
         result = fit_recordings(
             found.recordings,
             found.record,

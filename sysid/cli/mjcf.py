@@ -36,7 +36,6 @@ def mjcf(
     """
     from sim.mjcf import board_mjcf
     from sysid.cli.bars import working
-    from sysid.progress import stage
 
     suffixes, write = (".xml",), write_atomically
     if usd:
@@ -48,7 +47,7 @@ def mjcf(
     kind = "bench" if bench else "scene"
     if not bench:
         record.need("the scene of the whole board (not --bench, the deck on its joint)")
-    with working(printer), stage(0.0, 1.0, "compensating the step"):
+    with working(printer, "compensating the step"):
         made = board_mjcf(record, kind, timestep=timestep, export=export, coupling=coupling)
     write(output, made.xml)
     printer.say(f"{output}: {kind} of board {board}, {made.export}")

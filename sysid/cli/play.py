@@ -31,22 +31,12 @@ def play(
     from policy_runtime.evaluation.metrics import episode_errors
     from policy_runtime.evaluation.recording import Recorder
     from policy_runtime.loop.viewer import viewed
-    from policy_runtime.runtime import Runtime
 
     printer = Printer(common)
     ride = prepare(policy, options, printer)
     robot = ride.world.robot
     recorder = Recorder(robot)
-    runtime = Runtime(
-        robot=robot,
-        policy=ride.policy,
-        commands=ride.commands,
-        limits=safety.limits(ride.world),
-        on_tick=recorder.add,
-        real_time=viewer,
-        stop_time=0.0,
-        hold_heading=options.hold_heading,
-    )
+    runtime = ride.runtime(options, safety, on_tick=recorder.add, real_time=viewer, stop_time=0.0)
     with working(printer):
         with stage(0.0, 0.3, "riding"), viewed(robot, viewer):
             result = runtime.run(options.duration)

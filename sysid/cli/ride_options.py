@@ -4,7 +4,7 @@ import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 from cyclopts.validators import Number
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from policy_runtime.evaluation.recording import Recording
     from policy_runtime.loop.commands import CommandSource
     from policy_runtime.loop.policy import Policy
-    from policy_runtime.loop.safety import Limits
     from policy_runtime.loop.world import World
+    from policy_runtime.runtime import Runtime
 
 
 @Parameter(name="*")
@@ -67,19 +67,6 @@ class SafetyOptions:
     link_timeout: Limit = 0.1
     """Longest time without a message from the robot, or with the same state repeated [s]."""
 
-    def limits(self, world: "World") -> "Limits":
-        """Return the limits for a world's robot."""
-        from policy_runtime.loop.world import joint_limits
-
-        return joint_limits(
-            world.robot.model,
-            joint_margin=self.joint_margin,
-            tilt=math.radians(self.tilt_deg),
-            torque_time=self.torque_time,
-            link_timeout=self.link_timeout,
-            stale_timeout=self.link_timeout,
-        )
-
 
 def choose_renderer() -> None:
     """Let MuJoCo render without a display; call it before the import of MuJoCo."""
@@ -95,6 +82,19 @@ class Ride:
     policy: "Policy"
     world: "World"
     commands: "CommandSource"
+
+    def runtime(self, options: RideOptions, safety: SafetyOptions, **more: Any) -> "Runtime":
+        """Return the loop that rides in simulation; `more` are further fields of `Runtime`."""
+        from policy_runtime.loop.world import joint_limits
+        from policy_runtime.runtime import Runtime
+
+        given = vars(safety).copy()
+        tilt = math.radians(given.pop("tilt_deg"))
+        usual: dict[str, Any] = {
+            "robot": self.world.robot, "policy": self.policy, "commands": self.commands,
+            "limits": joint_limits(self.world.robot.model, tilt=tilt, **given), "hold_heading": options.hold_heading,
+        }  # fmt: skip
+        return Runtime(**(usual | more))
 
 
 def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: bool = True) -> Ride:

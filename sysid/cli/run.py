@@ -94,22 +94,18 @@ def run(
         output: Folder for the log; reports/BOARD of the workspace if not given.
     """
     choose_renderer()
-    from policy_runtime.runtime import Runtime
-
     printer = Printer(common)
     ride = prepare(policy, options, printer, visuals=viewer)
     robot.require_fit(ride, options, printer)
     with _keyboard(options, printer) if keyboard else nullcontext(ride.commands) as commands:
         ranges = _ranges(ride) if robot.dry_run else None
-        runtime = Runtime(
-            robot=ride.world.robot,
-            policy=ride.policy,
+        runtime = ride.runtime(
+            options,
+            safety,
             commands=commands,
-            limits=safety.limits(ride.world),
             real_time=robot.robot == "simulated",  # the others wait by themselves
             on_tick=lambda tick: None if ranges is None else ranges.add(tick.state, tick.target),
             preparation=robot.preparation(ride.world),
-            hold_heading=options.hold_heading,
         )
         with _ended_from_outside(), _driven(ride.world.robot, robot, viewer) as (driven, rehearsed):
 

@@ -29,7 +29,7 @@ def view(
     printer = Printer(measurement.common)
     found = read_logs(measurement, logs, printer, outputs={"--output": output})
     path = output or found.space.outputs(found.record.name) / "view.rrd"
-    with working(printer):
+    with working(printer, "comparing"):
         result = compare(found.recordings, found.record)
     write_recording(path, found, result)
     printer.result({"board": found.record.name, "recording": path, "rmse_rad": result.rmse}, path)

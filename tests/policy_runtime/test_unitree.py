@@ -141,10 +141,8 @@ def drive(simulated, robot, world, fault, duration=30.0):
         if tick.time > 0.2 and waiting:
             waiting.pop()(simulated)
 
-    # A silent robot repeats its state as well: the link's limit must come first to be the one that is named.
-    limits = joint_limits(
-        world.robot.model, link_timeout=0.5, stale_timeout=1.5, torque_time=1e9, joint_margin=1.0
-    )
+    # A silent robot repeats its state as well: the link is checked first, and is the one that is named.
+    limits = joint_limits(world.robot.model, link_timeout=1.5, torque_time=1e9, joint_margin=1.0)
     return Runtime(
         robot=robot,
         policy=HoldStill(),
