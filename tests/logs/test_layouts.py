@@ -57,7 +57,7 @@ TABLES = {
     "thousands": ["time_ms\troll_deg", *rows("{:,.1f}\t{:.3f}", 1e3 * TIME, DEG)],
     "a comma of three places": ["time_s;roll_deg", *(row.replace(".", ",") for row in rows("{:.4f};{:.3f}", TIME, DEG))],
     "units in the cells": ["time,roll", *rows("{:.4f} sec,{:.3f} deg", TIME, DEG)],
-    "lists of one number": ["Time,name,position,effort",
+    "lists of one number": ["t,name,position,effort",
         *rows("{:.4f},\"['tilt']\",\"[{:.6f}]\",\"[0.0]\"", TIME, ROLL)],
     "cut in its last row": ["t_ms,roll_deg", *COUNTED, "6000,-1.x"],
     "newest first": ["t_s,roll_deg", *PLAIN[::-1]],

@@ -181,7 +181,7 @@ def open_csv(path: Path) -> LogFile:
     if any(
         name.lower() in SENSOR and not all(dialect.is_number(cell, decimal) for cell in column)
         for name, column in zip(names, columns, strict=True)
-    ) and any(name.lower() in VALUE or len(name) == 1 for name in names):
+    ) and any(name.lower() in (*VALUE, *"xyz") for name in names):  # each row says of which sensor it is
         return log_of_records(path, [dict(zip(names, row, strict=False)) for _, row in table.cells()])
     return LogFile(
         path=path, names=names, units={name: unit for name, unit in known.items() if unit},
