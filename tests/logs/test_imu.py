@@ -298,8 +298,24 @@ def test_at_the_end_of_a_pendulum_the_gyro_keeps_its_scale(tmp_path, below, gain
     assert abs(scale - 1) < 2.5 * roll.scale_std
 
 
-def test_accelerations_alone_are_refused(tmp_path):
-    _, accel = imu(TIME, *rocking(TIME, release=2.0))
+# Accelerometer alone
+
+
+@pytest.mark.parametrize(("height", "given"), [(-0.05, False), (0.2, False), (0.06, True)])
+def test_an_accelerometer_alone_gives_the_decay_of_a_swing(tmp_path, height, given):
+    """Along the motion it feels g sin φ + r φ̈: the same decay, of another size."""
+    from sysid.free_decay import fit_decay
+    from sysid.releases import find_releases
+
+    _, accel = imu(TIME, *rocking(TIME, release=2.0, zeta=0.02), arm=(0.0, 0.03, height))
+    accel = accel + np.random.default_rng(3).normal(0, 0.03, accel.shape)
     path = write_csv(tmp_path / "log.csv", ("t_s", "ax", "ay", "az"), TIME, *accel.T)
-    with pytest.raises(SysidError, match=r"accelerations alone do not tell the angle.*gyro"):
-        read_roll(path)
+    roll = read_roll(path, LogOptions(lever_arm=(0.0, 0.03, height) if given else None))
+    numbers = fit_decay(find_releases(roll)).numbers
+    assert roll.origin == "accelerometer"
+    assert abs(numbers.omega_n.value - 8 * np.pi) < 3 * numbers.omega_n.std + 1e-3 * 8 * np.pi
+    assert abs(numbers.damping_ratio.value - 0.02) < 3 * numbers.damping_ratio.std + 2e-4
+    size = np.ptp(roll.roll[roll.time > 2.1]) / np.ptp(
+        rocking(roll.time, release=2.0, zeta=0.02)[0][roll.time > 2.1]
+    )
+    assert abs(size - 1) < 3 * roll.scale_std + 0.02

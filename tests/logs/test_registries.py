@@ -73,5 +73,5 @@ def test_a_kind_of_sensor_is_one_file(extended, decay, tmp_path):
     assert signal_of(find_releases(roll)) == {"use_rate": False, "bias": "per-release"}
     rated = [replace(r, rate=np.gradient(r.roll, r.time)) for r in find_releases(roll)]
     assert signal_of(rated) == {"use_rate": True, "bias": "per-release"}
-    with pytest.raises(SysidError, match="quaternion, position, toy"):
+    with pytest.raises(SysidError, match="accelerometer, position, toy"):
         read_roll(log, LogOptions(source="pot"))

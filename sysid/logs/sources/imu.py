@@ -1,4 +1,4 @@
-"""Roll from accelerometer and gyro together; see `sysid.logs.sources.swing_smoother`."""
+"""Roll from accelerometer and gyro together, or from the accelerometer alone; see `sysid.logs.sources.swing_smoother`."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,11 +6,13 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from sysid.errors import SysidError
 from sysid.logs.sources.axis import Plane, find_roll_axis, plane_about
 from sysid.logs.sources.gyro import half_cycle, rate_scale, roll_from_rate
 from sysid.logs.sources.registry import Reading, Source
 from sysid.logs.sources.swing_smoother import (
     ARM_STD,
+    EDGES,
     PER_SWING,
     Blocks,
     Swing,
@@ -40,6 +42,15 @@ def find_imu(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
         return []
     how = f"from gyro '{gyro[0].name}'... and accelerometer '{accel[0].name}'..., smoothed together"
     return [chosen((*gyro, *accel), axis, sign, how, accel_unit=accel[0].unit)]
+
+
+def find_accelerometer(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
+    """Return the three accelerations of a log without a gyro."""
+    accel = triple(columns, "accel", "xyz")
+    if accel is None:
+        return []
+    how = f"from accelerometer '{accel[0].name}'... of a swing"
+    return [replace(chosen(accel, axis, sign, how, accel_unit=accel[0].unit), unit=None)]
 
 
 def roll_from_imu(reading: Reading) -> Roll:
@@ -128,16 +139,16 @@ def _given_arm(reading: Reading, plane: Plane) -> complex | None:
     return None if given is None else complex(plane.of(np.array([given]))[0])
 
 
-def _blocks(time: Array, rate: Array, accel: npt.NDArray[np.complex128]) -> Blocks:
+def _blocks(time: Array, rate: Array | None, accel: npt.NDArray[np.complex128]) -> Blocks:
     """Average the sensors over blocks of which the swing has `PER_SWING` in a period."""
     usual = float(np.median(np.diff(time)))
-    signals = [accel.real, accel.imag, rate]
-    period = 2 * usual * half_cycle(rate)
+    period = 2 * usual * half_cycle(accel.imag if rate is None else rate)
+    signals = [accel.real, accel.imag, *([] if rate is None else [rate])]
     edges, means = block_means(time, signals, max(period / PER_SWING, usual))
     share = np.sqrt(max(time.size / (len(edges) - 1), 1.0))
     noise = [max(noise_of(time, signal).std, 1e-9) / share for signal in signals]
     return Blocks(
-        edges=edges, rate=means[2], accel=means[0] + 1j * means[1], rate_std=noise[-1],
+        edges=edges, rate=None if rate is None else means[2], accel=means[0] + 1j * means[1], rate_std=noise[-1],
         accel_std=np.full(len(edges) - 1, np.hypot(*noise[:2]) / np.sqrt(2)),
     )  # fmt: skip
 
@@ -147,6 +158,7 @@ def _start(blocks: Blocks) -> tuple[Array, complex]:
 
     The angle is the gyro's integral; with its course given, gravity, a slow drift and the lever arm are linear.
     """
+    assert blocks.rate is not None
     edges, rate = blocks.edges, blocks.rate - np.median(blocks.rate)
     steps = np.diff(edges)
     whole = np.concatenate(([0.0], np.cumsum(rate * steps)))
@@ -159,12 +171,100 @@ def _start(blocks: Blocks) -> tuple[Array, complex]:
     return whole + np.angle(found[0]) + drift * (edges - edges.mean()), complex(found[2])
 
 
+def roll_from_accelerometer(reading: Reading) -> Roll:
+    """Return the roll of a swing from three accelerations.
+
+    Along the motion they feel g sin φ + r φ̈, which is proportional to φ in a swing. So frequency and damping need no
+    lever arm r. The size of the swing does: accelerations along the arm tell it if the swing is wide.
+
+    Raises:
+        SysidError: They hold no gravity, or the axis is upright.
+    """
+    choice = reading.choice
+    accel, remarks = accel_in_si(np.stack(reading.signals, axis=1), choice)
+    mean = np.zeros(3) if accel is None else accel.mean(axis=0)
+    if accel is None or not np.any(mean):
+        raise SysidError(
+            f"'{choice.columns[0]}'... hold no gravity, so they tell no roll. Record the gyro beside them, or the accelerometer "
+            "with gravity."
+        )
+    mean = mean / np.linalg.norm(mean)
+    beside = accel - accel.mean(axis=0)
+    beside = beside - np.outer(beside @ mean, mean)
+    axis = np.cross(np.linalg.eigh(beside.T @ beside)[1][:, -1], mean)
+    axis = (
+        np.eye(3)["xyz".index(choice.axis)] if choice.axis else axis * np.sign(axis[np.argmax(np.abs(axis))])
+    )
+    plane = plane_about(axis * choice.sign, accel)
+    if plane is None:
+        raise SysidError("the roll axis stands upright, where gravity tells no roll. Record a gyro.")
+    given = _given_arm(reading, plane)
+    blocks = _blocks(reading.time, None, plane.of(accel))
+    swing, omega = _swung(blocks, given)
+    tilt = swing.gravity + omega**2 * swing.arm.real
+    scale_std = abs(omega**2 * float(swing.std[3]) / tilt)
+    if scale_std < CONSISTENT:
+        tilt = _size(blocks, swing)
+        remarks += _arm_note(swing, plane, given=given is not None)
+    else:
+        tilt, scale_std = swing.gravity, 1.0
+        remarks += warning(
+            "nothing tells the lever arm from the axis to the accelerometer: frequency and damping are right, the size of the "
+            "swing is unknown. Give it with --lever-arm"
+        )
+    shown = ", ".join(f"{value:.2f}" for value in axis * choice.sign)
+    along = plane.of(accel).imag
+    roll = along / tilt
+    roll = (along + swing.gravity * (roll - np.sin(roll))) / tilt
+    std = noise_of(reading.time, along).std / abs(tilt)
+    remarks += note("axis", f"({shown}) of the sensor, taken as forward") + plane.zero
+    remarks += note("noise", f"{np.rad2deg(std):.2g}° from the whole signal")
+    return reading.as_roll(
+        roll, np.full(roll.size, std), "accelerometer", remarks, zero="constant", scale_std=scale_std
+    )
+
+
 def _arm_note(swing: Swing, plane: Plane, *, given: bool) -> Remarks:
     """Return where the accelerometer sits, in sensor axes."""
     arm = swing.arm.real * plane.top + swing.arm.imag * plane.left
     at = ", ".join(f"{100 * value + 0.0:.1f}" for value in np.round(arm, 3))
     how = "given" if given else f"± {100 * Z95 * float(np.hypot(*swing.std[3:])):.1g} cm, estimated"
     return note("accelerometer", f"sits ({at}) cm from the axis of rotation, {how}")
+
+
+def _size(blocks: Blocks, swing: Swing) -> float:
+    """Return the acceleration along the motion over the angle [m/s²].
+
+    Both are taken over a quarter of a swing: a joint that is held, or at rest, adds nothing. The line through the origin with the
+    least absolute residuals hardly notices the release itself, where the acceleration jumps.
+    """
+    angle = np.convolve(swing.angle, EDGES, "valid")
+    along = blocks.accel.imag[2:-2] + swing.gravity * (angle - np.sin(angle))
+    quarter = PER_SWING // 4
+    turned, moved = (values[quarter:] - values[:-quarter] for values in (angle, along))
+    ratio = moved / np.where(turned == 0, 1e-300, turned)
+    order = np.argsort(ratio)
+    weight = np.cumsum(np.abs(turned)[order])
+    return float(ratio[order][np.searchsorted(weight, 0.5 * weight[-1])])
+
+
+def _swung(blocks: Blocks, arm: complex | None) -> tuple[Swing, float]:
+    """Smooth accelerations alone, and return the swing's angular frequency [rad/s] too.
+
+    The search begins from swings that reach a radian, a third of it, and so on, of either sign: the lever arm [m] tells
+    them apart.
+    """
+    along = blocks.accel.imag
+    omega = np.pi / (float(np.median(np.diff(blocks.edges))) * max(half_cycle(along), 1.0))
+    reach, found = float(np.percentile(np.abs(along - np.median(along)), 99)), list[Swing]()
+    edges = np.interp(blocks.edges, 0.5 * (blocks.edges[1:] + blocks.edges[:-1]), along)
+    for amplitude in np.outer((1.0, -1.0), 3.0 ** -np.arange(4)).ravel() if arm is None else [np.nan]:
+        first = arm if arm is not None else complex((reach / amplitude - ACCEL_UNITS["g"]) / omega**2)
+        start = edges / (ACCEL_UNITS["g"] + omega**2 * first.real)
+        with np.errstate(all="ignore"):  # a start that leads nowhere
+            swing = smooth_swing(blocks, start, arm=arm, first=first, stiff=0.1 * float(np.std(start)))
+        found.append(swing if np.isfinite(swing.cost) else replace(swing, cost=np.inf))
+    return min(found, key=lambda swing: swing.cost), omega
 
 
 def accel_in_si(accel: Array, choice: Choice) -> tuple[Array | None, Remarks]:
@@ -206,6 +306,7 @@ def _scale_by_gravity(
     From hardly any motion on, the gain grows to it. Other numbers than counts are in the nearest unit.
     """
     blocks = _blocks(time, rate, accel)
+    assert blocks.rate is not None
     turned = np.cumsum((blocks.rate - np.median(blocks.rate)) * np.diff(blocks.edges))
     if not (reach := float(np.ptp(turned))) > 0:  # about an axis that does not turn
         return rate_scale(rate[:, None], choice)
@@ -225,4 +326,7 @@ def _scale_by_gravity(
     )
 
 
+ACCELEROMETER = Source(
+    name="accelerometer", order=4, quantity=None, find=find_accelerometer, to_roll=roll_from_accelerometer
+)
 SOURCE = Source(name="imu", order=1, quantity="rate", find=find_imu, to_roll=roll_from_imu, moving=3)

@@ -151,10 +151,6 @@ def choose_source(
         doubt = f"no name says angle or rate; '{only.name}' is the only column that moves and taken as roll"
         return source, choice if only.kind in ("length", "speed") else choice.with_remarks(warning(doubt))
     if not found:
-        if triple(columns, "accel", "xyz"):
-            raise SysidError(
-                f"{log.path}: accelerations alone do not tell the angle of a sensor off the axis. Record the gyro beside them."
-            )
         what = "roll, angle or rotation rate" if options.source == "auto" else options.source
         raise SysidError(
             f"{log.path}: no column of {what} among {', '.join(map(repr, log.names[:30]))}"

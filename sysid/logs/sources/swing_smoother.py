@@ -1,4 +1,4 @@
-"""The angle of a sensor that turns about one axis, from gyro and accelerometer together.
+"""The angle of a sensor that turns about one axis, from gyro and accelerometer together, or from the accelerometer alone.
 
 Least squares over the whole record finds the angle φ at the edges of short blocks, and the constants of the sensors. Each
 block measures the angles at its edges. The gyro's mean rate is their difference, but for its offset b and gain error
@@ -50,6 +50,8 @@ def _cell_mean(derivative: int) -> Array:
 
 EDGES, _SLOPE, _BEND = (_cell_mean(derivative) for derivative in range(3))
 """Mean of a value, of its slope and of its second derivative."""
+_ROUGH = np.diff(np.eye(5), 4, axis=0)
+"""Fourth difference, in steps of the nodes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +60,8 @@ class Blocks:
 
     edges: Array
     """Times of the blocks' edges [s], shape (n + 1,)."""
-    rate: Array
-    """Mean rate about the axis [rad/s], shape (n,)."""
+    rate: Array | None
+    """Mean rate about the axis [rad/s], shape (n,); None without a gyro."""
     accel: npt.NDArray[np.complex128]
     """Mean acceleration square to the axis, in m/s², complex: along the zero of the angle and to its left, shape (n,)."""
     rate_std: float
@@ -86,6 +88,8 @@ class Swing:
     """Standard deviations of offset [rad/s], gain [1], gravity [m/s²] and arm (2) [m], shape (5,)."""
     left: npt.NDArray[np.complex128]
     """Residual acceleration, complex [m/s²], shape (n,)."""
+    cost: float
+    """Half the sum of squares, in deviations [1]."""
 
 
 def smooth_swing(
@@ -95,6 +99,7 @@ def smooth_swing(
     arm: complex | None = None,
     first: complex = 0j,
     gain_std: float = GAIN_STD,
+    stiff: float = 0.0,
 ) -> Swing:
     """Find angle, offset, gain, gravity and lever arm.
 
@@ -104,26 +109,27 @@ def smooth_swing(
         arm: The lever arm [m], where it is known.
         first: First guess of the lever arm [m].
         gain_std: Of the gyro's gain error [1].
+        stiff: Standard deviation of the fourth difference of the angle [rad]; 0 for none, which needs a gyro.
     """
     from scipy import sparse
     from scipy.sparse.linalg import splu
 
-    n = len(blocks.accel)
+    n, has_gyro = len(blocks.accel), blocks.rate is not None
     phi, rho = start.copy(), first if arm is None else arm
     const = np.array([0.0, 0.0, ACCEL_UNITS["g"], rho.real, rho.imag])
     prior = np.array([np.inf, gain_std, np.inf, ARM_STD, ARM_STD])
-    free = np.array([True, True, True, arm is None, arm is None])
-    cost, left, inverse = np.inf, np.zeros(n, complex), np.eye(5)
+    free = np.array([has_gyro, has_gyro, True, arm is None, arm is None])
+    cost, now, left, inverse = np.inf, np.inf, np.zeros(n, complex), np.eye(5)
     parts = _linear_parts(blocks)
-    gyro, by_gyro = parts.slope / blocks.rate_std, np.zeros((n, 5))
-    by_gyro[:, 0], by_gyro[:, 1] = 1 / blocks.rate_std, -blocks.rate / blocks.rate_std
+    rough: Any = _stencil(_ROUGH, n - 3, n + 1) / stiff if stiff > 0 else sparse.csr_matrix((0, n + 1))
     for _ in range(ROUNDS):
         left, by_angle, by_const = _accelerations(blocks, parts, phi, const)
-        rates = ((1 + const[1]) * blocks.rate - const[0] - parts.slope @ phi) / blocks.rate_std
-        angles = sparse.vstack([by_angle.real, by_angle.imag, gyro]).tocsc()
-        constants = np.vstack([by_const.real, by_const.imag, by_gyro]) * free
+        rates, gyro, by_gyro = _rates(blocks, parts, phi, const)
+        angles = sparse.vstack([by_angle.real, by_angle.imag, gyro, rough]).tocsc()
+        smooth = np.zeros((rough.shape[0], 5))
+        constants = np.vstack([by_const.real, by_const.imag, by_gyro, smooth]) * free
         weighted = left * parts.weight
-        residual = np.concatenate([weighted.real, weighted.imag, rates])
+        residual = np.concatenate([weighted.real, weighted.imag, rates, -(rough @ phi)])
         known = const * free / prior**2
         now = 0.5 * float(residual @ residual + const @ known)
         curvature = (angles.T @ angles).tocsc()
@@ -142,7 +148,7 @@ def smooth_swing(
             break
         cost = now
     std = np.sqrt(np.clip(np.diagonal(inverse), 0.0, None)) * free
-    return Swing(phi, const[0], 1 + const[1], const[2], complex(const[3], const[4]), std, left)
+    return Swing(phi, const[0], 1 + const[1], const[2], complex(const[3], const[4]), std, left, now)
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +165,7 @@ class _Parts:
 def _linear_parts(blocks: Blocks) -> _Parts:
     n, step = len(blocks.accel), float(np.median(np.diff(blocks.edges)))
     mean, slope, bend = (
-        _stencil(weights, n) / step**order for order, weights in enumerate((EDGES, _SLOPE, _BEND))
+        _stencil(weights, n, n + 1) / step**order for order, weights in enumerate((EDGES, _SLOPE, _BEND))
     )
     weight = 1 / blocks.accel_std
     weight[:2] = weight[-2:] = 0.0  # stencils reach beyond the ends there
@@ -187,14 +193,24 @@ def _accelerations(
     return left, by_angle, np.asarray(by_const * parts.weight[:, None], np.complex128)
 
 
-def _stencil(weights: Array, blocks: int) -> Any:
-    """Return the matrix that applies weights about each block to angles at its edges, shape (blocks, blocks + 1)."""
+def _rates(blocks: Blocks, parts: _Parts, phi: Array, const: Array) -> tuple[Array, Any, Array]:
+    """Return the gyro's weighted residuals and their derivatives; no rows without a gyro."""
+    if blocks.rate is None:
+        return np.zeros(0), parts.slope[:0], np.zeros((0, 5))
+    rates = blocks.rate
+    residual = ((1 + const[1]) * rates - const[0] - parts.slope @ phi) / blocks.rate_std
+    by_const = np.stack((np.ones_like(rates), -rates, 0 * rates, 0 * rates, 0 * rates), axis=1)
+    return residual, parts.slope / blocks.rate_std, by_const / blocks.rate_std
+
+
+def _stencil(weights: Array, rows: int, nodes: int) -> Any:
+    """Return the matrix that applies weights about each of some rows to angles at nodes, shape (rows, nodes)."""
     from scipy import sparse
 
     size = weights.size
-    first = np.clip(np.arange(blocks) - size // 2 + 1, 0, blocks + 1 - size)
-    at = np.repeat(np.arange(blocks), size), (first[:, None] + np.arange(size)).ravel()
-    return sparse.csr_matrix((np.tile(weights, blocks), at), shape=(blocks, blocks + 1))
+    first = np.clip(np.arange(rows) - (size - (nodes - rows) - 1) // 2, 0, nodes - size)
+    at = np.repeat(np.arange(rows), size), (first[:, None] + np.arange(size)).ravel()
+    return sparse.csr_matrix((np.tile(weights.ravel(), rows), at), shape=(rows, nodes))
 
 
 def integral_of(time: Array, values: Array) -> Callable[[Array], Array]:
