@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.logs.formats.own_clock import with_whole_clock
+from sysid.logs.formats.own_clock import with_own_clocks, with_whole_clock
 from sysid.logs.formats.registry import open_log
 from sysid.logs.sources.registry import Reading, choose_source
 from sysid.logs.table.choose import Choice, columns_of, find_column
@@ -56,7 +56,7 @@ def roll_of_table(table: LogFile, options: LogOptions) -> Roll:
     Raises:
         SysidError: They hold no roll, or too little to be a measurement.
     """
-    path, log = table.path, with_whole_clock(table)
+    path, log = table.path, with_own_clocks(with_whole_clock(table))
     time, columns = columns_of(log, options)
     source, choice = choose_source(log, columns, time, options)
     also = [find_column(log, name, columns, "--input").name for name in options.also]

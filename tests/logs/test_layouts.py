@@ -5,7 +5,7 @@ from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
-from rocking import ACCEL, GYRO, MOTION, ROLL, TIME, right, rocking, write_csv
+from rocking import ACCEL, GYRO, MOTION, ROLL, TIME, imu, right, rocking, write_csv
 from scipy.spatial.transform import Rotation
 
 from sysid.errors import SysidError
@@ -344,3 +344,33 @@ def test_a_pivot_may_be_given(tmp_path):
         read_roll(path)
     roll = read_roll(path, LogOptions(video=VideoOptions(pivot=(0.3, 0.1))))
     assert np.median(np.abs(roll.roll - 0.1 * ROLL)) < 0.01
+
+
+def test_pairs_of_a_clock_and_a_signal(tmp_path):
+    slow = TIME[::4]
+    rows = [f"{t:.4f};{a:.6f};" + (f"{slow[k] + 0.001:.4f};0.01{k % 7}" if k < len(slow) else ";")
+            for k, (t, a) in enumerate(zip(TIME, ROLL, strict=True))]  # fmt: skip
+    for header in ("t1;x1;t2;x2", "Time (s);Angle (rad);Time (s);Force (N)"):
+        path = tmp_path / "log.csv"
+        path.write_text("\n".join([header, *rows]) + "\n")
+        assert right(path).time.size == len(TIME)
+
+
+def test_a_saved_experiment_of_phyphox(tmp_path):
+    gyro, accel = imu(TIME, *rocking(TIME))
+    held = {"acc_time": TIME, "gyr_time": TIME, **{f"gyr{a}": c for a, c in zip("XYZ", gyro.T, strict=True)}}
+    held |= {f"acc{a}": c for a, c in zip("XYZ", accel.T, strict=True)}
+    data = "".join(
+        f'<container size="0" init="{",".join(map(str, v))}">{k}</container>' for k, v in held.items()
+    )
+    sets = "".join(
+        f'<set name="{name}"><data name="Time (s)">{short}_time</data>'
+        + "".join(f'<data name="{name} {a} ({unit})">{short}{a.upper()}</data>' for a in "xyz") + "</set>"
+        for name, short, unit in (("Gyroscope", "gyr", "rad/s"), ("Acceleration", "acc", "m/s^2"))
+    )  # fmt: skip
+    path = tmp_path / "state.phyphox"
+    path.write_text(f"<phyphox><data-containers>{data}</data-containers><export>{sets}</export></phyphox>")
+    assert right(path).origin == "imu"
+    path.write_text("<phyphox><data-containers></data-containers></phyphox>")
+    with pytest.raises(SysidError, match="saved without data"):
+        read_roll(path)

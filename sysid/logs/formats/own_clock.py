@@ -1,13 +1,46 @@
-"""A clock that a table writes in two columns: whole seconds, and the rest of each."""
+"""Clocks that a table writes in ways of its own: in two columns, or one before each signal."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from sysid.logs.formats.tables import sensor_tables
+from sysid.logs.table.clock import MIN_SAMPLES, rises, time_scale
+from sysid.logs.table.content import numbers_of
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import TIME_UNITS, Column, parse_column, stem_of_clock
 from sysid.roll import Array
+
+
+def with_own_clocks(log: LogFile) -> LogFile:
+    """Return a table of t1, x1, t2, x2, ... as sensors with clocks of their own; other logs as they are."""
+    columns = [parse_column(name, log.units.get(name)) for name in log.names]
+    starts = [
+        n for n, c in enumerate(columns) if c.kind == "time" or re.fullmatch(r"t\W?\d+", c.name.lower())
+    ]
+    widths = np.diff([*starts, len(columns)])
+    if len(starts) < 2 or starts[0] != 0 or widths.min() < 2 or widths.max() > widths.min():
+        return log
+    data = numbers_of(log)
+    clocks: dict[str, Array] = {}
+    sensors: dict[str, tuple[str, Array]] = {}
+    for begin, width in zip(starts, widths, strict=True):
+        clock, *values = columns[begin : begin + width]
+        if clock.name not in data:
+            return log
+        rows = np.isfinite(data[clock.name])
+        times = data[clock.name][rows]
+        if times.size < MIN_SAMPLES or not rises(times):
+            return log
+        clocks[clock.name] = times * time_scale(times, clock.unit)[0]
+        sensors |= {
+            column.name: (clock.name, data[column.name][rows]) for column in values if column.name in data
+        }
+    return sensor_tables(
+        log.path, clocks, sensors, f"table: each of {', '.join(sensors)} with a clock of its own"
+    )
 
 
 def with_whole_clock(log: LogFile) -> LogFile:

@@ -28,7 +28,7 @@ def open_mat(path: Path) -> LogFile:
     with undamaged(path, "MATLAB file"):
         refuse_larger(path, sum(8.0 * math.prod(shape) for _, shape, _ in scipy.io.whosmat(str(path))))
         content: dict[str, Any] = scipy.io.loadmat(str(path), squeeze_me=True, struct_as_record=False)
-    return _log_of_vectors(path, "MATLAB", {n: v for n, v in content.items() if n[:2] != "__"})
+    return log_of_vectors(path, "MATLAB", {n: v for n, v in content.items() if n[:2] != "__"})
 
 
 def open_hdf5(path: Path) -> LogFile:
@@ -53,7 +53,7 @@ def open_hdf5(path: Path) -> LogFile:
 
     with undamaged(path, "HDF5 file"), h5py.File(path, "r") as file:
         file.visititems(keep)
-    return _log_of_vectors(path, "HDF5", content)
+    return log_of_vectors(path, "HDF5", content)
 
 
 def _vectors_of(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Array]]:
@@ -70,7 +70,7 @@ def _vectors_of(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[
                 yield from ((f"{label}_{n}", row.astype(np.float64)) for n, row in enumerate(columns, 1))
 
 
-def _log_of_vectors(path: Path, kind: str, content: Mapping[str, Any]) -> LogFile:
+def log_of_vectors(path: Path, kind: str, content: Mapping[str, Any]) -> LogFile:
     """Return the vectors of a file as one log, each on the clock of its length whose name is most like its own.
 
     Raises:

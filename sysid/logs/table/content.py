@@ -28,7 +28,7 @@ def told_by_content(log: LogFile, columns: Sequence[Column], *, clock_alone: boo
     """
     found: dict[str, Kind] = {}
     moving: list[str] = []
-    for name, values in _numbers_of(log).items():
+    for name, values in numbers_of(log).items():
         column = values[np.isfinite(values)]
         if column.size < 2 or column.min() == column.max():
             continue
@@ -46,7 +46,7 @@ def told_by_content(log: LogFile, columns: Sequence[Column], *, clock_alone: boo
     return [replace(column, kind=found.get(column.name, column.kind)) for column in columns]
 
 
-def _numbers_of(log: LogFile) -> dict[str, Array]:
+def numbers_of(log: LogFile) -> dict[str, Array]:
     """Return the columns that hold numbers, shape (n,) each, in their units; words stand in the others."""
     try:
         return log.read(log.names)
