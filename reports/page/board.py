@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from reports.evidence import Evidence, LastDiagnosis
 from reports.figures import board as board_figures
 from reports.figures import story as story_figures
+from reports.figures.bode import bode_figure
 from reports.figures.svg import figure_to_svg, page_style
 from reports.log_files import LogFile
 from reports.page.answers import four_answers
@@ -78,6 +79,7 @@ def board_report(
             page.section("Where it fails", *_where(evidence))
         unfitted = "The record holds no fit yet: its numbers come from its source."
         page.section("Fits so far", table(*history_table(board)) if board.history else paragraph(unfitted))
+        page.section("Frequency response", _frequency_response(board))
         page.section("Check in the training scene", _check(board, files, provenance.space))
         page.section("Provenance", *_provenance(board, files, provenance))
     return page.render()
@@ -213,6 +215,17 @@ def _diagnosis(diagnosis: LastDiagnosis | None, own: set[str]) -> list[str]:
     if found.get("next_experiment") and not own.issuperset(found["effects"] or ["-"]):
         parts.append(paragraph(f"Next experiment: {found['next_experiment']}"))
     return parts
+
+
+def _frequency_response(board: Board) -> str:
+    if not board.stiffness:
+        return paragraph("Not drawn: the record has no spring.")
+    said = f"{'Position over force' if board.slides else 'Angle over torque'} with its 95 % band: "
+    return _figure(
+        bode_figure(board, board_figures.WIDTH),
+        "bode",
+        said + "spring, damper and inertia without other effects.",
+    )
 
 
 def _check(board: Board, files: "Sequence[LogFile]", space: Workspace) -> str:

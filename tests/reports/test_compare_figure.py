@@ -1,5 +1,8 @@
-"""Pictures of a comparison name their units and show the computed numbers."""
+"""Pictures of a comparison and of a frequency response name their units and show the computed numbers."""
 
+import numpy as np
+
+from reports.figures.bode import bode_figure
 from reports.figures.compare import compare_figure
 from reports.figures.decay import decay_figure
 from sysid.comparison.compare import compare
@@ -8,6 +11,14 @@ from sysid.recording import Recording
 from sysid.workspace import shipped_data
 
 LOG = shipped_data() / "decays" / "pink_hidden.csv"
+
+
+def test_a_response_has_the_joints_stiffness_and_a_quarter_turn_at_its_natural_frequency(pink):
+    magnitude, phase = bode_figure(pink, 9.0).axes
+    frequency, tilt = magnitude.lines[0].get_data()
+    assert np.isclose(np.radians(tilt[0]), 1 / pink.stiffness, rtol=5e-3)
+    natural = np.sqrt(pink.stiffness / pink.inertia.value) / (2 * np.pi)
+    assert np.isclose(np.interp(natural, frequency, phase.lines[0].get_ydata()), -90, atol=0.5)
 
 
 def test_panels_have_units_and_none_is_empty(pink):
