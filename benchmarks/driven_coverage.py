@@ -14,7 +14,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from pages import table, write_result
+from pages import table, write_between
 from suite import command_line, run_suite
 
 from sim.model.driven import Course, load_along, stated
@@ -22,7 +22,9 @@ from sim.model.driven_fit import fit_joints
 from sim.model.setup import Setup
 from sysid.driven.log import DrivenLog
 from sysid.effects import coulomb, delay
+from sysid.quantity import Z95
 
+PAGE = Path(__file__).with_name("public.md")
 CASES = ("single", "double", "servo")
 RATE, SECONDS, NOISE = 250, 10.0, 3e-4
 """Samples a second, length [s], noise of the encoders [rad]."""
@@ -173,18 +175,37 @@ def main() -> None:
     rows = run_suite(
         run, cases, ("case", "seed"), options.rows, workers=options.workers, seconds=options.seconds
     )
-    lines = []
+    write_between(PAGE, "coverage of driven joints", page(rows))
+
+
+def page(rows: list[dict[str, Any]]) -> str:
+    """Return the table of rows, and what they have in all."""
+    lines: list[tuple[str, ...]] = []
+    every: list[float] = []
     for case in CASES:
         own = [row for row in rows if row["case"] == case]
         for name in ("armature", "damping", "friction", "bias", "zero", "delay"):
             off = np.array([z for row in own for z in row.get(name, ())])
-            if len(off):
-                relative = np.median(np.abs([x for row in own for x in row[f"{name} off"]]))
-                inside = int((np.abs(off) < 1.96).sum())
-                lines.append((case, len(own), name, f"{inside} of {len(off)}", f"{100 * inside / len(off):.1f} %", f"{100 * relative:.2f} %"))  # fmt: skip
-    write_result(
-        "driven_coverage.md", table(("joints", "draws", "parameter", "inside", "", "off, median"), lines)
-    )
+            if not len(off):
+                continue
+            every += [*off]
+            relative = np.median(np.abs([x for row in own for x in row[f"{name} off"]]))
+            laws = [
+                [z for row in own if (row["law"] == "nature") is nature for z in row[name]]
+                for nature in (True, False)
+            ]
+            lines.append(
+                (case, str(len(own)), name, *(share(one) for one in (*laws, off)), f"{100 * relative:.2g} %")
+            )
+    head = ("joints", "draws", "parameter", "nature", "MuJoCo", "both", "error, median")
+    wrong = sum(any(found is (row["law"] == "nature") for found in row["simulator"]) for row in rows)
+    return f"{table(head, lines)}\n\nIn all {share(every)}. The law, nature or MuJoCo, was wrong in {wrong} of {len(rows)} draws."
+
+
+def share(off: Any) -> str:
+    """Return how many of deviations are inside 95 % intervals."""
+    inside = int((np.abs(off) < Z95).sum())
+    return f"{inside} of {len(off)}, {100 * inside / len(off):.1f} %"
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from driven_truths import HIDDEN, given, make
-from pages import table, write_result
+from pages import table, write_between
 from suite import run_suite
 
 FIRST = 1000
@@ -65,9 +65,8 @@ def main() -> None:
                 f"{seconds[len(seconds) // 2]:.1f}" if own else "",
             )
         )
-    write_result(
-        "driven_hidden.md", table(("hidden", "right", "named instead", "processor seconds, median"), lines)
-    )
+    text = table(("hidden", "right", "named instead", "processor seconds, median"), lines)
+    write_between(Path(__file__).with_name("public.md"), "hidden effects of driven joints", text)
 
 
 if __name__ == "__main__":

@@ -229,8 +229,8 @@ def coupling_along(setup: Setup, courses: Mapping[str, Course]) -> Array:
 def _inverse_of(setup: Setup) -> tuple[Any, Any, Array]:
     """Return a model for inverse dynamics without contacts, limits and loops, its data and the pose of the setup in SI, shape (q,)."""
     spec = setup.load()
-    joint = setup.joint_of(spec)
-    joint.stiffness, joint.damping, joint.frictionloss = [0.0] * 3, [0.0] * 3, 0.0
+    for joint in spec.joints:
+        joint.stiffness, joint.damping, joint.frictionloss = [0.0] * 3, [0.0] * 3, 0.0
     bits = mujoco.mjtDisableBit
     spec.option.disableflags |= int(
         bits.mjDSBL_CONTACT

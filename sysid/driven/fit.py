@@ -107,21 +107,8 @@ class DrivenFit:
 
     def continued(self, problem: Problem) -> "DrivenFit":
         """Return the quick fit of a problem that differs little, from this minimum on."""
-        found = problem.fitted(self.unknowns / problem.sizes)
-        return replace(self, problem=problem).at(found.point * problem.sizes)
-
-    @property
-    def unknowns(self) -> Array:
-        """Its unknowns at the minimum in their units, shape (p,)."""
-        return self.point * self.problem.sizes
-
-    def at(self, unknowns: Array) -> "DrivenFit":
-        """Return it with other unknowns in their units, shape (p,), within the bounds."""
-        problem, names = self.problem, self.structure.parameters
-        point = np.clip(unknowns / problem.sizes, *problem.limits())
-        residual = problem.residuals(point, slopes=False)[0][0] * self.log.std
-        values = dict(zip(names, problem.vector(point).tolist(), strict=True))
-        return replace(self, point=point, residual=residual, values=values)
+        found = problem.fitted(self.point * self.problem.sizes / problem.sizes)
+        return _result([(problem, found)], quick=True)
 
     def widened(self, factors: Array) -> "DrivenFit":
         """Return it with larger deviations of the fitted parameters, by factors [1] of shape (p,)."""

@@ -359,3 +359,15 @@ def simulate(structure: Structure, free: tuple[str, ...], start: Array, vector: 
     inputs = np.vstack([np.repeat(vector[:, None], given.shape[1], axis=1), given])
     path = path_of(structure, free, given.shape[1])(begin, inputs).full()
     return np.hstack([begin[:, None], path]).T.reshape(-1, 1 + columns, n).transpose(0, 2, 1)
+
+
+def states_after(structure: Structure, begin: Array, vector: Array, given: Array, steps: int) -> Array:
+    """Return the states so many steps after each of several states, shape (s, n), in SI.
+
+    Args:
+        begin: States, shape (s, n).
+        vector: As above.
+        given: Rows of `GIVEN` in their units, shape (18, n steps).
+    """
+    inputs = np.vstack([np.repeat(vector[:, None], given.shape[1], axis=1), given])
+    return path_of(structure, (), steps).map(begin.shape[1])(begin, inputs).full()[:, steps - 1 :: steps]

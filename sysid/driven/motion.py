@@ -71,10 +71,10 @@ class Motion:
         return np.gradient(self.rate, self.step)
 
     def filtered(self, values: Array) -> Array:
-        """Return values through the filter, without a lag, shape (n,), in their unit."""
+        """Return values at the even times through the filter, without a lag, shape (n, ...), in their unit."""
         from scipy.ndimage import gaussian_filter1d
 
-        return gaussian_filter1d(values, 1 / (2 * np.pi * self.cutoff * self.step), mode="nearest")
+        return gaussian_filter1d(values, 1 / (2 * np.pi * self.cutoff * self.step), axis=0, mode="nearest")
 
     @cached_property
     def inside(self) -> slice:

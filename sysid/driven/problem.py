@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sysid.driven.joint import Structure, simulate
+from sysid.driven.joint import GIVEN, Structure, simulate, states_after
 from sysid.driven.log import DrivenLog
 from sysid.effects._algebra import NUMPY
 from sysid.effects._base import Actuation, Scales, State, TorqueEffect
@@ -24,6 +24,8 @@ GEAR_STEPS, MOST_STEPS, TURNS_FINER = 4, 64, 4
 """Integration steps a sample where a gear rings between samples, and at most; and factor of them where friction turns: of the sampling."""
 LIGHT = 0.1
 """Share of torque over acceleration below which an inertia is not the joint's: most of it is then the rotor's, which is not known yet."""
+SMALL = float(np.finfo(np.float64).eps ** (1 / 3))
+"""Step of a central difference, in sizes, at which rounding and curvature are alike."""
 BLOCKS = 32
 """Blocks of a log whose scatter gives a covariance: fewer than 30 are too few (Cameron and Miller, J. Human Resources 50, 2015)."""
 
@@ -50,10 +52,11 @@ class Problem:
     @cached_property
     def grid(self) -> Array:
         """Integration times [s], shape (m + 1,)."""
-        return self.log.motion.grid(self._substeps())
+        return self.log.motion.grid(self.substeps)
 
-    def _substeps(self) -> int:
-        """Return the integration steps a sample: those of a simulator, or enough for the fastest of motion, servo, spring and damper."""
+    @cached_property
+    def substeps(self) -> int:
+        """Integration steps a sample: those of a simulator, or enough for the fastest of motion, servo, spring and damper."""
         log, structure, values, scales = self.log, self.structure, self.values, self.scales
         if structure.simulator is not None:
             return structure.simulator.steps(log.step)
@@ -173,18 +176,23 @@ class Problem:
         found = dict(self.values) | dict(zip(self.free, point * self.sizes[: len(point)], strict=False))
         return np.array([found[name] for name in self.structure.parameters])
 
+    @property
+    def measured(self) -> int:
+        """Place of the angle in the state that the encoder measures."""
+        return 2 if self.structure.encoder == "motor" and self.structure.gear is not None else 0
+
     def residuals(self, point: Array, *, slopes: bool = True) -> tuple[list[Array], list[Array]]:
         """Return measured less simulated, and its Jacobian's rows with the sign of the simulation, for each window.
 
         Args:
             point: Unknowns in units of their sizes, shape (p,); residuals are in units of the noise, shape (n,) each.
         """
-        measured = 2 if self.structure.encoder == "motor" and self.structure.gear is not None else 0
         rest: list[Array] = []
         rows: list[Array] = []
+        first = self.measured
         for path, (_, where, matrix) in zip(self.paths(point, slopes=slopes), self.places, strict=True):
             with np.errstate(all="ignore"):
-                seen = matrix @ path[:, measured : measured + 2].reshape(2 * len(path), -1) / self.log.std  # type: ignore[operator]
+                seen = matrix @ path[:, first : first + 2].reshape(2 * len(path), -1) / self.log.std  # type: ignore[operator]
             rest.append(self.log.angle[where] / self.log.std - seen[:, 0])
             rows.append(seen[:, 1:])
         return rest, rows
@@ -192,13 +200,7 @@ class Problem:
     def paths(self, point: Array, *, slopes: bool) -> Iterator[Array]:
         """Yield states, and with `slopes` their derivatives by the unknowns, of each window, in units of SI, shape (steps + 1, s, 1 + p)."""
         p, n = len(self.free), self.structure.states
-        vector, delay = self.vector(point[:p]), 0.0
-        if self.structure.delay:
-            delay = float(vector[list(self.structure.parameters).index(self.structure.delay)])
-        mean, ramp, by_delay, ramp_by_delay = self.log.mean_input(self.grid, delay)
-        load, rising = self.known
-        times = np.array([[self.h], [delay]]).repeat(len(mean), axis=1)
-        given = np.vstack([times, mean, by_delay, load, ramp, ramp_by_delay, rising])
+        vector, given = self.vector(point[:p]), self.given(point)
         free, units = (self.free, self.sizes[: p + n]) if slopes else ((), np.empty(0))
         starts = point[p:].reshape(self.windows, n) * self._state_sizes
         for start, (first, _, _) in zip(starts, self.places, strict=True):
@@ -206,6 +208,40 @@ class Problem:
             with np.errstate(all="ignore"):
                 path[:, :, 1:] *= units if free else 1.0
             yield path if free else path[:, :, :1]
+
+    def given(self, point: Array) -> Array:
+        """Return the data of each step in their units, shape (18, m)."""
+        delay = 0.0
+        if self.structure.delay:
+            delay = float(self.vector(point)[list(self.structure.parameters).index(self.structure.delay)])
+        mean, ramp, by_delay, ramp_by_delay = self.log.mean_input(self.grid, delay)
+        load, rising = self.known
+        times = np.array([[self.h], [delay]]).repeat(len(mean), axis=1)
+        return np.vstack([times, mean, by_delay, load, ramp, ramp_by_delay, rising])
+
+    def transitions(self, point: Array, states: Array) -> tuple[Array, Array]:
+        """Return derivatives of the state after each sample by the state before it and by a constant torque between them, in SI.
+
+        Args:
+            point: Unknowns in units of their sizes, shape (p,).
+            states: States at the samples, shape (n, s).
+
+        Returns:
+            Shapes (n - 1, s, s) and (n - 1, s).
+        """
+        vector, given = self.vector(point), self.given(point)[:, : (len(states) - 1) * self.substeps]
+        rows = np.vstack([states[:-1].T.repeat(self.substeps, axis=1), given])
+        places = [*range(states.shape[1]), states.shape[1] + GIVEN.index("load")]
+        found: list[Array] = []
+        for place, size in zip(places, [*self._state_sizes, self.scales.torque], strict=True):
+            ends: list[Array] = []
+            for change in (SMALL * size, -SMALL * size):
+                moved = rows.copy()
+                moved[place] += change
+                begin, data = moved[: states.shape[1], :: self.substeps], moved[states.shape[1] :]
+                ends.append(states_after(self.structure, begin, vector, data, self.substeps))
+            found.append((ends[0] - ends[1]) / (2 * SMALL * size))
+        return np.stack(found[:-1]).transpose(2, 1, 0), found[-1].T
 
     def normal(self, point: Array) -> Normal:
         """Return cost and normal equations at unknowns in units of their sizes, shape (p,); infinite where the motion runs away."""
