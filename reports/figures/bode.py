@@ -39,7 +39,7 @@ def bode_figure(board: Board, width: float) -> "Figure":
     for panel, values, label in zip(axes, curves, (gain, "phase [°]"), strict=True):
         low, high = np.quantile(values[1:], (0.025, 0.975), axis=0)
         panel.fill_between(omega / (2 * np.pi), low, high, color=SIM, alpha=0.25, lw=0)
-        panel.plot(omega / (2 * np.pi), values[0], color=SIM, lw=1.2, gid=f"series:{label.split(' ')[0]}")
+        panel.plot(omega / (2 * np.pi), values[0], color=SIM, lw=1.2)
         panel.set_ylabel(label)
     axes[0].set(xscale="log", yscale="log")
     for axis in (axes[0].yaxis, axes[1].xaxis):
