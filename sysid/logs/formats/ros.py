@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from sysid.errors import SysidError, needs_extra
-from sysid.logs.formats.registry import Format, undamaged
+from sysid.logs.formats.registry import Format, refuse_larger, undamaged
 from sysid.logs.formats.tables import MAX_ELEMENTS, sensor_tables
 from sysid.logs.table.file import LogFile
 from sysid.roll import Array
@@ -45,12 +45,38 @@ def open_mcap(path: Path) -> LogFile:
             else:
                 yield channel.topic, message.log_time * 1e-9, decode(message.data)
 
+    _refuse_bomb(path)
     try:
         with undamaged(path, "MCAP file"), path.open("rb") as file:
             return _tables_of(path, "MCAP recording", messages(file))
     except SysidError as error:
         found = f" Encodings {', '.join(sorted(skipped))} are not read." if skipped else ""
         raise SysidError(f"{error}{found}") from error
+
+
+def _refuse_bomb(path: Path) -> None:
+    """Refuse chunks that say, or whose packed frames say, that they unpack to too much."""
+    from mcap.records import Chunk
+    from mcap.stream_reader import StreamReader
+
+    with undamaged(path, "MCAP file"), path.open("rb") as file:
+        for record in StreamReader(file, emit_chunks=True).records:
+            if isinstance(record, Chunk):
+                stated = _frame_size(record.compression, record.data)
+                refuse_larger(path, max(record.uncompressed_size, stated))
+
+
+def _frame_size(method: str, frame: bytes) -> int:
+    """Return the unpacked size [bytes] that a packed frame states; 0 without one."""
+    if method == "zstd":
+        import zstandard
+
+        return max(0, zstandard.frame_content_size(frame))
+    if method == "lz4":
+        import lz4.frame
+
+        return int(lz4.frame.get_frame_info(frame)["content_size"])
+    return 0
 
 
 def open_bag(path: Path) -> LogFile:
