@@ -359,6 +359,13 @@ def write_hdf5_bomb(path):
         file.create_dataset("roll_rad", shape=(1 << 40,), dtype="f8", chunks=(1 << 16,), compression="gzip")
 
 
+def write_mcap_bomb(path):
+    """A chunk that says it is huge."""
+    pytest.importorskip("mcap")
+    body = struct.pack("<QQQIIQ", 0, 0, 1 << 40, 0, 0, 4) + bytes(4)
+    path.write_bytes(b"\x89MCAP0\r\n" + b"\x06" + struct.pack("<Q", len(body)) + body)
+
+
 def write_far_cell(path):
     pytest.importorskip("python_calamine")
     with pytest.importorskip("xlsxwriter").Workbook(path) as book:
@@ -369,7 +376,10 @@ def write_far_cell(path):
 
 @pytest.mark.parametrize(
     ("name", "write"),
-    [("log.mat", write_matlab_bomb), ("log.parquet", write_parquet_bomb), ("log.h5", write_hdf5_bomb), ("log.xlsx", write_far_cell)],
+    [
+        ("log.mat", write_matlab_bomb), ("log.parquet", write_parquet_bomb), ("log.h5", write_hdf5_bomb),
+        ("log.mcap", write_mcap_bomb), ("log.xlsx", write_far_cell),
+    ],
 )  # fmt: skip
 def test_small_files_that_ask_for_gigabytes_are_refused(tmp_path, name, write):
     write(tmp_path / name)
