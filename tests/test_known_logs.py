@@ -105,7 +105,7 @@ def test_an_effect_is_seen_and_fitted(logs, name, tmp_path):
 @pytest.mark.parametrize("board", ["pink", "black"])
 def test_the_whole_way(board, tmp_path):
     log = f"data/decays/{board}.csv"
-    record = run("fit", log, "--board", board, "--in-scene", workspace=tmp_path)
+    record = run("fit", log, "--board", board, workspace=tmp_path)
     assert run("compare", "--board", board, workspace=tmp_path)["passed"]
     checked = run("check", "--board", board, workspace=tmp_path)
     assert checked["passed"]
