@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from sysid.diagnosis.diagnose import Diagnosis
     from sysid.diagnosis.posterior import Size
 
-TIE = 4 * math.log(ODDS)
-"""Score up to which two candidates tie: twice the log of the square of the odds at which an effect is named, 12."""
+TIE = 2 * math.log(ODDS)
+"""Score up to which two candidates tie: twice the log of the odds at which one set beats another, 6."""
 
 
 def headline(result: "Diagnosis") -> str:
