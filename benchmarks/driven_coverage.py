@@ -179,7 +179,7 @@ def main() -> None:
 
 
 def page(rows: list[dict[str, Any]]) -> str:
-    """Return the table of rows, and what they have in all."""
+    """Return the table of rows, and their sum."""
     lines: list[tuple[str, ...]] = []
     every: list[float] = []
     for case in CASES:

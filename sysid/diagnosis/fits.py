@@ -4,10 +4,10 @@ A fit sees all of a release: its start, where friction stops it, and where it re
 
     ln p = -ν e²/2σ² - p/2 ln n + log odds of its families.
 
-σ is the error of the best set and n the number of independent samples. It is Laplace's method with a unit-information prior (Schwarz
-1978; Kass and Raftery, JASA 90, 1995). No law is exact, and the error of a law is alike in each swing. If the best set misses the
-noise, n is the number s of correlation lengths in a swing, and ν is n. If it reaches the noise, n counts all samples. A law may still be
-off by δ, a tenth of the error that it explains, where another law happens to fit: 1/ν = 1/n + δ²/(s σ²).
+The best set has the error σ. n counts independent samples. It is Laplace's method with a unit-information prior (Schwarz 1978; Kass and
+Raftery, JASA 90, 1995). No law is exact, and the error of a law is alike in each swing. If the best set misses the noise, n is the
+number s of correlation lengths in a swing, and ν is n. If it reaches the noise, n counts all samples. A law may still be off by a tenth
+of the error that it explains, δ. Then 1/ν = 1/n + δ²/(s σ²).
 
 The zero of an angle may wander. A drift slower than a swing is no error if the best set reaches the noise beside it.
 """
@@ -245,7 +245,7 @@ class Fits:
             self.add(names, starts[names])
 
     def _prune(self) -> None:
-        """Fit the parts of the best set from where it ends, until none is better."""
+        """Fit the parts of the best set, and go on with a better one."""
         asked: set[tuple[str, ...]] = set()
         while (best := _scored(list(self.made.values()))[0]).effects not in asked:
             asked.add(best.effects)

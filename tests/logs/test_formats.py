@@ -52,7 +52,7 @@ def phyphox(sep=",", decimal="."):
 
 
 def matlab_mobile():
-    """Bare axes, stamps with the month in letters, and the gyro called by what it measures."""
+    """Bare axes, stamps with the month in letters, and a gyro called angular velocity."""
     start = datetime(2026, 5, 12, 14, 5, 12)
     stamps = [f"{start + timedelta(seconds=float(t)):%d-%b-%Y %H:%M:%S.%f}"[:-3] for t in TIME]
     sensors = {"Acceleration": ACCEL, "AngularVelocity": GYRO}
@@ -62,7 +62,7 @@ def matlab_mobile():
 
 
 def sensor_logger(**sensors):
-    """Axes backwards, beside stamps since the epoch; what the phone fused itself, and tables that are none."""
+    """Axes backwards, beside stamps since the epoch; orientations fused by the phone, and tables without a motion."""
     stamps = [str(EPOCH + round(1e9 * t)) for t in TIME]
     own = ("time", "seconds_elapsed")
     files = {f"{name}.csv": table((*own, *"zyx"), stamps, TIME, *v.T[::-1]) for name, v in sensors.items()}
@@ -118,7 +118,7 @@ def write_hdf5_table(path):
 
 
 def write_workbook(path):
-    """As phyphox writes .xls: a sheet a sensor, and what is no table beside them."""
+    """As phyphox writes .xls: a sheet a sensor, and sheets of notes beside them."""
     pytest.importorskip("python_calamine")
     with pytest.importorskip("xlsxwriter").Workbook(path) as book:
         for name, values, unit in (("Gyroscope", GYRO, "rad/s"), ("Accelerometer", ACCEL, "m/s^2")):

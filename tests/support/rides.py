@@ -9,7 +9,7 @@ from sysid.roll import Array
 
 
 def made_rides(pushing: Array, steering: Array, **changes: Any) -> Rides:
-    """Return an episode at 1 m/s, all as asked for but for what is changed.
+    """Return an episode at 1 m/s that follows its commands, with some changes.
 
     Args:
         pushing: Whether it pushes at each step, shape (n,).
