@@ -178,7 +178,7 @@ class Fits:
         if not names or (names in self.made and not again):
             return
         (every, start), scales = self._problem(names, near), self.base.fit.problem.scales
-        start |= self._tried(names)
+        start |= {} if again else self._tried(names)
         try:
             fit = fit_joint(self.releases, self.board, every, self.options, scales, start)
             if fit.rmse > self.base.rmse:  # no minimum: the set holds the record's law
