@@ -18,17 +18,17 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+from scipy.signal import lfilter
 
 from sysid.board import Board
 from sysid.diagnosis.evidence import BREADTH, DEPTH, MOST_DEVIATIONS, ODDS, STRENGTH, log_odds
 from sysid.diagnosis.laws import candidates
-from sysid.diagnosis.nuisances import TENTH
+from sysid.diagnosis.nuisances import DRIFT, TENTH
 from sysid.diagnosis.posterior import Found, Posterior, Size
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.fitting.cross_validation import rms
-from sysid.fitting.joint import FitOptions, Trial, fit_joint, record_values, trial_fit
+from sysid.fitting.joint import FitOptions, Near, Trial, fit_joint, record_values, trial_fit
 from sysid.fitting.result import JointFit
 from sysid.joint.torques import effect_torque
 from sysid.joint.trajectory import Trajectory, simulate
@@ -65,7 +65,7 @@ class Candidate:
     @cached_property
     def judged(self) -> float:
         """Error that counts [rad or rad/s]."""
-        return rms(steady(self.fit, self.fit.residuals)) if self.beside_drift else self.rmse
+        return error_beside_drift(self.fit) if self.beside_drift else self.rmse
 
     @property
     def beyond(self) -> float:
@@ -81,6 +81,11 @@ class Candidate:
     def heldout_rmse(self) -> float:
         """Error on releases that the fit did not see [rad or rad/s]."""
         return self.fit.heldout_rmse()
+
+    @property
+    def end(self) -> Near:
+        """The minimum."""
+        return Near(self.fit.problem.parameters(self.fit.minimum.point), self.fit.starts)
 
     @property
     def parameters(self) -> Mapping[str, Quantity]:
@@ -101,9 +106,35 @@ def swing_of(fit: JointFit) -> int:
     return max(round(2 * np.pi / fit.law.frequency / float(np.median(np.diff(fit.records[0].time)))), 1)
 
 
-def steady(fit: JointFit, residuals: Sequence[Array]) -> list[Array]:
-    """Return residuals like those of a fit [rad or rad/s], each shape (s,), without their mean over a swing: a drift of the zero."""
-    return [r - uniform_filter1d(r, swing_of(fit), mode="nearest") for r in residuals]
+def steady(fit: JointFit, rows: Sequence[Array]) -> list[Array]:
+    """Return residuals like those of a fit, shape (s,), or columns of them, shape (s, c), without a drift of the angle's zero.
+
+    They are the innovations of a random walk beside white noise, in the steady state, over their deviation in units of the noise
+    (Durbin and Koopman, Time Series Analysis by State Space Methods, 2012, section 2.2).
+    """
+    if fit.records[0].is_rate:
+        return list(rows)
+    scales, noise = fit.problem.scales, fit.noise.std
+    found: list[Array] = []
+    for record, values in zip(fit.records, rows, strict=True):
+        swings = float(np.median(np.diff(record.time))) * scales.frequency / (2 * np.pi)
+        walk = (DRIFT * scales.amplitude / noise) ** 2 * swings
+        spread = (walk + np.sqrt(walk**2 + 4 * walk)) / 2
+        innovations = lfilter([1.0, -1.0], [1.0, -1 / (1 + spread)], values, axis=0)
+        found.append(np.asarray(innovations) / np.sqrt(1 + spread))
+    return found
+
+
+def error_beside_drift(fit: JointFit) -> float:
+    """Return the error of a fit beside a drift of the zero from any start [rad]: a Gauss-Newton step leads there from the fit."""
+    lines = fit.problem.linearise(fit.minimum.point)
+    free, left = len(fit.problem.names), list[Array]()
+    for row in steady(fit, [np.column_stack([*line, np.ones(len(line[0]))]) for line in lines]):
+        own = np.linalg.qr(row[:, 1 + free :])[0]
+        left.append(row[:, : 1 + free] - own @ (own.T @ row[:, : 1 + free]))
+    table = np.concatenate(left)
+    change = np.linalg.lstsq(table[:, 1:], table[:, 0], rcond=None)[0]
+    return rms([table[:, 0] - table[:, 1:] @ change])
 
 
 def is_decided(found: Posterior) -> bool:
@@ -169,16 +200,17 @@ class Fits:
         """The record's law is a candidate."""
         self.made[()] = self.base
 
-    def add(self, effects: Sequence[str], near: Mapping[str, float], *, again: bool = False) -> None:
-        """Fit a set from near some parameters; one that cannot be fitted, or that ends in impossible torques, is left out.
+    def add(self, effects: Sequence[str], near: Near, *, again: bool = False) -> None:
+        """Fit a set from a place near its minimum; one that cannot be fitted, or that ends in impossible torques, is left out.
 
         A set that was fitted before is fitted again only if asked for, and keeps the better fit.
         """
         names = fittable(effects)
         if not names or (names in self.made and not again):
             return
+        if (trial := self.tried.get(names)) and not again:
+            near = Near(trial.end.parameters)  # the finer grid has another cost
         (every, start), scales = self._problem(names, near), self.base.fit.problem.scales
-        start |= {} if again else self._tried(names)
         try:
             fit = fit_joint(self.releases, self.board, every, self.options, scales, start)
             if fit.rmse > self.base.rmse:  # no minimum: the set holds the record's law
@@ -189,12 +221,11 @@ class Fits:
         if possible and (names not in self.made or fit.rmse < self.made[names].rmse):
             self.made[names] = Candidate(effects=names, fit=fit, beside_drift=self.base.beside_drift)
 
-    def _problem(
-        self, names: Sequence[str], near: Mapping[str, float]
-    ) -> tuple[tuple[str, ...], dict[str, float]]:
-        """Return all effects of a joint with some more, and the parameters from which its fit starts."""
+    def _problem(self, names: Sequence[str], near: Near) -> tuple[tuple[str, ...], Near]:
+        """Return all effects of a joint with some more, and the place from which its fit starts."""
         every = (*(part.name for part in self.board.effects), *names)
-        return every, {"rest_angle": 0.0, **record_values(self.board), **near}
+        known = {"rest_angle": 0.0, **record_values(self.board), **near.parameters}
+        return every, replace(near, parameters=known)
 
     def of(self, effects: Sequence[str]) -> Candidate:
         """Return the best fit of the families of some effects, or that of the record's law if they cannot be fitted."""
@@ -206,8 +237,7 @@ class Fits:
 
         if not same():
             wider = [c for c in self.made.values() if set(c.effects) >= set(names)]
-            nearest = min(wider, key=lambda c: c.rmse, default=self.base).fit
-            self.add(names, nearest.problem.parameters(nearest.minimum.point))
+            self.add(names, min(wider, key=lambda c: c.rmse, default=self.base).end)
         return min(same(), key=lambda c: c.rmse, default=self.base)
 
     def explore(self, found: Posterior) -> None:
@@ -218,27 +248,28 @@ class Fits:
         compete if they reach the noise: one that misses it too is no better law.
         """
         best = found.sets[0]
-        self.add(best.effects, best.parameters)
-        rivals = {part: best.parameters for part in _without_one(best.effects)}
+        near = Near(best.parameters)
+        self.add(best.effects, near)
+        rivals = dict.fromkeys(_without_one(best.effects), near)
         own = list(candidates([part.name for part in self.board.effects]))
         reached = any(c.reaches_noise for c in self.made.values() if c.effects)
         if not reached:
-            rivals |= dict.fromkeys(_variants(best.effects, own), best.parameters)
+            rivals |= dict.fromkeys(_variants(best.effects, own), near)
         if not is_decided(found):
             for one in (s for s in found.sets[1 : BREADTH // 2] if len(fittable(s.effects)) <= 2):
-                rivals |= {part: one.parameters for part in (one.effects, *_without_one(one.effects))}
+                rivals |= dict.fromkeys((one.effects, *_without_one(one.effects)), Near(one.parameters))
             rivals |= {} if reached else self._grown(found, own, 1, 2)
         if reached:  # one law more only costs
             rivals = {names: start for names, start in rivals.items() if not set(names) > set(best.effects)}
         self._add_best(rivals, BREADTH - len(self.made))
         if not is_decided(found):
-            near = set(self.made)
+            before = set(self.made)
             self._add_best(self._grown(found, own, WIDTH, DEPTH), BREADTH)
-            self.made = {n: c for n, c in self.made.items() if n in near or c.reaches_noise}
+            self.made = {n: c for n, c in self.made.items() if n in before or c.reaches_noise}
         self._prune()
         self.count_drift()
 
-    def _add_best(self, sets: Mapping[tuple[str, ...], Mapping[str, float]], count: int) -> None:
+    def _add_best(self, sets: Mapping[tuple[str, ...], Near], count: int) -> None:
         """Fit the `count` sets that do best in a trial."""
         starts = {fittable(names): start for names, start in sets.items()}
         for names in self._ranked(starts)[:count]:
@@ -250,7 +281,7 @@ class Fits:
         while (best := _scored(list(self.made.values()))[0]).effects not in asked:
             asked.add(best.effects)
             for part in _without_one(best.effects):
-                self.add(part, best.fit.problem.parameters(best.fit.minimum.point), again=True)
+                self.add(part, best.end, again=True)
 
     def count_drift(self) -> None:
         """Count a drift of the zero as no error if a fit needs it to reach the noise. A rate and a counter have no such drift."""
@@ -263,32 +294,34 @@ class Fits:
 
     def _grown(
         self, found: Posterior, own: Sequence[str], width: int, depth: int
-    ) -> dict[tuple[str, ...], Mapping[str, float]]:
-        """Return sets of at most `depth` laws that grow in trials from the best `width` of each size, with parameters to start from."""
-        starts = {fittable(s.effects): s.parameters for s in found.singles if fittable(s.effects)}
-        starts |= {(name,): {} for name in own if len(effect(name).parameters) == 1 and (name,) not in starts}
+    ) -> dict[tuple[str, ...], Near]:
+        """Return sets of at most `depth` laws that grow in trials from the best `width` of each size, with places to start from."""
+        starts = {fittable(s.effects): Near(s.parameters) for s in found.singles if fittable(s.effects)}
+        plain = [(name,) for name in own if len(effect(name).parameters) == 1]
+        starts |= {one: Near({}) for one in plain if one not in starts}
         alone, laws = dict(starts), dict[str, tuple[str, ...]]()
         for one in self._ranked(alone):
             laws.setdefault(effect(one[0]).family, one)
         tops = self._ranked(starts)[:width]
         for size in range(2, depth + 1):
-            layer: dict[tuple[str, ...], Mapping[str, float]] = {}
-            for top in (top for top in tops if len(top) < size):
+            layer: dict[tuple[str, ...], Near] = {}
+            for top in (top for top in tops if len(top) < size and self.tried[top]):
                 others = sorted(laws.keys() - {effect(name).family for name in top})
-                layer |= {fittable((*top, *laws[f])): {**alone[laws[f]], **self._tried(top)} for f in others}
+                layer |= {fittable((*top, *laws[f])): self._beside(top, alone[laws[f]]) for f in others}
             starts |= layer
             tops = self._ranked(starts)[:width]
             if not tops or tops[0] not in layer:  # one law more only costs
                 break
         return starts
 
-    def _tried(self, names: tuple[str, ...]) -> Mapping[str, float]:
-        """Return the parameters of a trial, none without one."""
-        trial = self.tried.get(names)
-        return trial.parameters if trial else {}
+    def _beside(self, names: tuple[str, ...], one: Near) -> Near:
+        """Return where the trial of a set ended, with the parameters of one law more."""
+        trial = self.tried[names]
+        assert trial is not None
+        return replace(trial.end, parameters={**one.parameters, **trial.end.parameters})
 
-    def _ranked(self, sets: Mapping[tuple[str, ...], Mapping[str, float]]) -> list[tuple[str, ...]]:
-        """Try sets from some parameters, each once, and return those with a bounded motion, the likeliest first."""
+    def _ranked(self, sets: Mapping[tuple[str, ...], Near]) -> list[tuple[str, ...]]:
+        """Try sets, each once, and return those with a bounded motion, the likeliest first."""
         for names in [names for names in sets if names and names not in self.tried]:
             every, start = self._problem(names, sets[names])
             with suppress(SysidError):

@@ -73,10 +73,11 @@ def sensor(motion: Motion, smoothed: Smoothed) -> tuple[Array, Array]:
     bent = [a[inside] for a in (x * x, v * v, x * v, x**3, x * x * v, x * v * v)]
     walks = [np.ones(len(bent[0]))] if motion.is_rate else []
     for row, n in enumerate([] if motion.is_rate else motion.length):
-        phase = np.arange(n) / n
-        for i in range(WANDERS):
-            w, walk = (i + 0.5) * np.pi, np.zeros_like(x)
-            walk[row, :n] = np.sqrt(2 * n / motion.nodes_a_period) * np.sin(w * phase) / w
+        waves = [(i + 0.5) * np.pi for i in range(WANDERS)]
+        shapes = [np.sqrt(2) * np.sin(w * np.arange(n) / n) / w for w in waves]
+        for shape in [*shapes, *([np.ones(n)] if row else [])]:  # where a release starts, the zero has wandered as long already
+            walk = np.zeros_like(x)
+            walk[row, :n] = np.sqrt(n / motion.nodes_a_period) * shape
             walks.append(walk[inside])
     rows, time = np.arange(len(inside))[:, None], np.arange(inside.shape[1]) * motion.step
     fading = [np.where(rows == row, np.exp(-time / lag), 0.0)[inside] for row in rows[:, 0] for lag in LAGS]

@@ -85,7 +85,7 @@ class Posterior:
     share: float
     """ε of the best hypothesis."""
     nameless: float
-    """RMS of g beside the laws of the best set, over the spring's torque."""
+    """RMS of g beside the laws of the best set, over the spring's torque; nan by the slow flow, which has no g."""
     torque: Array
     """All torque beside spring and damper over I ω₀² A on the smoothed motion, shape (r, n)."""
     misfit: float

@@ -49,7 +49,8 @@ def explanation(result: "Diagnosis") -> str:
             parts.append(f"The record's law leaves {left}; nothing that matters is missing.")
         elif result.status == "unexplained":
             parts.append(f"The best candidate leaves {left}.")
-            parts.append(f"A torque without a name carries {percent(found.nameless)} of the spring's (RMS).")
+            if not found.by_cycles:
+                parts.append(f"A torque without a name carries {percent(found.nameless)} of the spring's (RMS).")
     parts += [
         f"{family}: {size_in_words(found.sizes[family])}."
         for family in verdict.families

@@ -195,7 +195,7 @@ def slow_posterior(fast: Posterior, subject: Subject) -> Posterior | None:
     unit = inertia * motion.frequency**2
     linear = {"stiffness": (unit, unit), "damping": (0.0, inertia * motion.frequency)}
     sets, singles, inclusion, _, _ = found_sets(cells, kept, linear)
-    return replace(fast, sets=sets, singles=singles, inclusion=inclusion, by_cycles=True, nameless=0.0)
+    return replace(fast, sets=sets, singles=singles, inclusion=inclusion, by_cycles=True, nameless=np.nan)
 
 
 def _visible(flow: Regression, terms: Sequence[Term], base: int, rate: float) -> tuple[list[Term], list[int]]:

@@ -73,7 +73,7 @@ def decide(found: Posterior, best: Candidate, base: Candidate) -> Verdict:
     incomplete = not best.reaches_noise and left > max(TENTH * base.beyond, smallest)
     status: Status = "missing" if named else "none-missing"
     mostly = left > max(MOSTLY * base.beyond, LARGE * base.fit.measured_rms)
-    if incomplete and (found.nameless > SMALL or mostly):
+    if incomplete and (mostly or not found.nameless <= SMALL):
         status = "unexplained"
     same = [s for s in found.sets if immaterial or _named(s, found.sizes) - doubtful == set(named)]
     alike = (

@@ -12,7 +12,7 @@ from sysid.errors import SysidError, did_you_mean
 from sysid.fitting.problem import Problem, starts_unknown
 from sysid.fitting.records import Bias, Record, make_records
 from sysid.fitting.result import JointFit, summarise
-from sysid.fitting.search import scales_of, search, starting_points
+from sysid.fitting.search import lengthened, scales_of, search, starting_points
 from sysid.joint.structure import Structure, structure_of
 from sysid.least_squares import Minimum
 from sysid.noise.floor import NoiseFloor, noise_floor
@@ -199,13 +199,34 @@ def priors_of(board: Board, options: FitOptions) -> dict[str, tuple[float, float
     return {name: (known[name].value, known[name].std) for name in options.priors}
 
 
+@dataclass(frozen=True, slots=True)
+class Near:
+    """A place near the minimum of a fit."""
+
+    parameters: Mapping[str, float]
+    """In their units; the others are as the catalogue starts them."""
+    starts: Sequence[tuple[float, float]] | None = None
+    """Roll [rad] and rate [rad/s] at each release; None if unknown, so that the place is sought in the first swings."""
+
+    def fitted(self, problem: Problem, others: Mapping[str, float], tolerance: float | None = None) -> Minimum:
+        """Return the minimum that a search from here reaches.
+
+        Args:
+            problem: The least squares.
+            others: Parameters that are not known here, in their units.
+            tolerance: Relative fall of the cost at which it ends [1]; one that is insignificant, if left out.
+        """
+        point = problem.start({**others, **self.parameters}, self.starts)
+        return problem.fitted(lengthened(problem, point) if self.starts is None else point, tolerance=tolerance)
+
+
 def fit_joint(
     releases: Sequence[Release],
     board: Board,
     effects: Sequence[str] = (),
     options: FitOptions | None = None,
     scales: Scales | None = None,
-    start: Mapping[str, float] | None = None,
+    start: Near | None = None,
 ) -> JointFit:
     """Fit stiffness, damping, rest angle and the parameters of some effects to releases.
 
@@ -215,7 +236,7 @@ def fit_joint(
         effects: All effects of the joint.
         options: Options of the fit.
         scales: Sizes of the problem, where another fit of these releases knows them.
-        start: Parameters near the minimum, which then needs no search; the others as the catalogue starts them.
+        start: A place near the minimum, which then needs no search.
 
     Raises:
         SysidError: Nothing to fit, an effect that free decays cannot identify, or no convergence.
@@ -235,7 +256,7 @@ def fit_joint(
     if start is None:
         minimum, evaluations = search(problem, first)
     else:
-        minimum = problem.fitted(problem.start({**first[0], **start}), tolerance=1e-7)
+        minimum = start.fitted(problem, first[0])
         evaluations = minimum.evaluations
     problem, minimum, more = _plainest(problem, minimum)
     warnings: list[str] = []
@@ -272,12 +293,11 @@ class Trial:
 
     residuals: tuple[Array, ...]
     """Model minus measurement of each record [rad or rad/s]."""
-    parameters: Mapping[str, float]
-    """In their units."""
+    end: Near
 
 
 def trial_fit(
-    fit: JointFit, board: Board, effects: Sequence[str], options: FitOptions, start: Mapping[str, float]
+    fit: JointFit, board: Board, effects: Sequence[str], options: FitOptions, start: Near
 ) -> Trial:
     """Fit the records of another fit with some effects from one start: no search, no uncertainty.
 
@@ -286,7 +306,7 @@ def trial_fit(
         board: The record.
         effects: All effects of the joint.
         options: Options of the fit.
-        start: Parameters, the others as the catalogue starts them.
+        start: A place near the minimum.
 
     Raises:
         SysidError: Effects that free decays cannot identify, or a motion without bound.
@@ -295,10 +315,11 @@ def trial_fit(
     structure, scales = structure_of(effects), fit.problem.scales
     problem = _problem(structure, fit.records, scales, board, options, options.steps_per_period)
     first = starting_points(structure, scales, problem.fixed)[0]
-    found = problem.fitted(problem.start({**first, **start}), tolerance=1e-4)
+    found = start.fitted(problem, first, 1e-4)
     if not np.isfinite(found.normal.cost):
         raise SysidError("from this start the motion has no bound.")
-    return Trial(tuple(problem.residuals(found.point)), problem.parameters(found.point))
+    end = Near(problem.parameters(found.point), problem.starts(found.point))
+    return Trial(tuple(problem.residuals(found.point)), end)
 
 
 def finished(

@@ -292,7 +292,8 @@ class Problem:
     @cached_property
     def _first_motions(self) -> list[tuple[float, float]]:
         """Roll [rad] and rate [rad/s] of each record at its release, as its first samples have them."""
-        return [_first_motion(record) for record in self.records]
+        firsts = [_first_motion(record) for record in self.records]
+        return [(roll - zero, rate) for (roll, rate), zero in zip(firsts, self._zeros, strict=True)]
 
     @cached_property
     def _zeros(self) -> list[float]:
@@ -308,11 +309,18 @@ class Problem:
         states = [(part, state.detection_delay) for part in self.structure.parts for state in part.states]
         return [(part, delay) for part, delay in states if delay is not None]
 
-    def start(self, parameters: Mapping[str, float]) -> Array:
-        """Return unknowns for given parameters, in units of their sizes, shape (p,); the rest from the records themselves."""
+    def start(
+        self, parameters: Mapping[str, float], starts: Sequence[tuple[float, float]] | None = None
+    ) -> Array:
+        """Return unknowns for given parameters, in units of their sizes, shape (p,).
+
+        Args:
+            parameters: In their units.
+            starts: Roll [rad] and rate [rad/s] at each release; from the records themselves, if left out.
+        """
         values = [parameters[name] for name in self.names]
-        for record, (roll, rate), zero in zip(self.records, self._first_motions, self._zeros, strict=True):
-            own = [roll - zero, rate]
+        for record, own, zero in zip(self.records, starts or self._first_motions, self._zeros, strict=True):
+            own = list(own)
             if self.free_states and self.structure.internal_states:
                 held = build_initial(self.structure, free_states=False, sensitivities=False)
                 start = np.asarray(

@@ -279,6 +279,24 @@ def _restarted(problem: Problem, found: tuple[float, Array]) -> tuple[float, Arr
     return best
 
 
+def lengthened(problem: Problem, point: Array) -> Array:
+    """Return where searches of ever longer beginnings of all records lead, each twice as long, short of the whole.
+
+    The cost of a long motion has local minima and steep sides; that of its first swings is smooth (Ribeiro et al., Automatica 121, 2020).
+
+    Args:
+        problem: All records.
+        point: Its unknowns, in units of their sizes, shape (p,).
+    """
+    whole = max(float(record.time[-1]) for record in problem.records) * problem.scales.frequency / (2 * np.pi)
+    periods, held = 1.0, range(len(problem.names))
+    while periods < whole:
+        part = problem.with_(records=[first_swings(one, problem.scales, periods) for one in problem.records])
+        point = _pinned(part, point, held).point if periods < _PERIODS else part.fitted(point, 12, 1e-4).point
+        periods *= 2
+    return point
+
+
 def scouts(records: Sequence[Record]) -> list[int]:
     """Return which records starts are ranked by: of many the widest, the smallest and what lies between, in their order."""
     order = np.argsort([-float(np.ptp(record.signal)) for record in records], kind="stable")
