@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
 from sysid.board import Board
@@ -32,7 +33,7 @@ from sysid.fitting.joint import FitOptions, Near, Trial, fit_joint, record_value
 from sysid.fitting.result import JointFit
 from sysid.joint.torques import effect_torque
 from sysid.joint.trajectory import Trajectory, simulate
-from sysid.noise.whiteness import correlation_length
+from sysid.noise.whiteness import correlation_length, lag_one
 from sysid.quantity import Quantity
 from sysid.roll import Array, Release
 
@@ -50,7 +51,7 @@ class Candidate:
     score: float = 0.0
     """Twice the log evidence below the best."""
     beside_drift: bool = False
-    """Whether a drift slower than a swing is no error."""
+    """Whether a drift of the zero is no error."""
 
     @property
     def families(self) -> tuple[str, ...]:
@@ -63,9 +64,14 @@ class Candidate:
         return self.fit.rmse
 
     @cached_property
+    def residuals(self) -> Sequence[Array]:
+        """Residuals that count [rad or rad/s], shape (s,) of each record."""
+        return without_drift(self.fit) if self.beside_drift else self.fit.residuals
+
+    @cached_property
     def judged(self) -> float:
-        """Error that counts [rad or rad/s]."""
-        return error_beside_drift(self.fit) if self.beside_drift else self.rmse
+        """Their RMS [rad or rad/s]."""
+        return rms(self.residuals)
 
     @property
     def beyond(self) -> float:
@@ -74,8 +80,8 @@ class Candidate:
 
     @property
     def reaches_noise(self) -> bool:
-        """Whether the judged error is within the 95 % interval of the noise."""
-        return self.judged <= self.fit.noise.highest
+        """Whether the judged error is within the 95 % interval of the noise; beside a drift, it is white too."""
+        return self.judged <= self.fit.noise.highest and not (self.beside_drift and lag_one(self.residuals))
 
     @cached_property
     def heldout_rmse(self) -> float:
@@ -106,35 +112,26 @@ def swing_of(fit: JointFit) -> int:
     return max(round(2 * np.pi / fit.law.frequency / float(np.median(np.diff(fit.records[0].time)))), 1)
 
 
-def steady(fit: JointFit, rows: Sequence[Array]) -> list[Array]:
-    """Return residuals like those of a fit, shape (s,), or columns of them, shape (s, c), without a drift of the angle's zero.
+def without_drift(fit: JointFit) -> list[Array]:
+    """Return the residuals of a fit beside a drift of the zero [rad], white if they are noise and drift, shape (s,) of each record.
 
-    They are the innovations of a random walk beside white noise, in the steady state, over their deviation in units of the noise
-    (Durbin and Koopman, Time Series Analysis by State Space Methods, 2012, section 2.2).
+    They are the innovations of a random walk from any start beside white noise, in the steady state, over their deviation in units of the
+    noise (Durbin and Koopman, Time Series Analysis by State Space Methods, 2012, section 2.2). A Gauss-Newton step leads there from the
+    least squares of white noise.
     """
-    if fit.records[0].is_rate:
-        return list(rows)
-    scales, noise = fit.problem.scales, fit.noise.std
-    found: list[Array] = []
-    for record, values in zip(fit.records, rows, strict=True):
+    scales, noise, free = fit.problem.scales, fit.noise.std, len(fit.problem.names)
+    rows: list[Array] = []
+    for record, line in zip(fit.records, fit.problem.linearise(fit.minimum.point), strict=True):
         swings = float(np.median(np.diff(record.time))) * scales.frequency / (2 * np.pi)
         walk = (DRIFT * scales.amplitude / noise) ** 2 * swings
         spread = (walk + np.sqrt(walk**2 + 4 * walk)) / 2
-        innovations = lfilter([1.0, -1.0], [1.0, -1 / (1 + spread)], values, axis=0)
-        found.append(np.asarray(innovations) / np.sqrt(1 + spread))
-    return found
-
-
-def error_beside_drift(fit: JointFit) -> float:
-    """Return the error of a fit beside a drift of the zero from any start [rad]: a Gauss-Newton step leads there from the fit."""
-    lines = fit.problem.linearise(fit.minimum.point)
-    free, left = len(fit.problem.names), list[Array]()
-    for row in steady(fit, [np.column_stack([*line, np.ones(len(line[0]))]) for line in lines]):
-        own = np.linalg.qr(row[:, 1 + free :])[0]
-        left.append(row[:, : 1 + free] - own @ (own.T @ row[:, : 1 + free]))
-    table = np.concatenate(left)
-    change = np.linalg.lstsq(table[:, 1:], table[:, 0], rcond=None)[0]
-    return rms([table[:, 0] - table[:, 1:] @ change])
+        table = np.column_stack([*line, np.ones(len(record.time))])
+        white = np.asarray(lfilter([1.0, -1.0], [1.0, -1 / (1 + spread)], table, axis=0)) / np.sqrt(1 + spread)
+        own = np.linalg.qr(white[:, 1 + free :])[0]
+        rows.append(white[:, : 1 + free] - own @ (own.T @ white[:, : 1 + free]))
+    every = np.concatenate(rows)
+    change = np.linalg.lstsq(every[:, 1:], every[:, 0], rcond=None)[0]
+    return [row[:, 0] - row[:, 1:] @ change for row in rows]
 
 
 def is_decided(found: Posterior) -> bool:
@@ -163,7 +160,10 @@ class Yardstick:
             residuals: Of the best rival, each shape (s,) [rad or rad/s].
         """
         fit = base.fit
-        swing = max(swing_of(fit) / correlation_length(steady(fit, residuals)), 1.0)
+        swing = swing_of(fit)
+        slow = [uniform_filter1d(r, swing, mode="nearest") for r in residuals]  # a drift, not an error of the law
+        length = correlation_length([r - s for r, s in zip(residuals, slow, strict=True)])
+        swing = max(swing / length, 1.0)
         if error > fit.noise.highest:
             return cls(error, swing, swing)
         off = TENTH**2 * max(base.judged**2 - error**2, 0.0)

@@ -260,7 +260,8 @@ def fit_joint(
         evaluations = minimum.evaluations
     problem, minimum, more = _plainest(problem, minimum)
     warnings: list[str] = []
-    if not (board.stiffness and (board.fit or board.decay)):
+    measured = board.stiffness and (board.fit or board.decay)
+    if not measured or problem.parameters(minimum.point)["stiffness"] <= 0:
         problem, minimum, warnings = _springless(problem, minimum, board)
     found = finished(problem, minimum, board, options, noise, evaluations + more)
     return replace(found, warnings=(*warnings, *found.warnings))
