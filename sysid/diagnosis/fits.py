@@ -9,7 +9,7 @@ Raftery, JASA 90, 1995). No law is exact, and the error of a law is alike in eac
 number s of correlation lengths in a swing, and ν is n. If it reaches the noise, n counts all samples. A law may still be off by a tenth
 of the error that it explains, δ. Then 1/ν = 1/n + δ²/(s σ²).
 
-The zero of an angle may wander. A drift slower than a swing is no error if the best set reaches the noise beside it.
+The zero of an angle may wander. Its drift is no error if a set leaves only noise beside it.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -68,10 +68,10 @@ class Candidate:
         """Residuals that count [rad or rad/s], shape (s,) of each record."""
         return without_drift(self.fit) if self.beside_drift else self.fit.residuals
 
-    @cached_property
+    @property
     def judged(self) -> float:
         """Their RMS [rad or rad/s]."""
-        return rms(self.residuals)
+        return rms(self.residuals) if self.beside_drift else self.rmse
 
     @property
     def beyond(self) -> float:
@@ -115,9 +115,10 @@ def swing_of(fit: JointFit) -> int:
 def without_drift(fit: JointFit) -> list[Array]:
     """Return the residuals of a fit beside a drift of the zero [rad], white if they are noise and drift, shape (s,) of each record.
 
-    They are the innovations of a random walk from any start beside white noise, in the steady state, over their deviation in units of the
-    noise (Durbin and Koopman, Time Series Analysis by State Space Methods, 2012, section 2.2). A Gauss-Newton step leads there from the
-    least squares of white noise.
+    They are the innovations of a random walk beside white noise in the steady state, in units of their deviation. A Gauss-Newton step
+    leads there from the least squares of white noise. The walk may start anywhere.
+
+    Source: Durbin and Koopman, Time Series Analysis by State Space Methods, 2012, section 2.2.
     """
     scales, noise, free = fit.problem.scales, fit.noise.std, len(fit.problem.names)
     rows: list[Array] = []
@@ -126,7 +127,9 @@ def without_drift(fit: JointFit) -> list[Array]:
         walk = (DRIFT * scales.amplitude / noise) ** 2 * swings
         spread = (walk + np.sqrt(walk**2 + 4 * walk)) / 2
         table = np.column_stack([*line, np.ones(len(record.time))])
-        white = np.asarray(lfilter([1.0, -1.0], [1.0, -1 / (1 + spread)], table, axis=0)) / np.sqrt(1 + spread)
+        white = np.asarray(lfilter([1.0, -1.0], [1.0, -1 / (1 + spread)], table, axis=0)) / np.sqrt(
+            1 + spread
+        )
         own = np.linalg.qr(white[:, 1 + free :])[0]
         rows.append(white[:, : 1 + free] - own @ (own.T @ white[:, : 1 + free]))
     every = np.concatenate(rows)
@@ -161,7 +164,9 @@ class Yardstick:
         """
         fit = base.fit
         swing = swing_of(fit)
-        slow = [uniform_filter1d(r, swing, mode="nearest") for r in residuals]  # a drift, not an error of the law
+        slow = [
+            uniform_filter1d(r, swing, mode="nearest") for r in residuals
+        ]  # a drift, not an error of the law
         length = correlation_length([r - s for r, s in zip(residuals, slow, strict=True)])
         swing = max(swing / length, 1.0)
         if error > fit.noise.highest:

@@ -75,7 +75,10 @@ def sensor(motion: Motion, smoothed: Smoothed) -> tuple[Array, Array]:
     for row, n in enumerate([] if motion.is_rate else motion.length):
         waves = [(i + 0.5) * np.pi for i in range(WANDERS)]
         shapes = [np.sqrt(2) * np.sin(w * np.arange(n) / n) / w for w in waves]
-        for shape in [*shapes, *([np.ones(n)] if row else [])]:  # where a release starts, the zero has wandered as long already
+        for shape in [
+            *shapes,
+            *([np.ones(n)] if row else []),
+        ]:  # where a release starts, the zero has wandered as long already
             walk = np.zeros_like(x)
             walk[row, :n] = np.sqrt(n / motion.nodes_a_period) * shape
             walks.append(walk[inside])

@@ -50,7 +50,9 @@ def explanation(result: "Diagnosis") -> str:
         elif result.status == "unexplained":
             parts.append(f"The best candidate leaves {left}.")
             if not found.by_cycles:
-                parts.append(f"A torque without a name carries {percent(found.nameless)} of the spring's (RMS).")
+                parts.append(
+                    f"A torque without a name carries {percent(found.nameless)} of the spring's (RMS)."
+                )
     parts += [
         f"{family}: {size_in_words(found.sizes[family])}."
         for family in verdict.families

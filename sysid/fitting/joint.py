@@ -208,7 +208,9 @@ class Near:
     starts: Sequence[tuple[float, float]] | None = None
     """Roll [rad] and rate [rad/s] at each release; None if unknown, so that the place is sought in the first swings."""
 
-    def fitted(self, problem: Problem, others: Mapping[str, float], tolerance: float | None = None) -> Minimum:
+    def fitted(
+        self, problem: Problem, others: Mapping[str, float], tolerance: float | None = None
+    ) -> Minimum:
         """Return the minimum that a search from here reaches.
 
         Args:
@@ -217,7 +219,9 @@ class Near:
             tolerance: Relative fall of the cost at which it ends [1]; one that is insignificant, if left out.
         """
         point = problem.start({**others, **self.parameters}, self.starts)
-        return problem.fitted(lengthened(problem, point) if self.starts is None else point, tolerance=tolerance)
+        return problem.fitted(
+            lengthened(problem, point) if self.starts is None else point, tolerance=tolerance
+        )
 
 
 def fit_joint(
@@ -297,9 +301,7 @@ class Trial:
     end: Near
 
 
-def trial_fit(
-    fit: JointFit, board: Board, effects: Sequence[str], options: FitOptions, start: Near
-) -> Trial:
+def trial_fit(fit: JointFit, board: Board, effects: Sequence[str], options: FitOptions, start: Near) -> Trial:
     """Fit the records of another fit with some effects from one start: no search, no uncertainty.
 
     Args:

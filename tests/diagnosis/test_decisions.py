@@ -46,7 +46,11 @@ def candidate(error, *families, length=1, wave=None, is_rate=False):
     if wave is not None:
         residual = residual + 3 * np.sin(2 * np.pi * np.arange(2000) / (wave * SWING))
         error = float(np.sqrt(np.mean(residual**2)))
-    problem = SimpleNamespace(samples=2000, names=["x"] * (4 + len(families)), parameters=lambda point: {})
+    problem = SimpleNamespace(
+        samples=2000, names=["x"] * (4 + len(families)), parameters=lambda point: {},
+        linearise=lambda point: [(residual, np.zeros((2000, 6 + len(families))))],
+        scales=SimpleNamespace(amplitude=np.sqrt(2) * RMS, frequency=2 * np.pi),
+    )  # fmt: skip
     fit = SimpleNamespace(
         rmse=error, noise=SimpleNamespace(std=1.0, highest=1.05, counts=False), problem=problem, minimum=SimpleNamespace(point=None),
         residuals=(residual,), measured_rms=RMS, law=SimpleNamespace(frequency=2 * np.pi),
@@ -130,7 +134,7 @@ def test_sure_equations_rule_out_other_families_but_not_a_part_of_their_set(sure
         (20, True, False),  # the zero of a rate is fitted
     ],
 )
-def test_a_drift_slower_than_a_swing_is_no_error(wave, is_rate, reaches):
+def test_a_drift_that_a_zero_may_have_is_no_error(wave, is_rate, reaches):
     fits = Fits([], None, None, candidate(9.0, wave=wave, is_rate=is_rate))
     fits.count_drift()
     assert fits.base.reaches_noise == reaches
