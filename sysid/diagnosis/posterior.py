@@ -19,6 +19,7 @@ from sysid.diagnosis.evidence import (
     families_of,
     items_of,
     joined,
+    log_odds,
     marginalised,
     search,
     single,
@@ -26,7 +27,7 @@ from sysid.diagnosis.evidence import (
 )
 from sysid.diagnosis.laws import SHOWS, Laws, Shape, Term
 from sysid.diagnosis.motion import CLEAR, QUIET, Motion
-from sysid.diagnosis.nuisances import BEND, BENDS, bends, nameless, sensor
+from sysid.diagnosis.nuisances import BEND, BENDS, OPENING, bends, hand, nameless, sensor
 from sysid.diagnosis.smoother import Smoothed, Smoother
 from sysid.effects._base import Effect, TorqueEffect
 from sysid.roll import Array
@@ -224,14 +225,11 @@ def _without_hands(motion: Motion, state: State, envelope: Array) -> Motion:
         mean, samples = block(row, begin, end)
         return samples > 1 and mean > usual * (1 + 5 * np.sqrt(2 / samples))
 
-    half = max(size // 2, 1)
     for row, n in enumerate(motion.length):
-        for begin in range(max(n - 6 * size, n // 2), n, half):
+        for begin in range(max(n - 6 * size, n // 2), n, max(size // 2, 1)):
             if stands_out(row, begin, min(begin + size, n)):
                 variance[row, begin:], length[row], free[row, 1] = np.inf, begin, begin
                 break
-        if stands_out(row, 0, half):
-            variance[row, :half], free[row, 0] = np.inf, half
     return replace(motion, variance=variance, length=length, free=free)
 
 
@@ -317,6 +315,7 @@ class Pass:
         self.columns = np.column_stack([term.columns[inside] for term in self.terms])
         self.items = items_of(self.terms, 1 + self.base.shape[1])
         self.g = nameless(motion, smoothed, self.linear, state.damping)
+        self.hand, self.held = hand(motion), False
         self.sensed, self.loose = sensor(motion, smoothed)
         self.smoother = Smoother(motion, state.stiffness, state.damping, envelope)
         w = motion.frequency
@@ -324,37 +323,59 @@ class Pass:
         self.units = {name: (getattr(state, name) * unit, unit) for name, unit in units.items()}
 
     def run(self, *, bend: bool) -> Posterior:
-        """Return the posterior; `bend` lets laws be off by a share of themselves."""
-        cells = self._cells(search, 0.0)
+        """Return the posterior; `bend` lets laws be off by a share of themselves.
+
+        A hand that lets go slowly or pushes is one more cause, with the prior of a seldom one. It acts or not, whatever the laws.
+        """
+        grams = self._grams()
+        free = self._cells(grams, search, 0.0)
+        self.held = True
+        cells = self._cells(grams, search, 0.0)
+        best, other = (max(float(cell.sets.log_evidence.max()) for cell in c) for c in (cells, free))
+        if best + log_odds("hand") < other:
+            self.held, cells = False, free
         if bend:
             sets = self._bent(cells)
 
             def scored(problem: Problem) -> Sets:
                 return joined([single(problem, solve(problem, s)) for s in sets])
 
-            cells = self._cells(scored, BEND)
+            cells = self._cells(self._grams(), scored, BEND)
         return self._summary(cells)
 
-    def _cells(self, scored: Callable[[Problem], Sets], bend: float) -> list[Cell]:
+    @property
+    def _torques(self) -> Array:
+        """Columns of all torques: of the base, the laws, g and a hand, shape (n, m) [1]."""
+        return np.column_stack([self.base, self.columns, self.g, self.hand])
+
+    def _grams(self) -> list[tuple[float, Array, float]]:
+        """Return each ε with the Gram matrix of the log, all torques and the sensor's terms, and the spread of the log."""
+        self.smoother.prepare(self._torques, self.sensed)
+        return [(share, *self.smoother.gram(share)) for share in self.state.shares]
+
+    def _cells(
+        self, grams: Sequence[tuple[float, Array, float]], scored: Callable[[Problem], Sets], bend: float
+    ) -> list[Cell]:
         """Return the evidence of all hypotheses of the noise.
 
         Args:
+            grams: ε, Gram matrix and spread of each.
             scored: Gives the sets of a problem.
             bend: Prior deviation of each bend of a law, as a share of its strength.
         """
-        torques = np.column_stack([self.base, self.columns, self.g])
-        named, cells = 1 + self.base.shape[1] + self.columns.shape[1], list[Cell]()
-        self.smoother.prepare(torques, self.sensed)
-        for share in self.state.shares:
-            whole, spread = self.smoother.gram(share)
+        named = 1 + self.base.shape[1] + self.columns.shape[1]
+        last = named + self.g.shape[1]
+        cells: list[Cell] = []
+        for share, whole, spread in grams:
             whole = whole / self.state.excess
-            own, extra = marginalised(whole, torques.shape[1] + 1, self.loose)
+            own, extra = marginalised(whole, last + self.hand.shape[1], self.loose)
+            if self.held:
+                own, more = marginalised(own, last, np.ones(self.hand.shape[1]))
+                extra += more
             for tau in NAMELESS:
-                reduced, more = (
-                    marginalised(own, named, np.full(self.g.shape[1], tau))
-                    if tau
-                    else (own[:named, :named], 0.0)
-                )
+                reduced, more = own[:named, :named], 0.0
+                if tau:
+                    reduced, more = marginalised(own[:last, :last], named, np.full(last - named, tau))
                 prior = -np.log(2.0 * (len(NAMELESS) - 1 if tau else 1))
                 constant = float(extra + more + prior - 0.5 * (spread + reduced[0, 0]))
                 problem = Problem(reduced, self.wide, self.items, self.state.damping, bend)
@@ -397,12 +418,15 @@ class Pass:
         self.share, self.cells = cells[which].share, cells
         own = [c for i in chosen for c in self.items[i].columns]
         c, misfit = self._solved(cells[which], chosen)
-        torques, base = np.column_stack([self.base, self.columns, self.g]), self.base.shape[1]
+        torques, base = self._torques, self.base.shape[1]
         c, named = c[1 : 1 + torques.shape[1]], base + self.columns.shape[1]
         known = np.linalg.qr(torques[:, [*range(base), *(i - 1 for i in own)]])[0]
-        g = torques[:, named:] @ c[named:]
+        g = self.g @ c[named : named + self.g.shape[1]]
+        free = self.motion.free.copy()
+        if self.held:
+            free[:, 0] = self.motion.nodes_a_period // OPENING
         return Posterior(
-            motion=self.motion, damping=self.state.damping + float(c[1]), loss=self.state.damping, sets=sets, singles=singles,
+            motion=replace(self.motion, free=free), damping=self.state.damping + float(c[1]), loss=self.state.damping, sets=sets, singles=singles,
             inclusion=inclusion, share=self.share, nameless=float(np.sqrt(np.mean((g - known @ (known.T @ g)) ** 2)) / self.linear),
             torque=self.smoother.grid(torques @ c), misfit=misfit * self.state.excess,
         )  # fmt: skip
@@ -419,11 +443,14 @@ class Pass:
         first = 1 + base + self.columns.shape[1]
         last = first + self.g.shape[1]
         of_g = range(first, last) if cell.tau else range(0)
-        free = np.array([*range(1, 1 + base), *own, *loose, *of_g, *range(last, len(gram))], dtype=np.intp)
+        of_hand = range(last, last + self.hand.shape[1]) if self.held else range(0)
+        sensed = range(last + self.hand.shape[1], len(gram))
+        free = np.array([*range(1, 1 + base), *own, *loose, *of_g, *of_hand, *sensed], dtype=np.intp)
         bend = BEND * np.repeat(np.abs(solve(cell.problem, chosen).means[base:]), BENDS) if loose else []
         prior = np.r_[
-            self.wide, [STRENGTH] * len(own), np.maximum(bend, 1e-9), [cell.tau] * len(of_g), self.loose
-        ]
+            self.wide, [STRENGTH] * len(own), np.maximum(bend, 1e-9), [cell.tau] * len(of_g), [1.0] * len(of_hand),
+            self.loose,
+        ]  # fmt: skip
         inner, right = gram[np.ix_(free, free)] + np.diag(prior**-2.0), gram[free, 0]
         root, low = np.linalg.cholesky(inner), np.full(len(free), -np.inf)
         low[base : base + len(own)] = [0.0 if s else -np.inf for i in items for s in i.signs]
