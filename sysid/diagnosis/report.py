@@ -62,6 +62,10 @@ def explanation(result: "Diagnosis") -> str:
         parts.append(
             "Amplitude and phase of each cycle proposed the laws: the decay is light and the waveform is not exact."
         )
+    if found.motion.free[:, 0].any():
+        parts.append(
+            "A hand still acted in the first quarter of a period of the releases: the fits leave it out."
+        )
     parts += [result.record_text] if result.record_text else []
     parts += [f"Hint: {_hint(hint)}." for hint in verdict.hints]
     return " ".join(parts)

@@ -35,10 +35,10 @@ LAWS = {
 }
 
 
-def made(name, zeta, seed, sensor="plain"):
+def made(name, zeta, seed, sensor="plain", hand="clean"):
     """Return a log of a joint of 20 rad/s that swings by 0.3 rad, and its record: an inertia of 1 kg*m^2 only."""
     truth = decay_truths.Truth(
-        kind="known", families=(name,), omega=20.0, zeta=zeta, amplitude=0.3, bent=False, hand="clean", sensor=sensor, laws=list(LAWS[name])
+        kind="known", families=(name,), omega=20.0, zeta=zeta, amplitude=0.3, bent=False, hand=hand, sensor=sensor, laws=list(LAWS[name])
     )  # fmt: skip
     unknown = {key: replace(q, std=0.0) for key, q in PINK.tilt.items()}
     board = replace(PINK, tilt=unknown, inertia=Quantity(1.0, 0.01, "kg*m^2"))
@@ -60,6 +60,14 @@ def test_a_gyro_alone_shows_what_acts(name, zeta, seed):
     result = diagnose(*made(name, zeta, seed, sensor="gyro"))
     assert result.is_rate
     assert set(result.verdict.families) - {"rest"} == (set() if name == "nothing" else {name}), result
+
+
+@pytest.mark.parametrize(("sensor", "hand", "seed"), [("plain", "slow", 4), ("drift", "clean", 2)])
+@pytest.mark.parametrize("name", ["nothing", "friction"])
+def test_neither_a_slow_hand_nor_a_drift_is_an_effect(name, sensor, hand, seed):
+    result = diagnose(*made(name, 0.08, seed, sensor, hand))
+    assert set(result.verdict.families) - {"rest"} == (set() if name == "nothing" else {name}), result
+    assert ("A hand still acted" in result.report()) == (hand == "slow")
 
 
 @pytest.fixture(scope="module")
