@@ -332,14 +332,8 @@ def _with_uncertainty(
     count = sum(len(residual) for residual in residuals)
     free = count - 2 - 3 * len(traces)
     finest = BEST_SENSOR * max(float(np.ptp(trace.measured)) for trace in traces)
-    fitted = [
-        known + basis @ part[3]
-        for part, (known, basis, _) in zip(
-            parts,
-            (columns_of(trace, poles, one, signal) for trace, one in zip(traces, near, strict=True)),
-            strict=True,
-        )
-    ]
+    columns = [columns_of(trace, poles, one, signal) for trace, one in zip(traces, near, strict=True)]
+    fitted = [known + basis @ part[3] for (known, basis, _), part in zip(columns, parts, strict=True)]
     left = [trace.weight * (trace.measured - model) for trace, model in zip(traces, fitted, strict=True)]
     noise = max(sum(float(residual @ residual) for residual in left) / free, finest**2)
     # A film's error is correlated, and the fit absorbs some of it: the variance is at least the film's own.
@@ -348,12 +342,11 @@ def _with_uncertainty(
     bread = np.asarray(np.linalg.pinv(sum((j.T @ j for j in jacobians), np.zeros((2, 2)))), dtype=np.float64)
     rho = lag_one(residuals)
     # Correlated residuals weigh less (Bartlett, 1935): the variance of a mean grows by (1+ρ)/(1-ρ).
-    covariance: Array = bread * (variance * (1 + rho) / (1 - rho))
-    spread = sum(float(np.var(trace.measured)) * len(trace.measured) for trace in traces)
     inflation = variance * (1 + rho) / (1 - rho)
+    spread = sum(float(np.var(trace.measured)) * len(trace.measured) for trace in traces)
     return TraceFit(
         poles=poles,
-        covariance=covariance,
+        covariance=bread * inflation,
         white_covariance=bread * variance,
         degrees_of_freedom=max(1.0, free * (1 - rho**2) / (1 + rho**2)),
         noise=math.sqrt(noise),

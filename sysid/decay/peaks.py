@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -63,7 +63,7 @@ def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, no
         if peak.amplitude < CLEAR_AMPLITUDE * peak.std:
             break
         if not peaks or number > peaks[-1].number:
-            peaks.append(Peak(number, peak.time, peak.time_std, peak.roll, peak.amplitude, peak.std))
+            peaks.append(replace(peak, number=number))
     return peaks
 
 
@@ -103,15 +103,11 @@ def _local_peak(release: Release, index: int, rest: float, omega_n: float, noise
     """Return the extremum of a cubic through the samples about `index`."""
     width = WINDOW / omega_n
     since = release.time - release.time[index]
-    near = np.abs(since) <= width
+    near, order = np.abs(since) <= width, 3
     if np.count_nonzero(near) < 5:  # a slow sensor: the three nearest samples and their parabola
-        nearest = np.argsort(np.abs(since))[:3]
-        near = np.zeros(len(since), dtype=bool)
-        near[nearest] = True
+        near, order = np.isin(np.arange(len(since)), np.argsort(np.abs(since))[:3]), 2
         width = max(width, float(np.abs(since[near]).max()))
-    x = since[near] / width
-    order = 3 if np.count_nonzero(near) >= 5 else 2
-    powers = np.vander(x, order + 1, increasing=True)
+    powers = np.vander(since[near] / width, order + 1, increasing=True)
     inverse = np.asarray(np.linalg.pinv(powers), dtype=np.float64)
     c: Array = inverse @ release.roll[near]
     bend = 2 * c[2]

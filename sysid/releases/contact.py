@@ -10,7 +10,7 @@ The likeliest sequence of the two states counts (Viterbi, 1967). A change adds a
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from operator import itemgetter
 
 import numpy as np
@@ -19,6 +19,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from sysid.noise.floor import difference_std
 from sysid.noise.sensor import quantisation_step
+from sysid.releases.chains import Segment
 from sysid.roll import Array
 
 QUARTER = 12
@@ -33,10 +34,9 @@ class Span:
 
     begin: float
     end: float
-    rest: float
-    """[rad]"""
-    size: float
-    """Widest swing [rad]."""
+    segment: Segment
+    hold: float = 0.0
+    """Duration of the hold before [s]."""
     let_go: bool = False
     """Whether it was held still and then returned at once: the decay begins there, even if its law is nonlinear."""
     caught: bool = False
@@ -75,8 +75,8 @@ def free_stretches(
         spans: Its decays, from their turning points.
         period: Of the joint [s], roughly.
     """
-    widest = max((span.size for span in spans), default=1.0)
-    roll, spans = roll / widest, [replace(s, rest=s.rest / widest, size=s.size / widest) for s in spans]
+    widest = max((span.segment.size for span in spans), default=1.0)
+    roll, sizes = roll / widest, [span.segment.size / widest for span in spans]
     interval = float(np.median(np.diff(time)))
     step = max(interval, period / (4 * QUARTER))
     lag = max(1, round(period / (4 * step)))
@@ -84,16 +84,18 @@ def free_stretches(
     std = difference_std([(roll[rows], time[rows]) for rows in inside])
     std = std * math.sqrt(interval / (lag * step)) if math.isfinite(std) else 0.0
     noise = max(std, quantisation_step(np.diff(roll)) / math.sqrt(12))  # averaging does not reduce rounding
-    tables = {i: _table(time, roll, span, step, lag) for i, span in enumerate(spans)}
+    tables = {
+        i: _table(time, roll - span.segment.rest / widest, span, step, lag) for i, span in enumerate(spans)
+    }
     tables = {i: table for i, table in tables.items() if len(table) > lag}
     free = {i: np.ones(len(table), dtype=bool) for i, table in tables.items()}
     late: dict[int, Array] = {}
     for _ in range(3):  # each pass improves law and stretches
-        law = _learned([(table, free[i], spans[i].size) for i, table in tables.items()], noise, lag)
+        law = _learned([(table, free[i], sizes[i]) for i, table in tables.items()], noise, lag)
         if law is None:
             return [[(span.begin, span.end)] for span in spans]
         for i, table in tables.items():
-            free[i], late[i] = _free(table, free[i], law, spans[i], lag)
+            free[i], late[i] = _free(table, free[i], law, sizes[i], lag, let_go=spans[i].let_go)
     return [
         _stretches(span, free[i], late[i], step, lag) if i in free else [(span.begin, span.end)]
         for i, span in enumerate(spans)
@@ -101,10 +103,10 @@ def free_stretches(
 
 
 def _table(time: Array, roll: Array, span: Span, step: float, lag: int) -> Array:
-    """Return the mean angle of a quarter of a period about rest, a quarter ahead, there and a quarter back, shape (n, 3)."""
+    """Return the mean of an angle about rest over a quarter of a period, a quarter ahead, there and a quarter back, shape (n, 3)."""
     whole = np.concatenate(([0.0], np.cumsum(0.5 * np.diff(time) * (roll[1:] + roll[:-1]))))
     way = np.interp(np.arange(span.begin, span.end, step), time, whole)
-    mean = (way[lag:] - way[:-lag]) / (lag * step) - span.rest
+    mean = (way[lag:] - way[:-lag]) / (lag * step)
     return np.column_stack((mean[2 * lag :], mean[lag : -lag or None], mean[: -2 * lag]))
 
 
@@ -138,7 +140,7 @@ def _learned(
 
 
 def _free(
-    table: Array, free: npt.NDArray[np.bool_], law: _Law, span: Span, lag: int
+    table: Array, free: npt.NDArray[np.bool_], law: _Law, size: float, lag: int, *, let_go: bool
 ) -> tuple[npt.NDArray[np.bool_], Array]:
     """Return in which samples the joint moves freely, and how long a hand there acts before it shows [rad], shape (n,) each.
 
@@ -152,8 +154,8 @@ def _free(
     rest = float(shift[order][min(int(np.searchsorted(moving, 0.5 * moving[-1])), len(shift) - 1)])
     wide = np.pad(np.abs(table - rest).max(axis=1), (2 * lag, 0), mode="edge")
     swing, shift = sliding_window_view(wide, 2 * lag + 1).max(axis=1)[:, None], shift - rest
-    known = (ERRORS * span.size) ** 2
-    if span.let_go:
+    known = (ERRORS * size) ** 2
+    if let_go:
         power = np.convolve(shift**2, np.ones(lag) / lag, "same") - law.noise**2
         before = np.concatenate((np.zeros(4 * lag), np.maximum.accumulate(power)))[: len(power)]
         known = np.maximum(known, before[:, None])

@@ -104,36 +104,34 @@ def _found(roll: Roll, *, begins_free: bool = False) -> list[Release]:
     Args:
         begins_free: Whether the log begins with the joint free; else a single swing without a rest is a hand's.
     """
-    std = float(np.median(roll.std))
-    signal = smooth_signal(roll.time, roll.roll, std if math.isfinite(std) else 0.0)
+    std = float(np.nan_to_num(np.median(roll.std), posinf=0.0))
+    signal = smooth_signal(roll.time, roll.roll, std)
     swings = half_cycles_of(signal)
     if not swings:
         show = display(is_rate=False, slides=roll.slides)
+        step = float(np.abs(np.diff(roll.roll)).max())
+        coarse = (
+            f"Neighbouring samples differ by up to {show(step, 2)}, nearly as much as all of it: if it swings, "
+            f"{roll.sampling_rate:.3g} Hz may be too low. "
+        )
         raise SysidError(
-            f"{roll.log}: nothing moves by more than {show(signal.min_movement, 2)} "
-            f"(noise {show(signal.noise, 2)}), so there is no decay. {_coarse(roll)}"
-            "Is it the right column (--column) and the right stretch of the log (--from, --to)?"
+            f"{roll.log}: nothing moves by more than {show(signal.min_movement, 2)} (noise {show(signal.noise, 2)}), so there is "
+            f"no decay. {coarse if step > COARSE * float(np.ptp(roll.roll)) else ''}Is it the right column (--column) and the right stretch of the log (--from, --to)?"
         )
     segments = free_segments(signal, swings)
     for slower in () if any(len(one.wide) > 1 for one in segments) else SLOWER:
-        other = smooth_signal(roll.time, roll.roll, std if math.isfinite(std) else 0.0, slower)
+        other = smooth_signal(roll.time, roll.roll, std, slower)
         again = free_segments(other, half_cycles_of(other))
         if any(len(one.wide) >= MANY for one in again):
             signal, segments = other, again
             break
+    first, *later = swings
     if begins_free and not segments:
-        segments = [
-            Segment(tuple(swings[:1]), swings[0].target, False, swings[1] if len(swings) > 1 else None)
-        ]
-    elif begins_free and segments[0].swings[0] in swings[1:2] and not swings[0].to_plateau:
-        segments[0] = replace(
-            segments[0], swings=(swings[0], *segments[0].swings)
-        )  # a swing that a late time cuts
-    found = [
-        one
-        for one in _free(roll, signal, segments, begins_free=begins_free)
-        if len(one.time) >= FEWEST_SAMPLES
-    ]
+        segments = [Segment((first,), first.target, False, later[0] if later else None)]
+    elif begins_free and segments[0].swings[0] in later[:1] and not first.to_plateau:  # a late time cuts it
+        segments[0] = replace(segments[0], swings=(first, *segments[0].swings))
+    decays = _free(roll, signal, segments, begins_free=begins_free)
+    found = [one for one in decays if len(one.time) >= FEWEST_SAMPLES]
     if not found:
         raise SysidError(
             f"{roll.log}: it moves, but no stretch swings freely to rest. Give the times at which the deck "
@@ -156,8 +154,6 @@ def _free(
     later = [swing.duration for segment in segments for swing in segment.wide[1:4] or segment.wide]
     period = 2 * half_period_of(float(np.median(later)))
     spans: list[Span] = []
-    holds: list[float] = []
-    decays: list[Segment] = []
     moved = 0
     for segment, other in zip(segments, [*segments[1:], None], strict=True):
         begin, hold = (segment.driven_until, 0.0) if segment.driven_until else _let_go(signal, segment, moved)
@@ -168,26 +164,18 @@ def _free(
             last = segment.after.reached if caught else segment.after.left
         stop = float(signal.time[last if other is None else min(last, other.swings[0].left)])
         end = max(begin, _rested(signal, segment, begin, stop))
-        let_go = _pulled(signal, segment, begin, period) if hold else begins_free and not decays
-        if hold > 0 and not let_go and len(segment.swings) == 1:
-            continue  # a hand moves it from one stay to another
-        decays.append(segment)
-        spans.append(Span(begin, end, segment.rest, segment.size, let_go, caught))
-        holds.append(hold)
+        let_go = _pulled(signal, segment, begin, period) if hold else begins_free and not spans
+        if let_go or not hold or len(segment.swings) > 1:  # else a hand moves it from one stay to another
+            spans.append(Span(begin, end, segment, hold, let_go, caught))
     if roll.free is None:
         stretches = free_stretches(roll.time, roll.roll, spans, period)
     else:  # a column of the log marks the free samples
         stretches = [[(span.begin, span.end)] for span in spans]
     found: list[Release] = []
-    for segment, span, hold, parts in zip(decays, spans, holds, stretches, strict=True):
-        kept = [(b, e) for b, e in parts if b == span.begin or _swings_in(signal, segment, b, e)]
-        for begin, end in kept or [
-            (span.begin, span.end)
-        ]:  # in one swing a hand and a nonlinear joint look alike
-            rests = segment.settles and end == span.end
-            found.append(
-                _release(roll, signal, segment, (begin, end), hold if begin == span.begin else 0.0, rests)
-            )
+    for span, parts in zip(spans, stretches, strict=True):
+        kept = [(b, e) for b, e in parts if b == span.begin or _swings_in(signal, span.segment, b, e)]
+        # In one swing a hand and a nonlinear joint look alike.
+        found += [_release(roll, signal, span, *part) for part in kept or [(span.begin, span.end)]]
     return found
 
 
@@ -222,18 +210,6 @@ def _rested(signal: SmoothedSignal, segment: Segment, begin: float, stop: float)
     return max(settled, min(settled + tail, leaves))
 
 
-def _coarse(roll: Roll) -> str:
-    """Return a warning if a roll is sampled too slowly, else ''."""
-    step = float(np.abs(np.diff(roll.roll)).max())
-    if not step > COARSE * float(np.ptp(roll.roll)):
-        return ""
-    show = display(is_rate=False, slides=roll.slides)
-    return (
-        f"Neighbouring samples differ by up to {show(step, 2)}, nearly as much as all of it: if it swings, "
-        f"{roll.sampling_rate:.3g} Hz may be too low. "
-    )
-
-
 def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
     """Return the part of the log between two times, on the same clock."""
     begin, end = float(roll.time[0]), float(roll.time[-1])
@@ -247,36 +223,30 @@ def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
     return roll if inside.all() else roll[inside]
 
 
-def _release(
-    roll: Roll, signal: SmoothedSignal, segment: Segment, span: tuple[float, float], hold: float, rests: bool
-) -> Release:
-    """Cut one free decay out of the log, between two times [s].
-
-    Args:
-        hold: Duration of the hold before [s].
-        rests: Whether it comes to rest by itself before its end.
-    """
-    begin, finish = span
-    last = signal.roll[_within(signal.time, finish - segment.half_period, finish)]
-    still = rests or (
-        bool(len(last)) and float(np.std(last)) < max(STILL * segment.size / 2, 2.5 * signal.noise)
-    )
-    end: Literal["rest", "caught", "log"] = "rest" if still else "caught"
-    if not still and finish >= signal.time[-1] - 1e-9:
+def _release(roll: Roll, signal: SmoothedSignal, span: Span, begin: float, finish: float) -> Release:
+    """Cut one free decay out of the log, between two times [s] of a span."""
+    segment = span.segment
+    hold = span.hold if begin == span.begin else 0.0
+    last = signal.roll[within(signal.time, finish - segment.half_period, finish)]
+    quiet = max(STILL * segment.size / 2, 2.5 * signal.noise)
+    end: Literal["rest", "caught", "log"] = "caught"
+    if (segment.settles and finish == span.end) or (len(last) and float(np.std(last)) < quiet):
+        end = "rest"
+    elif finish >= signal.time[-1] - 1e-9:
         end = "log"
-    inside = _within(roll.time, begin - 1e-9, finish + 1e-9)
     kept = min(hold, finish - begin)  # no more of the hold than of the decay
-    before = _within(roll.time, begin - kept, begin - SETS_OFF * kept)
+    before = within(roll.time, begin - kept, begin - SETS_OFF * kept)
     rest = segment.rest
     if end == "rest":
-        late = signal.roll[_within(signal.time, finish - segment.pace, finish)]
+        late = signal.roll[within(signal.time, finish - segment.pace, finish)]
         rest = float(np.median(late)) if late.size else rest  # empty if a sample lasts longer than a swing
     held = roll[before] if kept > 0 and before.stop > before.start else None  # a pause has no samples
-    release = Release.of(roll[inside], number=1, rest=rest, hold=hold, end=end, held=held)
+    free = roll[within(roll.time, begin - 1e-9, finish + 1e-9)]
+    release = Release.of(free, number=1, rest=rest, hold=hold, end=end, held=held)
     return replace(release, driven_until=segment.driven_until)
 
 
-def _within(time: Array, begin: float, end: float) -> slice:
+def within(time: Array, begin: float, end: float) -> slice:
     """Return the samples from one time to another [s]: a view of them, however many releases a log has."""
     return slice(int(np.searchsorted(time, begin)), int(np.searchsorted(time, end, side="right")))
 
