@@ -13,6 +13,7 @@ import numpy as np
 
 from sysid.decay.linear_fit import FittedTrace, TraceFit
 from sysid.decay.trace import Trace, traces_of
+from sysid.noise.sensor import BEST_SENSOR
 from sysid.noise.whiteness import lag_one
 from sysid.quantity import Quantity, t95
 from sysid.roll import Array, Release
@@ -91,6 +92,7 @@ def fit_coast_down(releases: Sequence[Release]) -> tuple[TraceFit, dict[str, Qua
     inverse = np.asarray(np.linalg.pinv(best.jac.T @ best.jac), dtype=np.float64)
     std = np.sqrt(np.diag(inverse) * variance * (1 + rho) / (1 - rho))
     spread = sum(float(np.var(trace.measured)) * len(trace.measured) for trace in traces)
+    finest = BEST_SENSOR * max(float(np.ptp(trace.measured)) for trace in traces)
     weak = 2 * math.log(100 * max(float(trace.time[-1] - trace.time[0]) for trace in traces))
     levels = [float(point[3 + 2 * i] if rate else trace.measured[-1]) for i, trace in enumerate(traces)]
     parts = [
@@ -99,7 +101,7 @@ def fit_coast_down(releases: Sequence[Release]) -> tuple[TraceFit, dict[str, Qua
     ]
     fit = TraceFit(
         poles=np.array([weak, point[0] * math.exp(weak)]), covariance=np.eye(2), white_covariance=np.eye(2),
-        degrees_of_freedom=free, noise=math.sqrt(variance), correlation=rho, explained=1 - variance * free / spread,
+        degrees_of_freedom=free, noise=max(math.sqrt(variance), finest), correlation=rho, explained=1 - variance * free / spread,
         signal=signal, releases=tuple(parts), law="none",
     )  # fmt: skip
     half = t95(free) * std

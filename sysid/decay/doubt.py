@@ -151,9 +151,7 @@ def judged(
         status, reason = "cannot tell", "the intervals are as wide as the numbers"
     else:
         status, reason = "linear", ""
-    if (
-        fit.damping_ratio >= 1
-    ):  # without a swing, dry friction and a nonlinear law look like another rest angle
+    if fit.damping_ratio >= 1:  # without a swing, friction and a nonlinear law look like another rest angle
         open_ones = sum((one.left_open**2 for one in others if one.name in TORQUES), np.zeros(2))
         fit = replace(fit, covariance=fit.covariance + np.diag(open_ones * [4.0, float(fit.poles[1]) ** 2]))
     return fit, Judgement(status, reason, ratio, wider, tuple(seen))
@@ -169,9 +167,7 @@ def _with_scale(fit: TraceFit, releases: Sequence[Release], cubic: SecondLaw) ->
 def to_logs(fit: TraceFit) -> Array:
     """Return the derivatives of (ln ω_n, ln ζ) by (ln m [1], τ [s]), shape (2, 2); beyond critical damping of (ln ω_n, ln d/k)."""
     tau = float(fit.poles[1]) or 1e-12
-    return np.array(
-        [[-0.5, 0.0], [-0.5, 1 / tau]] if fit.damping_ratio < 1 else [[-0.5, 0.0], [0.0, 1 / tau]]
-    )
+    return np.array([[-0.5, 0.0], [-0.5 if fit.damping_ratio < 1 else 0.0, 1 / tau]])
 
 
 def second_laws(fit: TraceFit) -> list[SecondLaw]:
@@ -208,14 +204,8 @@ def second_laws(fit: TraceFit) -> list[SecondLaw]:
         rest = residual - share * own
         rho = lag_one(np.split(rest, cuts))
         variance = float(rest @ rest) / max(len(rest) - 3 - 3 * len(parts), 1) * (1 + rho) / (1 - rho)
-        found.append(
-            SecondLaw(
-                name,
-                abs(share) if name in SIGNED else share,
-                math.sqrt(variance / power),
-                to_logs(fit) @ beside,
-            )
-        )
+        size = abs(share) if name in SIGNED else share
+        found.append(SecondLaw(name, size, math.sqrt(variance / power), to_logs(fit) @ beside))
     return found
 
 

@@ -73,19 +73,16 @@ def log_decrement_two_peaks(peaks: Sequence[Peak], rest_std: float = 0.0) -> Qua
     If the next one is lost in noise, the peak on the other side counts: δ = 2 ln(A₁/A₂). None without a second
     peak.
     """
-    for step in (2, 1):
-        for first in peaks[:1]:
-            second = next((peak for peak in peaks if peak.number == first.number + step), None)
-            if second is None or second.amplitude >= first.amplitude:
-                continue
-            share = 2.0 / step
-            delta = share * math.log(first.amplitude / second.amplitude)
-            # An error of the rest angle has the same sign in both peaks of a side, the opposite sign else.
-            side = -1.0 if step == 2 else 1.0
-            common = (1 / first.amplitude + side / second.amplitude) * rest_std
-            own = math.hypot(first.std / first.amplitude, second.std / second.amplitude)
-            where = "the next one on the same side" if step == 2 else "the next one on the other side"
-            return Quantity(delta, share * math.hypot(own, common), "1", f"first peak and {where}")
+    for step, side, name in ((2, -1.0, "same"), (1, 1.0, "other")) if peaks else ():
+        first, second = peaks[0], next((one for one in peaks if one.number == peaks[0].number + step), None)
+        if second is None or second.amplitude >= first.amplitude:
+            continue
+        delta = 2 / step * math.log(first.amplitude / second.amplitude)
+        # An error of the rest angle has the same sign in both peaks of a side, the opposite sign else.
+        common = (1 / first.amplitude + side / second.amplitude) * rest_std
+        own = math.hypot(first.std / first.amplitude, second.std / second.amplitude)
+        std = 2 / step * math.hypot(own, common)
+        return Quantity(delta, std, "1", f"first peak and the next one on the {name} side")
     return None
 
 

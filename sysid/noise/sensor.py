@@ -92,6 +92,11 @@ def divided_differences(nodes: Array, values: Array) -> Array:
     return np.sum(weights * values.T, axis=0) / np.linalg.norm(weights, axis=0)
 
 
+def runs(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
+    """Return the first index and the end of each run of true values of a mask of shape (n,), shape (k, 2); dimensionless."""
+    return np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8))).reshape(-1, 2)
+
+
 def quantisation_step(differences: Array) -> float:
     """Return the step of a quantised signal, in its unit; nearly all its differences, shape (n,), are multiples of it. 0 without a step."""
     changes = np.abs(differences)
@@ -117,12 +122,7 @@ def saturated(signal: Array, noise: Noise) -> Array | None:
     """
     excess: Array | None = None
     for limit in (signal.max(), signal.min()):
-        at_limit = np.flatnonzero(signal == limit)
-        if at_limit.size < 3:
-            continue
-        breaks = np.flatnonzero(np.diff(at_limit) > 1)
-        starts = at_limit[np.concatenate(([0], breaks + 1))]
-        stops = at_limit[np.concatenate((breaks, [at_limit.size - 1]))] + 1
+        starts, stops = runs(signal == limit).T
         inside = (stops - starts >= 3) & (starts >= 2) & (stops <= signal.size - 2)
         starts, stops = starts[inside], stops[inside]
         slopes = np.minimum(
@@ -146,8 +146,7 @@ def clipped_rows(rate: Array, noise: Noise) -> npt.NDArray[np.bool_]:
     band, top = BAND * max(noise.std, noise.step), float(np.partition(size, -4)[-4])
     flat = list[float]()
     for level in (rate, -rate):
-        inside = np.concatenate(([False], level > top - band, [False]))
-        starts, stops = np.flatnonzero(np.diff(inside.astype(np.int8))).reshape(-1, 2).T
+        starts, stops = runs(level > top - band).T
         enough = (stops - starts >= 3) & (starts >= SIDE) & (stops <= rate.size - SIDE)
         for start, stop in zip(starts[enough], stops[enough], strict=True):
             beside = np.concatenate((np.arange(start - SIDE, start), np.arange(stop, stop + SIDE)))

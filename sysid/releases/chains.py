@@ -57,11 +57,6 @@ class Segment:
         """Its swings without the small ones at the end, about the angle at which dry friction holds the deck."""
         return [swing for swing in self.swings if swing.size > AGAIN * self.swings[0].size]
 
-    @property
-    def half_period(self) -> float:
-        """Half a period, lightly damped [s]."""
-        return half_period_of(self.pace)
-
 
 def half_period_of(duration: float) -> float:
     """Return half a period of a swing [s] from its 10 to 90 % time [s]: those of (1 - cos θ) / 2, lightly damped."""

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
 from sysid.noise.floor import difference_std
-from sysid.noise.sensor import quantisation_step
+from sysid.noise.sensor import quantisation_step, runs
 from sysid.releases.chains import Segment
 from sysid.roll import Array
 
@@ -67,13 +67,13 @@ def _causes(angles: Array) -> Array:
 def free_stretches(
     time: Array, roll: Array, spans: Sequence[Span], period: float
 ) -> list[list[tuple[float, float]]]:
-    """Return the free stretches [s] of each decay, in order of time.
+    """Return the free stretches [s] of each decay of a log, in order of time.
 
     Args:
-        time: Of the whole log [s], shape (n,).
-        roll: Of the whole log [rad], shape (n,).
-        spans: Its decays, from their turning points.
-        period: Of the joint [s], roughly.
+        time: [s], shape (n,).
+        roll: [rad], shape (n,).
+        spans: Decays, from their turning points.
+        period: Rough period of the joint [s].
     """
     widest = max((span.segment.size for span in spans), default=1.0)
     roll, sizes = roll / widest, [span.segment.size / widest for span in spans]
@@ -180,10 +180,9 @@ def _stretches(
     span: Span, free: npt.NDArray[np.bool_], late: Array, step: float, lag: int
 ) -> list[tuple[float, float]]:
     """Return the free stretches of one decay [s]; a hand acts for `late` [rad] before it shows, shape (n,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], free, [False])).astype(np.int8))).reshape(-1, 2)
     radian = 2 * lag * step / math.pi
     found: list[tuple[float, float]] = []
-    for first, last in edges.tolist():
+    for first, last in runs(free).tolist():
         whole = first == 0 or (span.let_go and not found)
         begin = span.begin if whole else span.begin + first * step + late[first] * radian
         end = span.begin + (last + 3 * lag) * step - late[last - 1] * radian

@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
-from sysid.noise.sensor import difference_noise, quantisation_step
+from sysid.noise.sensor import difference_noise, quantisation_step, runs
 from sysid.roll import Array, Signal
 
 SMOOTHING_REACH = 0.25
@@ -163,10 +163,7 @@ def _without_slow_turns(signal: SmoothedSignal, swings: list[HalfCycle]) -> list
         shrinking = one.way * other.way < 0 and other.size < 0.8 * one.size
         longest = (2.2 if shrinking else 1.5) * min(one.duration, other.duration)
         if one.to_plateau and pause < longest:
-            swings[i], swings[i + 1] = (
-                replace(swings[i], to_plateau=False),
-                replace(other, from_plateau=False),
-            )
+            swings[i : i + 2] = replace(swings[i], to_plateau=False), replace(other, from_plateau=False)
     return swings
 
 
@@ -202,9 +199,8 @@ def _plateaus(roll: Array, step: float, quickness: float) -> tuple[tuple[int, in
     half = min(max(1, round(0.5 / quickness)), len(roll))
     padded = np.pad(roll, half, mode="edge")
     still = np.abs(padded[2 * half :] - padded[: -2 * half]) < step
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
     pieces: list[tuple[int, int]] = []
-    for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for first, end in runs(still).tolist():
         while first < end:  # a slow hand creeps: cut the stretch after too long a way
             part = roll[first:end]
             span = np.maximum.accumulate(part) - np.minimum.accumulate(part)

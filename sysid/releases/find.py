@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.errors import SysidError
+from sysid.noise.sensor import runs
 from sysid.releases.chains import MANY, STILL, Segment, free_segments, half_period_of
 from sysid.releases.contact import Span, free_stretches
 from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
@@ -80,13 +81,12 @@ def _let_go_at(roll: Roll, times: Sequence[float]) -> list[Release]:
 def _where_free(roll: Roll) -> list[Release]:
     """Return the free decays in the parts of a log that a column marks as free."""
     assert roll.free is not None
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], roll.free, [False])).astype(np.int8)))
     found: list[Release] = []
     trouble = SysidError(
         f"{roll.log}: the joint is never free for {FEWEST_SAMPLES} samples: a motor or a brake acts. Release it, or mark the free "
         "part (--release)."
     )
-    for first, last in edges.reshape(-1, 2).tolist():
+    for first, last in runs(roll.free).tolist():
         if last - first < FEWEST_SAMPLES:
             continue
         try:
@@ -99,11 +99,7 @@ def _where_free(roll: Roll) -> list[Release]:
 
 
 def _found(roll: Roll, *, begins_free: bool = False) -> list[Release]:
-    """Return the free decays of a log, at least one.
-
-    Args:
-        begins_free: Whether the log begins with the joint free; else a single swing without a rest is a hand's.
-    """
+    """Return the free decays of a log; unless it begins with the joint free, a single swing without a rest is a hand's."""
     std = float(np.nan_to_num(np.median(roll.std), posinf=0.0))
     signal = smooth_signal(roll.time, roll.roll, std)
     swings = half_cycles_of(signal)
@@ -130,8 +126,8 @@ def _found(roll: Roll, *, begins_free: bool = False) -> list[Release]:
         segments = [Segment((first,), first.target, False, later[0] if later else None)]
     elif begins_free and segments[0].swings[0] in later[:1] and not first.to_plateau:  # a late time cuts it
         segments[0] = replace(segments[0], swings=(first, *segments[0].swings))
-    decays = _free(roll, signal, segments, begins_free=begins_free)
-    found = [one for one in decays if len(one.time) >= FEWEST_SAMPLES]
+    found = _free(roll, signal, segments, begins_free=begins_free)
+    found = [one for one in found if len(one.time) >= FEWEST_SAMPLES]
     if not found:
         raise SysidError(
             f"{roll.log}: it moves, but no stretch swings freely to rest. Give the times at which the deck "
@@ -143,11 +139,7 @@ def _found(roll: Roll, *, begins_free: bool = False) -> list[Release]:
 def _free(
     roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment], *, begins_free: bool
 ) -> list[Release]:
-    """Return the decays of all segments, in order of time.
-
-    Args:
-        begins_free: Whether no hand acts in the first decay if none holds it.
-    """
+    """Return the decays of all segments, in order of time; if the log begins free, the first one has no hand unless one holds it."""
     if not segments:
         return []
     # A push makes the first swing longer.
@@ -190,20 +182,21 @@ def _pulled(signal: SmoothedSignal, segment: Segment, begin: float, period: floa
 
 def _swings_in(signal: SmoothedSignal, segment: Segment, begin: float, end: float) -> bool:
     """Whether a joint swings at least twice between two times [s]."""
-    inside = [
-        one for one in segment.swings if begin < signal.time[one.reached] and signal.time[one.left] < end
-    ]
-    return len(inside) > 1 and inside[0].size > STILL * segment.size
+    time = signal.time
+    inside = [one.size for one in segment.swings if begin < time[one.reached] and time[one.left] < end]
+    return len(inside) > 1 and inside[0] > STILL * segment.size
 
 
 def _rested(signal: SmoothedSignal, segment: Segment, begin: float, stop: float) -> float:
     """Return the end of a decay [s]: soon after it settles."""
     if not segment.settles:
         return stop
-    first, last = segment.swings[0].left, segment.swings[-1].reached
-    settled, leaves = settled_between(
-        signal, last, int(np.searchsorted(signal.time, stop)), segment.size, first
+    first, last, until = (
+        segment.swings[0].left,
+        segment.swings[-1].reached,
+        np.searchsorted(signal.time, stop),
     )
+    settled, leaves = settled_between(signal, last, int(until), segment.size, first)
     tail = max(4.0 * segment.pace, 0.5 * (settled - begin))
     if segment.after is not None:  # a hand acts before its motion shows
         leaves -= max(0.5 * segment.pace, 0.25 * (leaves - settled))
@@ -227,7 +220,7 @@ def _release(roll: Roll, signal: SmoothedSignal, span: Span, begin: float, finis
     """Cut one free decay out of the log, between two times [s] of a span."""
     segment = span.segment
     hold = span.hold if begin == span.begin else 0.0
-    last = signal.roll[within(signal.time, finish - segment.half_period, finish)]
+    last = signal.roll[within(signal.time, finish - half_period_of(segment.pace), finish)]
     quiet = max(STILL * segment.size / 2, 2.5 * signal.noise)
     end: Literal["rest", "caught", "log"] = "caught"
     if (segment.settles and finish == span.end) or (len(last) and float(np.std(last)) < quiet):
@@ -252,11 +245,7 @@ def within(time: Array, begin: float, end: float) -> slice:
 
 
 def _let_go(signal: SmoothedSignal, segment: Segment, moved: int) -> tuple[float, float]:
-    """Return the time of the release and the duration of the hold before [s].
-
-    Args:
-        moved: Grid index at which the decay before it swung; 0 without one.
-    """
+    """Return the time of the release and the duration of the hold before [s], which begins after grid index `moved`."""
     swing = segment.swings[0]
     moved = moved if moved < swing.left else 0
     width = max(5, round(0.25 * segment.pace / float(signal.time[1] - signal.time[0])))
@@ -295,11 +284,7 @@ def _onset(signal: SmoothedSignal, swing: HalfCycle, level: float) -> float:
 def settled_between(
     signal: SmoothedSignal, reached: int, stop: int, amplitude: float, swung: int = 0
 ) -> tuple[float, float]:
-    """Return begin and end [s] of the rest around the first stay after index `reached`.
-
-    Args:
-        swung: Index at which its swings begin.
-    """
+    """Return begin and end [s] of the rest around the first stay after index `reached`, of swings that begin at index `swung`."""
     stays = [(first, last) for first, last in signal.plateaus if last > reached and first < stop]
     first, last = stays[0] if stays else (reached, stop)
     first, last = max(first, reached), min(last, stop)

@@ -60,9 +60,8 @@ def settling_time(release: Release) -> float:
         return float(release.time[-1])
     signal = smoothed(release)
     swings = half_cycles_of(signal)
-    return settled_between(
-        signal, swings[-1].reached if swings else 0, len(signal.time) - 1, release.amplitude
-    )[0]
+    last = swings[-1].reached if swings else 0
+    return settled_between(signal, last, len(signal.time) - 1, release.amplitude)[0]
 
 
 def _between(
