@@ -158,9 +158,14 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
         one_sided = len({release.side for release in releases}) == 1
         doubts += period_warnings(decay.trace.omega_n, board, log=log)
         doubts += record_warnings(decay.numbers, board, log=log, linear=decay.linear, one_sided=one_sided)
+    shares = (
+        f"{one.path}: {100 * used:.1f} % of the log is free decay. Is a release missing? Mark it with --release"
+        for one in recordings
+        if (used := one.used) < SMALL_SHARE
+    )
     return replace(
         decay,
-        warnings=(*reading_warnings(recordings), *_shares(recordings), *weak, *doubts),
+        warnings=(*reading_warnings(recordings), *shares, *weak, *doubts),
         recordings=recordings,
         board=None if board is None else board.name,
     )
@@ -184,7 +189,9 @@ def _judged(releases: Sequence[Release], trace: TraceFit, inertia: Quantity) -> 
     """Return the result of a fit."""
     floor = sensor_noise(trace)
     steady, rests, noise = _rest_angles(releases, trace, floor)
-    levels = [_with_zero(rest, release) for rest, release in zip(rests, releases, strict=True)]
+    # The sensor's zero drifts between releases.
+    zeros = [float(np.median(one.std)) if one.zero == "drifting" else 0.0 for one in releases]
+    levels = [replace(one, std=math.hypot(one.std, zero)) for one, zero in zip(rests, zeros, strict=True)]
     trace, judgement = judged(trace, floor, steady, levels if trace.signal == "roll" else [])
     numbers, others = _numbers(trace, inertia, f"whole trace of {count(len(releases), 'release')}")
     peaks = [
@@ -308,22 +315,6 @@ def _rest_angles(
         rests.append(Quantity(float(coefficients[2]), std, "rad", "integrated rate"))
         steady.append(replace(release, roll=roll, rest=float(coefficients[2])))
     return steady, rests, math.sqrt(variance)
-
-
-def _with_zero(rest: Quantity, release: Release) -> Quantity:
-    """Return a rest angle [rad] with the drift of the sensor's zero between releases in its standard deviation."""
-    zero = float(np.median(release.std)) if release.zero == "drifting" else 0.0
-    return replace(rest, std=math.hypot(rest.std, zero))
-
-
-def _shares(recordings: Sequence[Recording]) -> list[str]:
-    """Return a warning for each log with little free decay."""
-    shares = [(recording.path, recording.used) for recording in recordings]
-    return [
-        f"{path}: {100 * share:.1f} % of the log is free decay. Is a release missing? Mark it with --release"
-        for path, share in shares
-        if share < SMALL_SHARE
-    ]
 
 
 def _warnings(decay: FreeDecay) -> list[str]:

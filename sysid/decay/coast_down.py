@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from sysid.decay.linear_fit import FittedTrace, TraceFit
-from sysid.decay.trace import Trace, traces_of
+from sysid.decay.trace import traces_of
 from sysid.noise.sensor import BEST_SENSOR
 from sysid.noise.whiteness import lag_one
 from sysid.quantity import Quantity, t95
@@ -47,17 +47,6 @@ def _coasting(time: Array, p: Array, *, rate: bool) -> Array:
     return place + math.copysign(1.0, speed) * way
 
 
-def _first_guess(traces: Sequence[Trace], *, rate: bool) -> Array:
-    """Return a start for β, c and first speed and offset of each trace, shape (2 + 2n,)."""
-    start = [1.0 / (traces[0].time[-1] - traces[0].time[0]), 0.0]
-    for trace in traces:
-        first = slice(0, max(5, len(trace.time) // 20))
-        slope = float(np.polyfit(trace.time[first], trace.measured[first], 1)[0])
-        start += [float(np.median(trace.measured[first])), 0.0] if rate else [slope, float(trace.measured[0])]
-    start[1] = abs(start[2]) * start[0]
-    return np.array(start)
-
-
 def fit_coast_down(releases: Sequence[Release]) -> tuple[TraceFit, dict[str, Quantity]]:
     """Fit one damping and one friction to all releases together, each with its own speed and place or offset.
 
@@ -69,7 +58,13 @@ def fit_coast_down(releases: Sequence[Release]) -> tuple[TraceFit, dict[str, Qua
 
     traces, signal = traces_of(releases)
     rate = signal == "rate"
-    begin = _first_guess(traces, rate=rate)
+    start = [1.0 / (traces[0].time[-1] - traces[0].time[0]), 0.0]
+    for trace in traces:
+        first = slice(0, max(5, len(trace.time) // 20))
+        slope = float(np.polyfit(trace.time[first], trace.measured[first], 1)[0])
+        start += [float(np.median(trace.measured[first])), 0.0] if rate else [slope, float(trace.measured[0])]
+    start[1] = abs(start[2]) * start[0]
+    begin = np.array(start)
     least = np.full(len(begin), -np.inf)
     least[:2] = 1e-6 * begin[0], 0.0
 

@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from textwrap import wrap
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from sysid.decay.numbers import NUMBERS
@@ -60,12 +60,11 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
             if decay.slides
             else "k and d need the roll inertia I: k = I ω_n², d = 2 ζ ω_n I (husky-sysid inertia)"
         )
-    return "\n".join(part for line in lines for part in _wrapped(line, width))
-
-
-def _wrapped(line: str, width: int) -> list[str]:
-    """Return a line in parts of at most `width` characters; a table as it is."""
-    return [line] if "\n" in line else wrap(line, width, break_long_words=False, break_on_hyphens=False)
+    narrow = (
+        line if "\n" in line else fill(line, width, break_long_words=False, break_on_hyphens=False)
+        for line in lines
+    )
+    return "\n".join(narrow)
 
 
 def equation(decay: "FreeDecay") -> str:

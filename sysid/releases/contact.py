@@ -43,18 +43,9 @@ class Span:
     """Whether a hand ends it."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Law:
-    """A law between three angles a quarter of a period apart, in units of the widest swing."""
-
-    gains: Array
-    """α, -β, γ and κ, shape (4,)."""
-    noise: float
-    """Noise of the missing torque, as a shift of the rest angle."""
-
-    def missing(self, angles: Array) -> Array:
-        """Return the missing torque as a shift of the angle, shape (n,), of the three angles, shape (n, 3)."""
-        return (angles[:, 0] - _causes(angles) @ self.gains) / (1 - self.gains[0] - self.gains[1])
+_Law = tuple[Array, float]
+"""A law between three angles a quarter of a period apart: α, -β, γ and κ, shape (4,), and the noise of the missing torque, as a shift of
+the rest angle; angles in units of the widest swing."""
 
 
 def _causes(angles: Array) -> Array:
@@ -136,7 +127,7 @@ def _learned(
     gains = min(laws, key=itemgetter(0))[1]  # by BIC
     alpha, minus = gains[:2].tolist()
     spring = 1 - alpha - minus
-    return _Law(gains, noise * math.hypot(1, alpha, minus) / spring) if minus < 0 < spring else None
+    return (gains, noise * math.hypot(1, alpha, minus) / spring) if minus < 0 < spring else None
 
 
 def _free(
@@ -147,7 +138,8 @@ def _free(
     Neighbouring means share most of their torque: a quarter of a period counts as one. If the decay begins with the joint alone, its law
     misses no more of a small swing than of a wide one before. A torque p for the phase φ adds p φ³ / 6π to the mean.
     """
-    shift = law.missing(table)
+    gains, noise = law
+    shift = (table[:, 0] - _causes(table) @ gains) / (1 - gains[0] - gains[1])
     # The rest is the median of the shift, with the square of the motion as weights. A long hold has hardly any weight.
     order = np.argsort(shift)
     moving = np.cumsum((np.ptp(table, axis=1) ** 2 * free)[order])
@@ -156,15 +148,15 @@ def _free(
     swing, shift = sliding_window_view(wide, 2 * lag + 1).max(axis=1)[:, None], shift - rest
     known = (ERRORS * size) ** 2
     if let_go:
-        power = np.convolve(shift**2, np.ones(lag) / lag, "same") - law.noise**2
+        power = np.convolve(shift**2, np.ones(lag) / lag, "same") - noise**2
         before = np.concatenate((np.zeros(4 * lag), np.maximum.accumulate(power)))[: len(power)]
         known = np.maximum(known, before[:, None])
-    small, large = law.noise**2 + np.minimum(known, swing**2) + 1e-300, law.noise**2 + swing**2 + 1e-300
+    small, large = noise**2 + np.minimum(known, swing**2) + 1e-300, noise**2 + swing**2 + 1e-300
     own, hand = (-0.5 * shift[:, None] ** 2 / power - 0.5 * np.log(power) for power in (small, large))
-    gains, price = (own - hand) / lag, math.log(max(len(shift) / lag, 2.0))
+    odds, price = (own - hand) / lag, math.log(max(len(shift) / lag, 2.0))
     lead, best = np.full(len(ERRORS), price), np.full(len(ERRORS), hand.sum() / lag)
-    leads = np.empty_like(gains)
-    for i, gain in enumerate(gains):
+    leads = np.empty_like(odds)
+    for i, gain in enumerate(odds):
         best += np.maximum(lead - price, 0)
         lead = np.minimum(np.maximum(lead, -price), price) + gain
         leads[i] = lead
