@@ -44,8 +44,8 @@ class Span:
 
 
 _Law = tuple[Array, float]
-"""A law between three angles a quarter of a period apart: α, -β, γ and κ, shape (4,), and the noise of the missing torque, as a shift of
-the rest angle; angles in units of the widest swing."""
+"""A law between three angles a quarter of a period apart, in units of the widest swing. First its α, -β, γ and κ, shape (4,). Then the
+noise of the missing torque, as a shift of the rest angle."""
 
 
 def _causes(angles: Array) -> Array:

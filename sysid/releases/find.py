@@ -22,8 +22,8 @@ from sysid.text import display
 
 FEWEST_SAMPLES = 8
 """Fewest samples of a decay."""
-COARSE = 0.5
-"""Largest step between neighbours over the range of the motion: larger ones mean too few samples (a sine with six a period)."""
+COARSE = math.sin(math.pi / 6)
+"""Largest step between neighbours, over the range of the motion, of a sine with six samples a period; fewer samples are too few."""
 SLOWER = (5.0, 25.0)
 """Ratios of the speed of a kick to that of the joint, tried if nothing swings at the pace of the fastest motion."""
 SETS_OFF = 0.25
