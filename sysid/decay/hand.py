@@ -34,7 +34,8 @@ def without_hand(
     while True:
         changes = [_change(one, fit) for one in fit.releases]
         evidence = sum(max(gain, 0.0) for _, gain, _ in changes)
-        if evidence <= max([SURE, *(laws[name].share / laws[name].std for name in TORQUES)]) ** 2 - SURE**2:
+        rival = max([SURE, *(laws[name].share / laws[name].std for name in TORQUES)]) ** 2 - SURE**2
+        if not evidence > rival:
             return releases, fit
         cut = [
             replace(release[release.time < time], end="caught") if gain > 0 else release
@@ -64,7 +65,7 @@ def _change(one: FittedTrace, fit: TraceFit) -> tuple[float, float, float]:
     def from_each_on(values: Array) -> Array:
         return np.cumsum(values[::-1], axis=0)[::-1]
 
-    size = np.sqrt(from_each_on(moves**2)) + 1e-300
+    size = np.sqrt(from_each_on(moves**2)) + 1e-100  # its square is not zero yet
     shared = from_each_on(orthogonal[:, :, None] * moves[:, None, :])
     own = from_each_on(moves[:, :, None] * moves[:, None, :]) - np.swapaxes(shared, 1, 2) @ shared
     own = own / (size[:, :, None] * size[:, None, :]) + 1e-9 * np.eye(2)

@@ -240,7 +240,7 @@ def _release(roll: Roll, signal: SmoothedSignal, span: Span, begin: float, finis
 
 
 def within(time: Array, begin: float, end: float) -> slice:
-    """Return the samples from one time to another [s]: a view of them, however many releases a log has."""
+    """Return the samples from one time to another [s], of times of shape (n,): a view, however many releases a log has."""
     return slice(int(np.searchsorted(time, begin)), int(np.searchsorted(time, end, side="right")))
 
 
