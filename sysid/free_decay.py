@@ -14,19 +14,21 @@ from sysid.board import Board
 from sysid.decay import report as decay_report
 from sysid.decay.coast_down import fit_coast_down, spins_down
 from sysid.decay.doubt import ABOVE_NOISE, Judgement, judged, sensor_noise
-from sysid.decay.linear_fit import TraceFit, decay_basis, fit_traces, rates
+from sysid.decay.hand import without_hand
+from sysid.decay.linear_fit import TraceFit, fit_traces, project
 from sysid.decay.numbers import DecayNumbers as DecayNumbers
 from sysid.decay.numbers import decay_from_peaks as decay_from_peaks
 from sysid.decay.numbers import decay_numbers, without
 from sysid.decay.peaks import Peak, find_peaks
 from sysid.decay.peaks import log_decrement_two_peaks as log_decrement_two_peaks
 from sysid.decay.plausibility import amplitude_warnings, period_warnings, record_warnings
+from sysid.decay.trace import Trace
 from sysid.errors import SysidError
 from sysid.noise.floor import NoiseFloor
 from sysid.noise.sensor import BEST_SENSOR
 from sysid.quantity import SURE, Z95, Quantity, t95
 from sysid.recording import Data, Recording, reading_warnings, unpack
-from sysid.roll import Array, Release, shown
+from sysid.roll import Release, shown
 from sysid.shown import Shown
 from sysid.text import WIDTH, Display, count, display, quantity_frame
 
@@ -156,9 +158,14 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
         one_sided = len({release.side for release in releases}) == 1
         doubts += period_warnings(decay.trace.omega_n, board, log=log)
         doubts += record_warnings(decay.numbers, board, log=log, linear=decay.linear, one_sided=one_sided)
+    shares = (
+        f"{one.path}: {100 * used:.1f} % of the log is free decay. Is a release missing? Mark it with --release"
+        for one in recordings
+        if (used := one.used) < SMALL_SHARE
+    )
     return replace(
         decay,
-        warnings=(*reading_warnings(recordings), *_shares(recordings), *weak, *doubts),
+        warnings=(*reading_warnings(recordings), *shares, *weak, *doubts),
         recordings=recordings,
         board=None if board is None else board.name,
     )
@@ -166,14 +173,25 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
 
 def _fitted(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
     """Fit one law with a restoring torque to all releases together."""
-    trace = fit_traces(releases)
-    if max(release.amplitude for release in releases) > PENDULUM and not releases[0].slides:
-        other = fit_traces(releases, "pendulum", near=trace)
-        trace = other if other.noise < trace.noise else trace
+    trace = _law_of(releases)
     _refuse_nonsense(releases, trace)
+    decay = _judged(releases, trace, inertia)
+    free, fit = without_hand(releases, trace, _law_of)
+    if fit is trace:
+        return decay
+    other = _judged(free, fit, inertia)
+    # A hand that leaves another law may be that law.
+    to_noise = other.judgement.over_noise < ABOVE_NOISE and (other.linear or decay.linear)
+    return other if to_noise else decay
+
+
+def _judged(releases: Sequence[Release], trace: TraceFit, inertia: Quantity) -> FreeDecay:
+    """Return the result of a fit."""
     floor = sensor_noise(trace)
     steady, rests, noise = _rest_angles(releases, trace, floor)
-    levels = [_with_zero(rest, release) for rest, release in zip(rests, releases, strict=True)]
+    # The sensor's zero drifts between releases.
+    zeros = [float(np.median(one.std)) if one.zero == "drifting" else 0.0 for one in releases]
+    levels = [replace(one, std=math.hypot(one.std, zero)) for one, zero in zip(rests, zeros, strict=True)]
     trace, judgement = judged(trace, floor, steady, levels if trace.signal == "roll" else [])
     numbers, others = _numbers(trace, inertia, f"whole trace of {count(len(releases), 'release')}")
     peaks = [
@@ -194,6 +212,14 @@ def _fitted(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
         floor=floor,
         others=others,
     )
+
+
+def _law_of(releases: Sequence[Release]) -> TraceFit:
+    """Return the fit of a spring, or of a pendulum if the joint swings wide and the residual is then smaller."""
+    trace = fit_traces(releases)
+    if max(release.amplitude for release in releases) <= PENDULUM or releases[0].slides:
+        return trace
+    return min(trace, fit_traces(releases, "pendulum", near=trace), key=lambda fit: fit.noise)
 
 
 def _spun_down(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
@@ -282,37 +308,13 @@ def _rest_angles(
         drift = fitted.level if release.measured == "rate" else 0.0
         roll = release.roll - drift * (release.time - release.time[0])
         begin = int(np.searchsorted(release.time, fitted.trace.time[0]))
-        rest, std, residual = _level(release.time[begin:], roll[begin:], trace)
+        integrated = Trace(release.time[begin:], roll[begin:], np.ones(len(roll) - begin))
+        _, residual, _, coefficients, inverse = project(integrated, trace.poles)
         variance += float(np.mean(residual**2)) / len(releases)
-        rests.append(Quantity(rest, std, "rad", "integrated rate"))
-        steady.append(replace(release, roll=roll, rest=rest))
+        std = float(np.std(residual)) * math.sqrt(inverse[2, 2])
+        rests.append(Quantity(float(coefficients[2]), std, "rad", "integrated rate"))
+        steady.append(replace(release, roll=roll, rest=float(coefficients[2])))
     return steady, rests, math.sqrt(variance)
-
-
-def _with_zero(rest: Quantity, release: Release) -> Quantity:
-    """Return a rest angle [rad] with the drift of the sensor's zero between releases in its standard deviation."""
-    zero = float(np.median(release.std)) if release.zero == "drifting" else 0.0
-    return replace(rest, std=math.hypot(rest.std, zero))
-
-
-def _level(time: Array, roll: Array, trace: TraceFit) -> tuple[float, float, Array]:
-    """Return the rest angle of an integrated rate, its std and the residual, for known poles."""
-    u, v = decay_basis(time - time[0], *rates(trace.poles))
-    basis = np.column_stack([u, v, np.ones_like(time)])
-    inverse = np.asarray(np.linalg.pinv(basis), dtype=np.float64)
-    coefficients = inverse @ roll
-    residual = roll - basis @ coefficients
-    return float(coefficients[2]), float(np.std(residual)) * float(np.linalg.norm(inverse[2])), residual
-
-
-def _shares(recordings: Sequence[Recording]) -> list[str]:
-    """Return a warning for each log with little free decay."""
-    shares = [(recording.path, recording.used) for recording in recordings]
-    return [
-        f"{path}: {100 * share:.1f} % of the log is free decay. Is a release missing? Mark it with --release"
-        for path, share in shares
-        if share < SMALL_SHARE
-    ]
 
 
 def _warnings(decay: FreeDecay) -> list[str]:

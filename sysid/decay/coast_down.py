@@ -7,12 +7,13 @@ A pure exponential is also the return of an overdamped spring. The angle decides
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from sysid.decay.linear_fit import FittedTrace, TraceFit
-from sysid.decay.trace import Trace, traces_of
-from sysid.least_squares import Normal, minimise
+from sysid.decay.trace import traces_of
+from sysid.noise.sensor import BEST_SENSOR
 from sysid.noise.whiteness import lag_one
 from sysid.quantity import Quantity, t95
 from sysid.roll import Array, Release
@@ -46,17 +47,6 @@ def _coasting(time: Array, p: Array, *, rate: bool) -> Array:
     return place + math.copysign(1.0, speed) * way
 
 
-def _first_guess(traces: Sequence[Trace], *, rate: bool) -> Array:
-    """Return a start for β, c and first speed and offset of each trace, shape (2 + 2n,)."""
-    start = [1.0 / (traces[0].time[-1] - traces[0].time[0]), 0.0]
-    for trace in traces:
-        first = slice(0, max(5, len(trace.time) // 20))
-        slope = float(np.polyfit(trace.time[first], trace.measured[first], 1)[0])
-        start += [float(np.median(trace.measured[first])), 0.0] if rate else [slope, float(trace.measured[0])]
-    start[1] = abs(start[2]) * start[0]
-    return np.array(start)
-
-
 def fit_coast_down(releases: Sequence[Release]) -> tuple[TraceFit, dict[str, Quantity]]:
     """Fit one damping and one friction to all releases together, each with its own speed and place or offset.
 
@@ -64,9 +54,17 @@ def fit_coast_down(releases: Sequence[Release]) -> tuple[TraceFit, dict[str, Qua
         The fit, with the poles of a spring too weak to be seen. β [1/s] and c [rad/s²] under their names; correlated residuals widen
         their intervals.
     """
+    from scipy.optimize import least_squares
+
     traces, signal = traces_of(releases)
     rate = signal == "rate"
-    begin = _first_guess(traces, rate=rate)
+    start = [1.0 / (traces[0].time[-1] - traces[0].time[0]), 0.0]
+    for trace in traces:
+        first = slice(0, max(5, len(trace.time) // 20))
+        slope = float(np.polyfit(trace.time[first], trace.measured[first], 1)[0])
+        start += [float(np.median(trace.measured[first])), 0.0] if rate else [slope, float(trace.measured[0])]
+    start[1] = abs(start[2]) * start[0]
+    begin = np.array(start)
     least = np.full(len(begin), -np.inf)
     least[:2] = 1e-6 * begin[0], 0.0
 
@@ -80,35 +78,30 @@ def fit_coast_down(releases: Sequence[Release]) -> tuple[TraceFit, dict[str, Qua
         pairs = zip(traces, modelled(p), strict=True)
         return np.concatenate([trace.weight * (trace.measured - model) for trace, model in pairs])
 
-    def evaluate(p: Array) -> Normal:
-        here = residuals(p)
-        steps = 1e-5 * np.maximum(np.abs(p), 1e-2 * np.abs(begin).max())
-        moved = (residuals(p + step * unit) for step, unit in zip(steps, np.eye(len(p)), strict=True))
-        jacobian = np.column_stack([(there - here) / step for there, step in zip(moved, steps, strict=True)])
-        return Normal(0.5 * float(here @ here), jacobian.T @ here, jacobian.T @ jacobian)
-
-    best = minimise(evaluate, begin, least, np.full(len(begin), np.inf), iterations=200, tolerance=1e-12)
-    left = residuals(best.point)
-    free = max(len(left) - len(best.point), 1)
-    rho = lag_one(np.split(left, np.cumsum([len(trace.time) for trace in traces])[:-1]))
-    variance = 2 * best.normal.cost / free
-    inverse = np.asarray(np.linalg.pinv(best.normal.hessian), dtype=np.float64)
+    scale = np.maximum(np.abs(begin), 1e-2 * np.abs(begin).max())
+    best: Any = least_squares(residuals, begin, bounds=(least, np.inf), x_scale=scale, xtol=1e-12, ftol=1e-12)
+    point: Array = best.x
+    free = max(len(best.fun) - len(point), 1)
+    rho = lag_one(np.split(best.fun, np.cumsum([len(trace.time) for trace in traces])[:-1]))
+    variance = 2 * float(best.cost) / free
+    inverse = np.asarray(np.linalg.pinv(best.jac.T @ best.jac), dtype=np.float64)
     std = np.sqrt(np.diag(inverse) * variance * (1 + rho) / (1 - rho))
     spread = sum(float(np.var(trace.measured)) * len(trace.measured) for trace in traces)
+    finest = BEST_SENSOR * max(float(np.ptp(trace.measured)) for trace in traces)
     weak = 2 * math.log(100 * max(float(trace.time[-1] - trace.time[0]) for trace in traces))
-    levels = [float(best.point[3 + 2 * i] if rate else trace.measured[-1]) for i, trace in enumerate(traces)]
+    levels = [float(point[3 + 2 * i] if rate else trace.measured[-1]) for i, trace in enumerate(traces)]
     parts = [
         FittedTrace(trace, model, np.array([0.0, 0.0, level]), 0.0)
-        for trace, model, level in zip(traces, modelled(best.point), levels, strict=True)
+        for trace, model, level in zip(traces, modelled(point), levels, strict=True)
     ]
     fit = TraceFit(
-        poles=np.array([weak, best.point[0] * math.exp(weak)]), covariance=np.eye(2), white_covariance=np.eye(2),
-        degrees_of_freedom=free, noise=math.sqrt(variance), correlation=rho, explained=1 - variance * free / spread,
+        poles=np.array([weak, point[0] * math.exp(weak)]), covariance=np.eye(2), white_covariance=np.eye(2),
+        degrees_of_freedom=free, noise=max(math.sqrt(variance), finest), correlation=rho, explained=1 - variance * free / spread,
         signal=signal, releases=tuple(parts), law="none",
     )  # fmt: skip
     half = t95(free) * std
     values = {"damping_over_inertia": "1/s", "friction_over_inertia": "rad/s^2"}
     return fit, {
         name: Quantity(float(value), float(s), unit, "coast-down", (float(value - h), float(value + h)))
-        for (name, unit), value, s, h in zip(values.items(), best.point, std, half, strict=False)
+        for (name, unit), value, s, h in zip(values.items(), point, std, half, strict=False)
     }

@@ -23,6 +23,7 @@ from sysid.decay.linear_fit import (
 )
 from sysid.noise.floor import NoiseFloor, local_noise
 from sysid.noise.lasting import PER_PERIOD
+from sysid.noise.sensor import BEST_SENSOR
 from sysid.noise.whiteness import lag_one
 from sysid.quantity import SURE, Z95, Quantity
 from sysid.roll import Array, Release
@@ -100,7 +101,7 @@ class Judgement:
 
 def sensor_noise(fit: TraceFit) -> NoiseFloor:
     """Return the noise of the fitted signal: its scatter about a law that may change from swing to swing."""
-    stated = max(one.trace.known_std for one in fit.releases)
+    stated = max(max(one.trace.known_std, BEST_SENSOR * np.ptp(one.trace.measured)) for one in fit.releases)
     floor = local_noise([(one.trace.time, one.residual) for one in fit.releases], fit.poles)
     timed = [0.0]
     for one in fit.releases:
@@ -150,9 +151,7 @@ def judged(
         status, reason = "cannot tell", "the intervals are as wide as the numbers"
     else:
         status, reason = "linear", ""
-    if (
-        fit.damping_ratio >= 1
-    ):  # without a swing, dry friction and a nonlinear law look like another rest angle
+    if fit.damping_ratio >= 1:  # without a swing, friction and a nonlinear law look like another rest angle
         open_ones = sum((one.left_open**2 for one in others if one.name in TORQUES), np.zeros(2))
         fit = replace(fit, covariance=fit.covariance + np.diag(open_ones * [4.0, float(fit.poles[1]) ** 2]))
     return fit, Judgement(status, reason, ratio, wider, tuple(seen))
@@ -168,9 +167,7 @@ def _with_scale(fit: TraceFit, releases: Sequence[Release], cubic: SecondLaw) ->
 def to_logs(fit: TraceFit) -> Array:
     """Return the derivatives of (ln ω_n, ln ζ) by (ln m [1], τ [s]), shape (2, 2); beyond critical damping of (ln ω_n, ln d/k)."""
     tau = float(fit.poles[1]) or 1e-12
-    return np.array(
-        [[-0.5, 0.0], [-0.5, 1 / tau]] if fit.damping_ratio < 1 else [[-0.5, 0.0], [0.0, 1 / tau]]
-    )
+    return np.array([[-0.5, 0.0], [-0.5 if fit.damping_ratio < 1 else 0.0, 1 / tau]])
 
 
 def second_laws(fit: TraceFit) -> list[SecondLaw]:
@@ -189,17 +186,15 @@ def second_laws(fit: TraceFit) -> list[SecondLaw]:
     found: list[SecondLaw] = []
     lates = [t > t[0] + _half(one, fit) for one, (t, _, _) in zip(fit.releases, moves, strict=True)]
     for name, torque in (TORQUES | CHANGES).items():
-        answers = [
-            (
-                t,
-                _answer(
-                    one, fit, t, -widest * torque(x / widest, v / fastest) * (late if name in CHANGES else 1)
-                ),
-            )
-            for one, (t, x, v), late in zip(fit.releases, moves, lates, strict=True)
+        torques = [
+            widest * torque(x / widest, v / fastest) * (late if name in CHANGES else 1)
+            for (_, x, v), late in zip(moves, lates, strict=True)
         ]
         column = np.concatenate(
-            [_without_start(one, fit, *two) for one, two in zip(fit.releases, answers, strict=True)]
+            [
+                _felt(one, fit, t, pull)
+                for one, (t, *_), pull in zip(fit.releases, moves, torques, strict=True)
+            ]
         )
         beside = inverse @ column
         own = column - jacobian @ beside
@@ -209,26 +204,17 @@ def second_laws(fit: TraceFit) -> list[SecondLaw]:
         rest = residual - share * own
         rho = lag_one(np.split(rest, cuts))
         variance = float(rest @ rest) / max(len(rest) - 3 - 3 * len(parts), 1) * (1 + rho) / (1 - rho)
-        found.append(
-            SecondLaw(
-                name,
-                abs(share) if name in SIGNED else share,
-                math.sqrt(variance / power),
-                to_logs(fit) @ beside,
-            )
-        )
+        size = abs(share) if name in SIGNED else share
+        found.append(SecondLaw(name, size, math.sqrt(variance / power), to_logs(fit) @ beside))
     return found
 
 
-def _answer(one: FittedTrace, fit: TraceFit, grid: Array, torque: Array) -> Array:
-    rate = fit.signal == "rate"
-    return (one.swing.response if one.swing else partial(response, fit.poles, grid))(torque, rate=rate)
-
-
-def _without_start(one: FittedTrace, fit: TraceFit, grid: Array, answer: Array) -> Array:
-    """Return a whitened response at a trace's samples, orthogonal to amplitude, phase and rest angle, shape (n,)."""
+def _felt(one: FittedTrace, fit: TraceFit, grid: Array, torque: Array) -> Array:
+    """Return the whitened response to a torque over k [rad] on a grid [s], orthogonal to amplitude, phase and rest angle, shape (n,)."""
+    respond = one.swing.response if one.swing else partial(response, fit.poles, grid)
     basis = one.trace.whiten(columns_of(one.trace, fit.poles, one.swing, fit.signal)[1])
     orthogonal, _ = np.linalg.qr(basis / (np.linalg.norm(basis, axis=0) + 1e-300))
+    answer = respond(-torque, rate=fit.signal == "rate")
     column = one.trace.whiten(np.interp(one.trace.time, grid, answer))
     return column - orthogonal @ (orthogonal.T @ column)
 

@@ -155,14 +155,8 @@ def fit_traces(releases: Sequence[Release], law: Law = "spring", near: TraceFit 
     if 0.5 * poles[1] * math.exp(-poles[0] / 2) > OVERDAMPED:
         traces = traces_of(releases, whole=True)[0]
         # A pole that the decay does not excite may lie anywhere: of equal fits take the fastest.
-        starts = [
-            poles,
-            *(
-                np.array([2 * math.log(float(poles[1]) / (2 * zeta)), poles[1]])
-                for zeta in (1.2, 3.0, 10.0, 30.0)
-            ),
-        ]
-        found = [_search(traces, start) for start in starts]
+        masses = [2 * math.log(float(poles[1]) / (2 * zeta)) for zeta in (1.2, 3.0, 10.0, 30.0)]
+        found = [_search(traces, np.array([mass, poles[1]])) for mass in (poles[0], *masses)]
         costs = [sum(project(one, p)[0] for one in traces) for p in found]
         least = min(costs) * (1 + 4 / sum(len(one.time) for one in traces))  # two deviations
         poles = min((p for p, cost in zip(found, costs, strict=True) if cost <= least), key=lambda p: p[0])
@@ -266,9 +260,8 @@ def columns_of(trace: Trace, poles: Array, swing: Swing | None = None, signal: s
         v_by_q = -np.exp(-a * time) * time**3 / 6 if near else (time * u - v) / (2 * q)
         by_a, by_q = -time * (c * u + s * v), -c * time * v / 2 + s * v_by_q
         stiffness = math.exp(-poles[0])
-        return np.column_stack(
-            [-a * by_a + (2 * a * a - stiffness) * by_q, 0.5 * stiffness * (by_a - 2 * a * by_q)]
-        )
+        by_mass, by_tau = -a * by_a + (2 * a * a - stiffness) * by_q, 0.5 * stiffness * (by_a - 2 * a * by_q)
+        return np.column_stack([by_mass, by_tau])
 
     return np.zeros(len(time)), np.column_stack([u, v, ones]), slope
 
@@ -332,14 +325,8 @@ def _with_uncertainty(
     count = sum(len(residual) for residual in residuals)
     free = count - 2 - 3 * len(traces)
     finest = BEST_SENSOR * max(float(np.ptp(trace.measured)) for trace in traces)
-    fitted = [
-        known + basis @ part[3]
-        for part, (known, basis, _) in zip(
-            parts,
-            (columns_of(trace, poles, one, signal) for trace, one in zip(traces, near, strict=True)),
-            strict=True,
-        )
-    ]
+    columns = [columns_of(trace, poles, one, signal) for trace, one in zip(traces, near, strict=True)]
+    fitted = [known + basis @ part[3] for (known, basis, _), part in zip(columns, parts, strict=True)]
     left = [trace.weight * (trace.measured - model) for trace, model in zip(traces, fitted, strict=True)]
     noise = max(sum(float(residual @ residual) for residual in left) / free, finest**2)
     # A film's error is correlated, and the fit absorbs some of it: the variance is at least the film's own.
@@ -348,12 +335,11 @@ def _with_uncertainty(
     bread = np.asarray(np.linalg.pinv(sum((j.T @ j for j in jacobians), np.zeros((2, 2)))), dtype=np.float64)
     rho = lag_one(residuals)
     # Correlated residuals weigh less (Bartlett, 1935): the variance of a mean grows by (1+ρ)/(1-ρ).
-    covariance: Array = bread * (variance * (1 + rho) / (1 - rho))
-    spread = sum(float(np.var(trace.measured)) * len(trace.measured) for trace in traces)
     inflation = variance * (1 + rho) / (1 - rho)
+    spread = sum(float(np.var(trace.measured)) * len(trace.measured) for trace in traces)
     return TraceFit(
         poles=poles,
-        covariance=covariance,
+        covariance=bread * inflation,
         white_covariance=bread * variance,
         degrees_of_freedom=max(1.0, free * (1 - rho**2) / (1 + rho**2)),
         noise=math.sqrt(noise),

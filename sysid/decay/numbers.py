@@ -8,26 +8,29 @@ A free decay fixes ω_n and ζ only, that is k/I and d/I. The roll inertia is me
 uncertainty is part of that of k and d.
 """
 
+import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.quantity import Quantity, slide_unit, t95
 from sysid.roll import Array
 
-UNITS = {
-    "log_decrement": "1",
-    "damping_ratio": "1",
-    "period": "s",
-    "omega_d": "rad/s",
-    "omega_n": "rad/s",
-    "inertia": "kg*m^2",
-    "stiffness": "N*m/rad",
-    "damping": "N*m*s/rad",
+NUMBERS = {
+    "log_decrement": ("log decrement δ", "1"),
+    "damping_ratio": ("damping ratio ζ", "1"),
+    "period": ("period T", "s"),
+    "omega_d": ("damped frequency ω_d", "rad/s"),
+    "omega_n": ("natural frequency ω_n", "rad/s"),
+    "inertia": ("roll inertia I", "kg*m^2"),
+    "stiffness": ("stiffness k = I ω_n²", "N*m/rad"),
+    "damping": ("damping d = 2 ζ ω_n I", "N*m*s/rad"),
 }
+"""Label and unit of each number."""
 OF_JOINT = ("inertia", "stiffness", "damping")
 """Numbers with another unit if the joint slides, whose inertia is in kg."""
 
@@ -82,29 +85,29 @@ def decay_numbers(
         degrees_of_freedom: Of the noise estimate behind `covariance`; few give wider intervals (Student's t).
         method: How ω_n and ζ were obtained, for people.
     """
-    values, jacobian = _values_and_jacobian(omega_n, damping_ratio, inertia.value)
+    point = np.array([omega_n, damping_ratio, inertia.value])
+    values = _values(*point.tolist()).real
+    steps = 1e-200j * np.eye(3)  # complex steps: derivatives without rounding
+    jacobian = np.column_stack([_values(*(point + step).tolist()).imag / 1e-200 for step in steps])
     variance = np.einsum("ij,jk,ik->i", jacobian[:, :2], covariance, jacobian[:, :2])
     from_inertia = jacobian[:, 2] ** 2 * (0.0 if math.isnan(inertia.std) else inertia.std**2)
     std = np.sqrt(variance + from_inertia)
     # Student's t for the share of the decay, a normal distribution for the share of I.
     half = np.sqrt(t95(degrees_of_freedom) ** 2 * variance + t95(math.inf) ** 2 * from_inertia)
-    units = UNITS if inertia.unit != "kg" else UNITS | {n: slide_unit(UNITS[n]) for n in OF_JOINT}
-    quantities = {
-        name: Quantity(
-            float(values[i]),
-            float(std[i]),
-            unit,
-            method if name != "inertia" else inertia.method,
-            (float(values[i] - half[i]), float(values[i] + half[i])),
-        )
-        for i, (name, unit) in enumerate(units.items())
-    }
+    slides = inertia.unit == "kg"
+    quantities: dict[str, Quantity] = {}
+    for (name, (_, unit)), value, s, h in zip(
+        NUMBERS.items(), values.tolist(), std.tolist(), half.tolist(), strict=True
+    ):
+        unit = slide_unit(unit) if slides and name in OF_JOINT else unit
+        how = inertia.method if name == "inertia" else method
+        quantities[name] = Quantity(value, s, unit, how, (value - h, value + h))
     return DecayNumbers(**quantities)
 
 
 def without(numbers: DecayNumbers, names: Sequence[str], method: str) -> DecayNumbers:
     """Return the numbers without those that the decay does not fix, and with the reason in their place."""
-    gone = {name: Quantity(math.nan, math.nan, UNITS[name], method) for name in names}
+    gone = {name: Quantity(math.nan, math.nan, NUMBERS[name][1], method) for name in names}
     return replace(numbers, **gone)
 
 
@@ -142,20 +145,9 @@ def decay_from_peaks(
     return decay_numbers(omega_n, zeta, covariance, inertia, method="two peaks on the same side")
 
 
-def _values_and_jacobian(omega_n: float, zeta: float, inertia: float) -> tuple[Array, Array]:
-    """Return the eight numbers, shape (8,), and their derivatives by (ω_n, ζ, I), shape (8, 3)."""
-    root = math.sqrt(1 - zeta**2) if zeta < 1 else math.nan
-    omega_d = omega_n * root
-    period = 2 * math.pi / omega_d
-    rows = [
-        (2 * math.pi * zeta / root, 0.0, 2 * math.pi / root**3, 0.0),
-        (zeta, 0.0, 1.0, 0.0),
-        (period, -period / omega_n, period * zeta / root**2, 0.0),
-        (omega_d, root, -omega_n * zeta / root, 0.0),
-        (omega_n, 1.0, 0.0, 0.0),
-        (inertia, 0.0, 0.0, 1.0),
-        (inertia * omega_n**2, 2 * inertia * omega_n, 0.0, omega_n**2),
-        (2 * zeta * omega_n * inertia, 2 * zeta * inertia, 2 * omega_n * inertia, 2 * zeta * omega_n),
-    ]
-    table = np.array(rows)
-    return table[:, 0], table[:, 1:]
+def _values(omega_n: complex, zeta: complex, inertia: complex) -> npt.NDArray[np.complex128]:
+    """Return the eight numbers in the order of `NUMBERS`, shape (8,)."""
+    root = cmath.sqrt(1 - zeta**2) if zeta.real < 1 else math.nan
+    omega_d, stiffness, damping = omega_n * root, inertia * omega_n**2, 2 * zeta * omega_n * inertia
+    decrement, period = 2 * math.pi * zeta / root, 2 * math.pi / omega_d
+    return np.array([decrement, zeta, period, omega_d, omega_n, inertia, stiffness, damping])

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -63,7 +63,7 @@ def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, no
         if peak.amplitude < CLEAR_AMPLITUDE * peak.std:
             break
         if not peaks or number > peaks[-1].number:
-            peaks.append(Peak(number, peak.time, peak.time_std, peak.roll, peak.amplitude, peak.std))
+            peaks.append(replace(peak, number=number))
     return peaks
 
 
@@ -73,19 +73,16 @@ def log_decrement_two_peaks(peaks: Sequence[Peak], rest_std: float = 0.0) -> Qua
     If the next one is lost in noise, the peak on the other side counts: δ = 2 ln(A₁/A₂). None without a second
     peak.
     """
-    for step in (2, 1):
-        for first in peaks[:1]:
-            second = next((peak for peak in peaks if peak.number == first.number + step), None)
-            if second is None or second.amplitude >= first.amplitude:
-                continue
-            share = 2.0 / step
-            delta = share * math.log(first.amplitude / second.amplitude)
-            # An error of the rest angle has the same sign in both peaks of a side, the opposite sign else.
-            side = -1.0 if step == 2 else 1.0
-            common = (1 / first.amplitude + side / second.amplitude) * rest_std
-            own = math.hypot(first.std / first.amplitude, second.std / second.amplitude)
-            where = "the next one on the same side" if step == 2 else "the next one on the other side"
-            return Quantity(delta, share * math.hypot(own, common), "1", f"first peak and {where}")
+    for step, side, name in ((2, -1.0, "same"), (1, 1.0, "other")) if peaks else ():
+        first, second = peaks[0], next((one for one in peaks if one.number == peaks[0].number + step), None)
+        if second is None or second.amplitude >= first.amplitude:
+            continue
+        delta = 2 / step * math.log(first.amplitude / second.amplitude)
+        # An error of the rest angle has the same sign in both peaks of a side, the opposite sign else.
+        common = (1 / first.amplitude + side / second.amplitude) * rest_std
+        own = math.hypot(first.std / first.amplitude, second.std / second.amplitude)
+        std = 2 / step * math.hypot(own, common)
+        return Quantity(delta, std, "1", f"first peak and the next one on the {name} side")
     return None
 
 
@@ -103,15 +100,11 @@ def _local_peak(release: Release, index: int, rest: float, omega_n: float, noise
     """Return the extremum of a cubic through the samples about `index`."""
     width = WINDOW / omega_n
     since = release.time - release.time[index]
-    near = np.abs(since) <= width
+    near, order = np.abs(since) <= width, 3
     if np.count_nonzero(near) < 5:  # a slow sensor: the three nearest samples and their parabola
-        nearest = np.argsort(np.abs(since))[:3]
-        near = np.zeros(len(since), dtype=bool)
-        near[nearest] = True
+        near, order = np.isin(np.arange(len(since)), np.argsort(np.abs(since))[:3]), 2
         width = max(width, float(np.abs(since[near]).max()))
-    x = since[near] / width
-    order = 3 if np.count_nonzero(near) >= 5 else 2
-    powers = np.vander(x, order + 1, increasing=True)
+    powers = np.vander(since[near] / width, order + 1, increasing=True)
     inverse = np.asarray(np.linalg.pinv(powers), dtype=np.float64)
     c: Array = inverse @ release.roll[near]
     bend = 2 * c[2]

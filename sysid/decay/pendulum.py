@@ -37,13 +37,15 @@ class Swing:
 
     def seen(self, time: Array, *, rate: bool) -> tuple[Array, Array, Array]:
         """Return angle [rad] or rate [rad/s] at some times [s], shape (n,), and its derivatives by start and law, shape (n, 2) each."""
+        from scipy.interpolate import CubicHermiteSpline
+
         stiffness, tau = math.exp(-self.poles[0]), float(self.poles[1])
         bend = -stiffness * (tau * self.rate + np.sin(self.angle))
         value, slope = (self.rate, bend) if rate else (self.angle, self.rate)
         tables = (self.by_start, self.by_law)
         moved = [np.gradient(one, self.grid, axis=0) if rate else one for one in tables]
         columns = [np.column_stack([np.interp(time, self.grid, column) for column in one.T]) for one in moved]
-        return _hermite(time, self.grid, value, slope), columns[0], columns[1]
+        return CubicHermiteSpline(self.grid, value, slope)(time), columns[0], columns[1]
 
     def response(self, torque: Array, *, rate: bool) -> Array:
         """Return the response of the angle [rad], or of its rate [rad/s], to a torque over k on the grid [1], shape (m,)."""
@@ -120,13 +122,3 @@ def _solve(band: Array, sides: Array, starts: Array | None = None) -> Array:
 
     first = np.zeros((2, sides.shape[1])) if starts is None else starts
     return np.asarray(solve_banded((2, 0), band, np.vstack([first, sides])), dtype=np.float64)
-
-
-def _hermite(time: Array, grid: Array, value: Array, slope: Array) -> Array:
-    """Return a curve at some times [s], shape (n,), by cubics through its values and slopes on an even grid [s], shape (m,)."""
-    step = float(grid[1] - grid[0])
-    left = np.clip(((time - grid[0]) / step).astype(np.intp), 0, len(grid) - 2)
-    w = (time - grid[left]) / step
-    rise = value[left + 1] - value[left]
-    one, other = step * slope[left] - rise, rise - step * slope[left + 1]
-    return value[left] + w * rise + w * (1 - w) * ((1 - w) * one + w * other)

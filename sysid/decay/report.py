@@ -2,9 +2,10 @@
 
 import math
 from pathlib import Path
-from textwrap import wrap
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
+from sysid.decay.numbers import NUMBERS
 from sysid.quantity import Quantity, slide_unit
 from sysid.releases.phases import Phase, log_phases
 from sysid.text import WIDTH, count, linear_law, table
@@ -12,16 +13,6 @@ from sysid.text import WIDTH, count, linear_law, table
 if TYPE_CHECKING:
     from sysid.free_decay import FreeDecay
 
-LABELS = {
-    "log_decrement": "log decrement δ",
-    "damping_ratio": "damping ratio ζ",
-    "period": "period T",
-    "omega_d": "damped frequency ω_d",
-    "omega_n": "natural frequency ω_n",
-    "inertia": "roll inertia I",
-    "stiffness": "stiffness k = I ω_n²",
-    "damping": "damping d = 2 ζ ω_n I",
-}
 OTHERS = {
     "stiffness_over_damping": "return rate k/d",
     "damping_over_inertia": "damping d/I",
@@ -49,14 +40,13 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
             (name, f"{one.start:.3f}", size, hold, f"{one.time[-1]:.3f}", ENDS[one.end], str(len(peaks)))
         )
     head = ("release", "t [s]", "amplitude", "held", "until", "end", "peaks")
-    shown = [(name, q) for name, q in decay.numbers.items() if math.isfinite(q.value)]
-    values = [(LABELS[name], q) for name, q in shown] + [
-        (OTHERS[name], q) for name, q in decay.others.items()
-    ]
+    shown = [(NUMBERS[name][0], q) for name, q in decay.numbers.items() if math.isfinite(q.value)]
+    shown += [(OTHERS[name], q) for name, q in decay.others.items()]
+    cells = [(name, q.number, q.printed_unit) for name, q in shown]
     value = "value ± 95 %" if decay.linear else "value ± 95 %, if the law were linear"
     lines += [
         table(head, rows, width=width),
-        table(("quantity", value, "unit"), [_row(*pair) for pair in values], width=width),
+        table(("quantity", value, "unit"), cells, width=width),
         f"from the whole trace of {count(len(decay.releases), 'release')}, {decay.show.name}; {LAWS[decay.trace.law]}",
     ]
     if decay.two_peaks is not None:
@@ -70,16 +60,11 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
             if decay.slides
             else "k and d need the roll inertia I: k = I ω_n², d = 2 ζ ω_n I (husky-sysid inertia)"
         )
-    return "\n".join(part for line in lines for part in _wrapped(line, width))
-
-
-def _wrapped(line: str, width: int) -> list[str]:
-    """Return a line in parts of at most `width` characters; a table as it is."""
-    return [line] if "\n" in line else wrap(line, width, break_long_words=False, break_on_hyphens=False)
-
-
-def _row(name: str, quantity: Quantity) -> tuple[str, str, str]:
-    return name, quantity.number, quantity.printed_unit
+    narrow = (
+        line if "\n" in line else fill(line, width, break_long_words=False, break_on_hyphens=False)
+        for line in lines
+    )
+    return "\n".join(narrow)
 
 
 def equation(decay: "FreeDecay") -> str:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.noise.whiteness import covariances, fft_size
 from sysid.roll import Array
 
 _LONGEST = 60
@@ -35,29 +36,22 @@ class ResidualNoise:
     @property
     def std(self) -> float:
         """Standard deviation of one residual."""
-        if len(self.coefficients) == 0:
-            return float(np.sqrt(self.innovation))
-        return float(np.sqrt(np.mean(self._even(16384))))
+        return float(np.sqrt(self.covariances(16384)[0]))
 
     @property
     def memory(self) -> float:
         """Over how many samples residuals are correlated: 1 + 2 Σ ρ, which is 1 for white noise."""
-        even = self._even(16384)
-        return float(even[0] / np.mean(even))
+        return float(self.spectrum(16384)[0] / self.covariances(16384)[0])
 
     def covariances(self, size: int) -> Array:
         """Return the autocovariance at lags 0 to size / 2, shape (size // 2 + 1,), in the square of the signal's unit."""
         return np.fft.irfft(self.spectrum(size), size)[: size // 2 + 1]
 
-    def _even(self, size: int) -> Array:
-        half = self.spectrum(size)
-        return np.concatenate([half, half[-2:0:-1]])
-
     def applied(self, columns: Array) -> Array:
         """Return the noise's covariance times columns, shape (n, q) like them, in their unit times the square of the signal's."""
         if len(self.coefficients) == 0:
             return self.innovation * columns
-        size = _fft_size(2 * len(columns))
+        size = fft_size(2 * len(columns))
         power = self.spectrum(size)[:, None]
         return np.fft.irfft(power * np.fft.rfft(columns, size, axis=0), size, axis=0)[: len(columns)]
 
@@ -87,7 +81,7 @@ def residual_noise(
     """
     n = sum(len(r) for r in residuals)
     longest = min(_LONGEST, max(1, min(len(r) for r in residuals) // 8))
-    seen = sum((_covariances(r[:, None], r[:, None], longest) for r in residuals), np.zeros(longest + 1)) / n
+    seen = sum((covariances(r, r, longest) for r in residuals), np.zeros(longest + 1)) / n
     noise = autoregression(seen, n)
     for _ in range(_ROUNDS if directions and noise.innovation > 0 else 0):
         moved = [noise.applied(u) for u in directions or ()]
@@ -98,7 +92,7 @@ def residual_noise(
             # 2 sym(U Uᵀ R) - U (Uᵀ R U) Uᵀ, summed along its diagonals.
             own[:shared, :shared] = together
             rest = 2 * v - u @ own
-            taken += 0.5 * (_covariances(u, rest, longest) + _covariances(rest, u, longest))
+            taken += 0.5 * (covariances(u, rest, longest) + covariances(rest, u, longest))
         before, noise = noise, autoregression(seen + taken / n, n)
         if abs(noise.std / max(before.std, 1e-300) - 1) < 1e-3:
             break
@@ -128,14 +122,3 @@ def autoregression(covariances: Array, count: int) -> ResidualNoise:
         if score < best[0]:
             best = score, variance, coefficients
     return ResidualNoise(float(best[1]), best[2])
-
-
-def _covariances(left: Array, right: Array, lags: int) -> Array:
-    """Return Σ_t left[t] · right[t + lag] for lags 0 to `lags`; rows are samples."""
-    size = _fft_size(len(left) + lags + 1)
-    product = np.sum(np.conj(np.fft.rfft(left, size, axis=0)) * np.fft.rfft(right, size, axis=0), axis=1)
-    return np.fft.irfft(product, size)[: lags + 1]
-
-
-def _fft_size(count: int) -> int:
-    return 1 << (count - 1).bit_length()

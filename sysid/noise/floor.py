@@ -11,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from sysid.errors import SysidError
 from sysid.noise.sensor import divided_differences, quantisation_step
 from sysid.quantity import Z95
-from sysid.roll import Array, Release, Signal
+from sysid.roll import Array, Release
 
 _ORDER = 10
 """Order of the differences: of a motion with ten samples a period they keep 2e-5."""
@@ -95,7 +95,8 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
     Raises:
         SysidError: No release has the 18 samples that differences take.
     """
-    curves = [(_signal(release, rate=rate), release.time) for release in releases]
+    signals = [one.rate if rate and one.rate is not None else one.roll for one in releases]
+    curves = [(signal, release.time) for signal, release in zip(signals, releases, strict=True)]
     count = sum(len(time) for _, time in curves if len(time) - _ORDER >= _ENOUGH)
     if not count:
         longest = max(len(time) for _, time in curves)
@@ -108,13 +109,10 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
     for release, (signal, time) in zip(releases, curves, strict=True):
         first, middle, last = (int(share * len(signal)) for share in (0.5, 0.725, 0.95))
         if release.end == "rest" and middle - first >= 2 * _ENOUGH:
-            halves = [
-                _without_swing(signal[part], time[part])
-                for part in (slice(first, middle), slice(middle, last))
-            ]
-            quiet = min(
-                halves, key=lambda half: float(np.mean(half**2))
-            )  # noise does not fade, a last swing does
+            parts = (slice(first, middle), slice(middle, last))
+            halves = [_without_swing(signal[part], time[part]) for part in parts]
+            # Noise does not fade, a last swing does.
+            quiet = min(halves, key=lambda half: float(np.mean(half**2)))
             power = np.abs(np.fft.rfft(quiet)) ** 2
             if power.max(initial=0.0) < 0.25 * power.sum():  # else it still swings
                 still, resting = still + float(np.sum(quiet**2)), resting + len(quiet)
@@ -164,18 +162,8 @@ def local_noise(curves: Sequence[tuple[Array, Array]], poles: Array) -> NoiseFlo
             if square > 0:
                 fade, phase = np.exp(-decay * t), np.sqrt(square) * t
                 c, s = fade * np.cos(phase), fade * np.sin(phase)
-                table = np.column_stack(
-                    [
-                        np.ones_like(t),
-                        ramp,
-                        c,
-                        s,
-                        ramp * c,
-                        ramp * s,
-                        fade**2 * np.cos(2 * phase),
-                        fade**2 * np.sin(2 * phase),
-                    ]
-                )
+                twice = [fade**2 * np.cos(2 * phase), fade**2 * np.sin(2 * phase)]
+                table = np.column_stack([np.ones_like(t), ramp, c, s, ramp * c, ramp * s, *twice])
             else:
                 table = np.polynomial.legendre.legvander(ramp, _FREEDOMS - 1)
             orthogonal, _ = np.linalg.qr(table / (np.linalg.norm(table, axis=0) + 1e-300))
@@ -206,7 +194,3 @@ def _without_swing(tail: Array, time: Array) -> Array:
     rest = tail - table @ np.linalg.lstsq(table, tail, rcond=None)[0]
     # White noise loses as many of its degrees of freedom as the table has columns.
     return rest * np.sqrt(len(tail) / max(len(tail) - table.shape[1], 1))
-
-
-def _signal(release: Signal, *, rate: bool) -> Array:
-    return release.rate if rate and release.rate is not None else release.roll

@@ -47,11 +47,16 @@ def estimate_noise(signal: Array) -> Noise:
     Args:
         signal: Evenly sampled signal in any unit, shape (n,).
     """
-    blocks = _blocks(signal)
+    length = min(BLOCK, signal.size)
+    count = min(signal.size // length, MAX_BLOCKS)
+    starts = np.unique(np.linspace(0, signal.size - length, count).astype(np.intp))
+    blocks = signal[starts[:, None] + np.arange(length)]
     step = quantisation_step(np.diff(blocks, axis=1).ravel())
     differences = np.diff(blocks, DIFFERENCE, axis=1)
     high = float(np.median(np.sqrt(np.mean(differences**2, axis=1) / math.comb(2 * DIFFERENCE, DIFFERENCE))))
-    scatter = np.sort(_scatter_about_line(blocks))
+    line = np.column_stack([np.ones(length), np.arange(length)])
+    apart = blocks.T - line @ (np.linalg.pinv(line) @ blocks.T)
+    scatter = np.sort(np.sqrt(np.sum(apart**2, axis=0) / max(length - 2, 1)))
     quiet = float(np.median(scatter[: max(1, len(scatter) // 5)]))
     # Even the quietest blocks may move; then only the high differences count.
     quiet = quiet if quiet < 3 * max(high, step / np.sqrt(12)) else 0.0
@@ -87,6 +92,11 @@ def divided_differences(nodes: Array, values: Array) -> Array:
     return np.sum(weights * values.T, axis=0) / np.linalg.norm(weights, axis=0)
 
 
+def runs(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.intp]:
+    """Return the first index and the end of each run of true values of a mask of shape (n,), shape (k, 2); dimensionless."""
+    return np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8))).reshape(-1, 2)
+
+
 def quantisation_step(differences: Array) -> float:
     """Return the step of a quantised signal, in its unit; nearly all its differences, shape (n,), are multiples of it. 0 without a step."""
     changes = np.abs(differences)
@@ -112,12 +122,7 @@ def saturated(signal: Array, noise: Noise) -> Array | None:
     """
     excess: Array | None = None
     for limit in (signal.max(), signal.min()):
-        at_limit = np.flatnonzero(signal == limit)
-        if at_limit.size < 3:
-            continue
-        breaks = np.flatnonzero(np.diff(at_limit) > 1)
-        starts = at_limit[np.concatenate(([0], breaks + 1))]
-        stops = at_limit[np.concatenate((breaks, [at_limit.size - 1]))] + 1
+        starts, stops = runs(signal == limit).T
         inside = (stops - starts >= 3) & (starts >= 2) & (stops <= signal.size - 2)
         starts, stops = starts[inside], stops[inside]
         slopes = np.minimum(
@@ -141,8 +146,7 @@ def clipped_rows(rate: Array, noise: Noise) -> npt.NDArray[np.bool_]:
     band, top = BAND * max(noise.std, noise.step), float(np.partition(size, -4)[-4])
     flat = list[float]()
     for level in (rate, -rate):
-        inside = np.concatenate(([False], level > top - band, [False]))
-        starts, stops = np.flatnonzero(np.diff(inside.astype(np.int8))).reshape(-1, 2).T
+        starts, stops = runs(level > top - band).T
         enough = (stops - starts >= 3) & (starts >= SIDE) & (stops <= rate.size - SIDE)
         for start, stop in zip(starts[enough], stops[enough], strict=True):
             beside = np.concatenate((np.arange(start - SIDE, start), np.arange(stop, stop + SIDE)))
@@ -156,20 +160,3 @@ def clipped_rows(rate: Array, noise: Noise) -> npt.NDArray[np.bool_]:
     at_limit = any(np.abs(height / FULL_SCALES - 1).min() < FULL_SCALE_ERROR for height in flat)
     found = len(flat) > 1 or at_limit or saturated(rate, noise) is not None
     return size > SOFT * top if found else np.zeros(rate.size, dtype=np.bool_)
-
-
-def _blocks(signal: Array) -> Array:
-    """Cut the signal into at most MAX_BLOCKS blocks of BLOCK samples spread over all of it, shape (m, b)."""
-    length = min(BLOCK, signal.size)
-    count = signal.size // length
-    starts = np.unique(np.linspace(0, signal.size - length, min(count, MAX_BLOCKS)).astype(np.intp))
-    return signal[starts[:, None] + np.arange(length)]
-
-
-def _scatter_about_line(blocks: Array) -> Array:
-    """Standard deviation of each block about its own straight line, shape (m,)."""
-    size = blocks.shape[1]
-    ramp = np.arange(size) - (size - 1) / 2
-    centred = blocks - blocks.mean(axis=1, keepdims=True)
-    slope = centred @ ramp / np.sum(ramp**2)
-    return np.sqrt(np.sum((centred - slope[:, None] * ramp) ** 2, axis=1) / max(size - 2, 1))

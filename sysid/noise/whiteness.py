@@ -7,15 +7,21 @@ import numpy as np
 from sysid.roll import Array
 
 
+def covariances(left: Array, right: Array, lags: int) -> Array:
+    """Return Σ_t left[t] · right[t + lag] for lags 0 to `lags`, of signals of shape (n,) or (n, p) summed over p."""
+    size = fft_size(len(left) + lags + 1)
+    product = np.conj(np.fft.rfft(left, size, axis=0)) * np.fft.rfft(right, size, axis=0)
+    return np.fft.irfft(product.reshape(len(product), -1).sum(axis=1), size)[: lags + 1]
+
+
+def fft_size(count: int) -> int:
+    """Return the power of two from `count` on."""
+    return 1 << (count - 1).bit_length()
+
+
 def autocorrelation(residuals: Sequence[Array], lags: int) -> Array:
     """Return the pooled autocorrelation (dimensionless) of residuals for lags 0 to `lags`, shape (lags + 1,)."""
-    total = np.zeros(lags + 1)
-    for residual in residuals:
-        n = len(residual)
-        size = 1 << (2 * n - 1).bit_length()
-        spectrum = np.abs(np.fft.rfft(residual, size)) ** 2
-        covariance = np.fft.irfft(spectrum, size)[: min(lags + 1, n)]
-        total[: len(covariance)] += covariance
+    total = sum((covariances(residual, residual, lags) for residual in residuals), np.zeros(lags + 1))
     return total / max(total[0], 1e-300)
 
 

@@ -15,7 +15,6 @@ import numpy.typing as npt
 
 from sysid.quantity import SURE
 from sysid.releases.extrema import HalfCycle, SmoothedSignal
-from sysid.roll import Array
 
 SMALLEST = 0.1
 """Smallest first swing of a release, over that of the largest release, and of that one over the range of the log."""
@@ -58,11 +57,6 @@ class Segment:
         """Its swings without the small ones at the end, about the angle at which dry friction holds the deck."""
         return [swing for swing in self.swings if swing.size > AGAIN * self.swings[0].size]
 
-    @property
-    def half_period(self) -> float:
-        """Half a period, lightly damped [s]."""
-        return half_period_of(self.pace)
-
 
 def half_period_of(duration: float) -> float:
     """Return half a period of a swing [s] from its 10 to 90 % time [s]: those of (1 - cos θ) / 2, lightly damped."""
@@ -78,7 +72,7 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
     if largest < SMALLEST * float(np.ptp(signal.roll)):
         return []
     segments = [segment for segment in segments if segment.swings[0].size > SMALLEST * largest]
-    rows = dict.fromkeys(map(tuple, _same_board(segments, segments, signal).tolist()))
+    rows = dict.fromkeys(map(tuple, _same_board(segments, signal).tolist()))
     groups = [list(compress(segments, row)) for row in rows]
     return [_undriven(signal, one) for one in max(groups, key=lambda group: _segment_score(group, signal))]
 
@@ -90,8 +84,7 @@ def _undriven(signal: SmoothedSignal, segment: Segment) -> Segment:
     the later loss are driven. The first and the last swing give the mean loss and its standard deviation.
     """
     whole = segment.swings[:-2]  # a hand or the end of the log cuts the last ones
-    sizes = np.array([swing.size for swing in whole])
-    sizes = sizes[sizes > AGAIN * segment.swings[0].size]
+    sizes = [swing.size for swing in whole if swing.size > AGAIN * segment.swings[0].size]
     best, cut = SURE, 0
     for first in range(MANY, len(sizes) - MANY):
         last = min(len(sizes) - 1, 2 * first)
@@ -123,30 +116,22 @@ def _segment_score(group: list[Segment], signal: SmoothedSignal) -> tuple[float,
     )
 
 
-def _same_board(
-    some: Sequence[Segment], others: Sequence[Segment], signal: SmoothedSignal
-) -> npt.NDArray[np.bool_]:
-    """Return which segments have the same rest angle and the same pace, shape (some, others).
+def _same_board(segments: Sequence[Segment], signal: SmoothedSignal) -> npt.NDArray[np.bool_]:
+    """Return which of n segments have the same rest angle and the same pace, shape (n, n).
 
     Many swings at one pace are a decay; their rest angle may have moved, with a sensor or with rubber, by any amount.
     """
-
-    def facts(segments: Sequence[Segment]) -> Array:
-        # Dry friction holds a deck beside its rest; one or two swings show the rest only to half a swing.
-        return np.array([
-            (
-                len(one.swings) >= MANY, one.size, one.rest, float(np.median([swing.duration for swing in one.wide[:4]])),
-                0.5 * min(swing.size for swing in one.swings) if len(one.swings) < 3 else 0.0,
-            )
-            for one in segments
-        ]).T  # fmt: skip
-
-    many, size, rest, pace, room = facts(some)[:, :, None]
-    other_many, other_size, other_rest, other_pace, other_room = facts(others)[:, None, :]
-    share = np.where((many > 0) & (other_many > 0), np.inf, 0.35 * np.minimum(size, other_size))
-    share = np.maximum.reduce(np.broadcast_arrays(share, room, other_room, 5.0 * signal.noise))
-    ratio = pace / other_pace
-    return (np.abs(rest - other_rest) < share) & (ratio > 0.6) & (ratio < 1.6)
+    many = np.array([len(one.swings) >= MANY for one in segments])
+    size, rest = np.array([(one.size, one.rest) for one in segments]).T
+    pace = np.array([float(np.median([swing.duration for swing in one.wide[:4]])) for one in segments])
+    # Dry friction holds a deck beside its rest; one or two swings show the rest only to half a swing.
+    short = [
+        0.5 * min(swing.size for swing in one.swings) if len(one.swings) < 3 else 0.0 for one in segments
+    ]
+    share = np.where(np.logical_and.outer(many, many), np.inf, 0.35 * np.minimum.outer(size, size))
+    share = np.maximum(share, np.maximum(np.maximum.outer(short, short), 5.0 * signal.noise))
+    ratio = np.divide.outer(pace, pace)
+    return (np.abs(np.subtract.outer(rest, rest)) < share) & (ratio > 0.6) & (ratio < 1.6)
 
 
 def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segment]:

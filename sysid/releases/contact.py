@@ -10,7 +10,7 @@ The likeliest sequence of the two states counts (Viterbi, 1967). A change adds a
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from operator import itemgetter
 
 import numpy as np
@@ -18,7 +18,8 @@ import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
 from sysid.noise.floor import difference_std
-from sysid.noise.sensor import quantisation_step
+from sysid.noise.sensor import quantisation_step, runs
+from sysid.releases.chains import Segment
 from sysid.roll import Array
 
 QUARTER = 12
@@ -33,28 +34,18 @@ class Span:
 
     begin: float
     end: float
-    rest: float
-    """[rad]"""
-    size: float
-    """Widest swing [rad]."""
+    segment: Segment
+    hold: float = 0.0
+    """Duration of the hold before [s]."""
     let_go: bool = False
     """Whether it was held still and then returned at once: the decay begins there, even if its law is nonlinear."""
     caught: bool = False
     """Whether a hand ends it."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Law:
-    """A law between three angles a quarter of a period apart, in units of the widest swing."""
-
-    gains: Array
-    """α, -β, γ and κ, shape (4,)."""
-    noise: float
-    """Noise of the missing torque, as a shift of the rest angle."""
-
-    def missing(self, angles: Array) -> Array:
-        """Return the missing torque as a shift of the angle, shape (n,), of the three angles, shape (n, 3)."""
-        return (angles[:, 0] - _causes(angles) @ self.gains) / (1 - self.gains[0] - self.gains[1])
+_Law = tuple[Array, float]
+"""A law between three angles a quarter of a period apart, in units of the widest swing. First its α, -β, γ and κ, shape (4,). Then the
+noise of the missing torque, as a shift of the rest angle."""
 
 
 def _causes(angles: Array) -> Array:
@@ -67,16 +58,16 @@ def _causes(angles: Array) -> Array:
 def free_stretches(
     time: Array, roll: Array, spans: Sequence[Span], period: float
 ) -> list[list[tuple[float, float]]]:
-    """Return the free stretches [s] of each decay, in order of time.
+    """Return the free stretches [s] of each decay of a log, in order of time.
 
     Args:
-        time: Of the whole log [s], shape (n,).
-        roll: Of the whole log [rad], shape (n,).
-        spans: Its decays, from their turning points.
-        period: Of the joint [s], roughly.
+        time: [s], shape (n,).
+        roll: [rad], shape (n,).
+        spans: Decays, from their turning points.
+        period: Rough period of the joint [s].
     """
-    widest = max((span.size for span in spans), default=1.0)
-    roll, spans = roll / widest, [replace(s, rest=s.rest / widest, size=s.size / widest) for s in spans]
+    widest = max((span.segment.size for span in spans), default=1.0)
+    roll, sizes = roll / widest, [span.segment.size / widest for span in spans]
     interval = float(np.median(np.diff(time)))
     step = max(interval, period / (4 * QUARTER))
     lag = max(1, round(period / (4 * step)))
@@ -84,16 +75,18 @@ def free_stretches(
     std = difference_std([(roll[rows], time[rows]) for rows in inside])
     std = std * math.sqrt(interval / (lag * step)) if math.isfinite(std) else 0.0
     noise = max(std, quantisation_step(np.diff(roll)) / math.sqrt(12))  # averaging does not reduce rounding
-    tables = {i: _table(time, roll, span, step, lag) for i, span in enumerate(spans)}
+    tables = {
+        i: _table(time, roll - span.segment.rest / widest, span, step, lag) for i, span in enumerate(spans)
+    }
     tables = {i: table for i, table in tables.items() if len(table) > lag}
     free = {i: np.ones(len(table), dtype=bool) for i, table in tables.items()}
     late: dict[int, Array] = {}
     for _ in range(3):  # each pass improves law and stretches
-        law = _learned([(table, free[i], spans[i].size) for i, table in tables.items()], noise, lag)
+        law = _learned([(table, free[i], sizes[i]) for i, table in tables.items()], noise, lag)
         if law is None:
             return [[(span.begin, span.end)] for span in spans]
         for i, table in tables.items():
-            free[i], late[i] = _free(table, free[i], law, spans[i], lag)
+            free[i], late[i] = _free(table, free[i], law, sizes[i], lag, let_go=spans[i].let_go)
     return [
         _stretches(span, free[i], late[i], step, lag) if i in free else [(span.begin, span.end)]
         for i, span in enumerate(spans)
@@ -101,10 +94,10 @@ def free_stretches(
 
 
 def _table(time: Array, roll: Array, span: Span, step: float, lag: int) -> Array:
-    """Return the mean angle of a quarter of a period about rest, a quarter ahead, there and a quarter back, shape (n, 3)."""
+    """Return the mean of an angle about rest over a quarter of a period, a quarter ahead, there and a quarter back, shape (n, 3)."""
     whole = np.concatenate(([0.0], np.cumsum(0.5 * np.diff(time) * (roll[1:] + roll[:-1]))))
     way = np.interp(np.arange(span.begin, span.end, step), time, whole)
-    mean = (way[lag:] - way[:-lag]) / (lag * step) - span.rest
+    mean = (way[lag:] - way[:-lag]) / (lag * step)
     return np.column_stack((mean[2 * lag :], mean[lag : -lag or None], mean[: -2 * lag]))
 
 
@@ -134,35 +127,36 @@ def _learned(
     gains = min(laws, key=itemgetter(0))[1]  # by BIC
     alpha, minus = gains[:2].tolist()
     spring = 1 - alpha - minus
-    return _Law(gains, noise * math.hypot(1, alpha, minus) / spring) if minus < 0 < spring else None
+    return (gains, noise * math.hypot(1, alpha, minus) / spring) if minus < 0 < spring else None
 
 
 def _free(
-    table: Array, free: npt.NDArray[np.bool_], law: _Law, span: Span, lag: int
+    table: Array, free: npt.NDArray[np.bool_], law: _Law, size: float, lag: int, *, let_go: bool
 ) -> tuple[npt.NDArray[np.bool_], Array]:
     """Return in which samples the joint moves freely, and how long a hand there acts before it shows [rad], shape (n,) each.
 
     Neighbouring means share most of their torque: a quarter of a period counts as one. If the decay begins with the joint alone, its law
     misses no more of a small swing than of a wide one before. A torque p for the phase φ adds p φ³ / 6π to the mean.
     """
-    shift = law.missing(table)
+    gains, noise = law
+    shift = (table[:, 0] - _causes(table) @ gains) / (1 - gains[0] - gains[1])
     # The rest is the median of the shift, with the square of the motion as weights. A long hold has hardly any weight.
     order = np.argsort(shift)
     moving = np.cumsum((np.ptp(table, axis=1) ** 2 * free)[order])
     rest = float(shift[order][min(int(np.searchsorted(moving, 0.5 * moving[-1])), len(shift) - 1)])
     wide = np.pad(np.abs(table - rest).max(axis=1), (2 * lag, 0), mode="edge")
     swing, shift = sliding_window_view(wide, 2 * lag + 1).max(axis=1)[:, None], shift - rest
-    known = (ERRORS * span.size) ** 2
-    if span.let_go:
-        power = np.convolve(shift**2, np.ones(lag) / lag, "same") - law.noise**2
+    known = (ERRORS * size) ** 2
+    if let_go:
+        power = np.convolve(shift**2, np.ones(lag) / lag, "same") - noise**2
         before = np.concatenate((np.zeros(4 * lag), np.maximum.accumulate(power)))[: len(power)]
         known = np.maximum(known, before[:, None])
-    small, large = law.noise**2 + np.minimum(known, swing**2) + 1e-300, law.noise**2 + swing**2 + 1e-300
+    small, large = noise**2 + np.minimum(known, swing**2) + 1e-300, noise**2 + swing**2 + 1e-300
     own, hand = (-0.5 * shift[:, None] ** 2 / power - 0.5 * np.log(power) for power in (small, large))
-    gains, price = (own - hand) / lag, math.log(max(len(shift) / lag, 2.0))
+    odds, price = (own - hand) / lag, math.log(max(len(shift) / lag, 2.0))
     lead, best = np.full(len(ERRORS), price), np.full(len(ERRORS), hand.sum() / lag)
-    leads = np.empty_like(gains)
-    for i, gain in enumerate(gains):
+    leads = np.empty_like(odds)
+    for i, gain in enumerate(odds):
         best += np.maximum(lead - price, 0)
         lead = np.minimum(np.maximum(lead, -price), price) + gain
         leads[i] = lead
@@ -178,10 +172,9 @@ def _stretches(
     span: Span, free: npt.NDArray[np.bool_], late: Array, step: float, lag: int
 ) -> list[tuple[float, float]]:
     """Return the free stretches of one decay [s]; a hand acts for `late` [rad] before it shows, shape (n,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], free, [False])).astype(np.int8))).reshape(-1, 2)
     radian = 2 * lag * step / math.pi
     found: list[tuple[float, float]] = []
-    for first, last in edges.tolist():
+    for first, last in runs(free).tolist():
         whole = first == 0 or (span.let_go and not found)
         begin = span.begin if whole else span.begin + first * step + late[first] * radian
         end = span.begin + (last + 3 * lag) * step - late[last - 1] * radian

@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
-from sysid.noise.sensor import difference_noise, quantisation_step
+from sysid.noise.sensor import difference_noise, quantisation_step, runs
 from sysid.roll import Array, Signal
 
 SMOOTHING_REACH = 0.25
@@ -70,17 +70,6 @@ class HalfCycle:
         return max(abs(self.way), 1e-15)
 
 
-def noise_level(roll: Array) -> float:
-    """Estimate the white noise in a signal [rad], shape (n,), from its third differences; 0 for a clean one.
-
-    The median ignores short stretches of fast motion. A quantised signal has at least the noise of its step, which
-    differences do not show while it stays at one value.
-    """
-    if len(roll) < 8:
-        return 0.0
-    return max(difference_noise(roll, 3), quantisation_step(np.diff(roll)) / np.sqrt(12.0))
-
-
 def smooth_signal(time: Array, roll: Array, std: float, slower: float = 1.0) -> SmoothedSignal:
     """Smooth a roll signal and find its turning points.
 
@@ -101,10 +90,10 @@ def smooth_signal(time: Array, roll: Array, std: float, slower: float = 1.0) -> 
     steps[jumps + 1] = 0.0
     speed = _top_speed(np.cumsum(steps), interval, std) / slower
     quickness = 2.0 * speed / span if span > 0 else 0.0
-    if quickness * interval < 0.5:  # else too few samples per swing to separate noise from motion
-        std = max(std, noise_level(roll))
+    if quickness * interval < 0.5 and len(roll) > 7:  # else too few samples to separate noise from motion
+        std = max(std, difference_noise(roll, 3), quantisation_step(np.diff(roll)) / np.sqrt(12.0))
     reach = int(SMOOTHING_REACH / (quickness * interval)) if quickness > 0 else 0
-    smooth, gain = _smooth(even, _least_reach(std, span, reach))
+    smooth, gain = _smooth(even, std, span, min(reach, 2000))
     noise = std * gain
     step = max(6.0 * noise, 0.02 * span)
     plateaus = _plateaus(smooth, step, quickness * interval)
@@ -174,10 +163,7 @@ def _without_slow_turns(signal: SmoothedSignal, swings: list[HalfCycle]) -> list
         shrinking = one.way * other.way < 0 and other.size < 0.8 * one.size
         longest = (2.2 if shrinking else 1.5) * min(one.duration, other.duration)
         if one.to_plateau and pause < longest:
-            swings[i], swings[i + 1] = (
-                replace(swings[i], to_plateau=False),
-                replace(other, from_plateau=False),
-            )
+            swings[i : i + 2] = replace(swings[i], to_plateau=False), replace(other, from_plateau=False)
     return swings
 
 
@@ -213,9 +199,8 @@ def _plateaus(roll: Array, step: float, quickness: float) -> tuple[tuple[int, in
     half = min(max(1, round(0.5 / quickness)), len(roll))
     padded = np.pad(roll, half, mode="edge")
     still = np.abs(padded[2 * half :] - padded[: -2 * half]) < step
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
     pieces: list[tuple[int, int]] = []
-    for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for first, end in runs(still).tolist():
         while first < end:  # a slow hand creeps: cut the stretch after too long a way
             part = roll[first:end]
             span = np.maximum.accumulate(part) - np.minimum.accumulate(part)
@@ -243,37 +228,20 @@ def _top_speed(even: Array, interval: float, std: float) -> float:
     return best
 
 
-def _least_reach(std: float, span: float, reach: int) -> int:
-    """Return the smallest half-window after which the noise is well below the smallest movement."""
-    for half in range(min(reach, 2000)):
-        if 6.0 * std * _gain(half) <= 0.01 * span:
-            return half
-    return min(reach, 2000)
+def _smooth(even: Array, std: float, span: float, reach: int) -> tuple[Array, float]:
+    """Smooth by local parabolas (Savitzky and Golay, 1964); return the result and the share of the noise that is left.
 
-
-def _gain(half: int) -> float:
-    """Noise gain of the centre point of a local parabola over 2 half + 1 samples."""
-    n = half
-    return (
-        1.0
-        if n < 2
-        else float(np.sqrt(3 * (3 * n**2 + 3 * n - 1) / ((2 * n + 3) * (2 * n + 1) * (2 * n - 1))))
-    )
-
-
-def _smooth(even: Array, half: int) -> tuple[Array, float]:
-    """Smooth by local parabolas (Savitzky and Golay, 1964); return the result and its noise gain."""
+    The half-window is the smallest that leaves noise well below the smallest movement, and `reach` at most.
+    """
+    n = np.arange(reach + 1.0)
+    gains = np.sqrt(3 * (3 * n**2 + 3 * n - 1) / ((2 * n + 3) * (2 * n + 1) * (2 * n - 1)))
+    enough = np.flatnonzero(6.0 * std * gains <= 0.01 * span)
+    half = int(enough[0]) if len(enough) else reach
     if half < 2 or len(even) <= 2 * half + 1:
         return even, 1.0
-    offsets = np.arange(-half, half + 1.0)
-    basis = np.vander(offsets / half, 3, increasing=True)
-    weights: Array = np.linalg.pinv(basis)[0]
-    # Mirrored through the end points, which keeps a slope at the very start.
-    head = 2 * even[0] - even[half:0:-1]
-    tail = 2 * even[-1] - even[-2 : -half - 2 : -1]
-    padded = np.concatenate([head, even, tail])
-    smooth: Array = np.convolve(padded, weights[::-1], mode="valid")
-    return smooth, float(np.sqrt(np.sum(weights**2)))
+    weights: Array = np.linalg.pinv(np.vander(np.arange(-half, half + 1.0) / half, 3, increasing=True))[0]
+    padded = np.pad(even, half, "reflect", reflect_type="odd")  # which keeps a slope at the very start
+    return np.convolve(padded, weights[::-1], mode="valid"), float(gains[half])
 
 
 def _pivots(roll: Array, step: float) -> tuple[int, ...]:

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.errors import SysidError
+from sysid.noise.sensor import runs
 from sysid.releases.chains import MANY, STILL, Segment, free_segments, half_period_of
 from sysid.releases.contact import Span, free_stretches
 from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
@@ -21,8 +22,8 @@ from sysid.text import display
 
 FEWEST_SAMPLES = 8
 """Fewest samples of a decay."""
-COARSE = 0.5
-"""Largest step between neighbours over the range of the motion: larger ones mean too few samples (a sine with six a period)."""
+COARSE = math.sin(math.pi / 6)
+"""Largest step between neighbours, over the range of the motion, of a sine with six samples a period; fewer samples are too few."""
 SLOWER = (5.0, 25.0)
 """Ratios of the speed of a kick to that of the joint, tried if nothing swings at the pace of the fastest motion."""
 SETS_OFF = 0.25
@@ -80,13 +81,12 @@ def _let_go_at(roll: Roll, times: Sequence[float]) -> list[Release]:
 def _where_free(roll: Roll) -> list[Release]:
     """Return the free decays in the parts of a log that a column marks as free."""
     assert roll.free is not None
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], roll.free, [False])).astype(np.int8)))
     found: list[Release] = []
     trouble = SysidError(
         f"{roll.log}: the joint is never free for {FEWEST_SAMPLES} samples: a motor or a brake acts. Release it, or mark the free "
         "part (--release)."
     )
-    for first, last in edges.reshape(-1, 2).tolist():
+    for first, last in runs(roll.free).tolist():
         if last - first < FEWEST_SAMPLES:
             continue
         try:
@@ -99,41 +99,35 @@ def _where_free(roll: Roll) -> list[Release]:
 
 
 def _found(roll: Roll, *, begins_free: bool = False) -> list[Release]:
-    """Return the free decays of a log, at least one.
-
-    Args:
-        begins_free: Whether the log begins with the joint free; else a single swing without a rest is a hand's.
-    """
-    std = float(np.median(roll.std))
-    signal = smooth_signal(roll.time, roll.roll, std if math.isfinite(std) else 0.0)
+    """Return the free decays of a log; unless it begins with the joint free, a single swing without a rest is a hand's."""
+    std = float(np.nan_to_num(np.median(roll.std), posinf=0.0))
+    signal = smooth_signal(roll.time, roll.roll, std)
     swings = half_cycles_of(signal)
     if not swings:
         show = display(is_rate=False, slides=roll.slides)
+        step = float(np.abs(np.diff(roll.roll)).max())
+        coarse = (
+            f"Neighbouring samples differ by up to {show(step, 2)}, nearly as much as all of it: if it swings, "
+            f"{roll.sampling_rate:.3g} Hz may be too low. "
+        )
         raise SysidError(
-            f"{roll.log}: nothing moves by more than {show(signal.min_movement, 2)} "
-            f"(noise {show(signal.noise, 2)}), so there is no decay. {_coarse(roll)}"
-            "Is it the right column (--column) and the right stretch of the log (--from, --to)?"
+            f"{roll.log}: nothing moves by more than {show(signal.min_movement, 2)} (noise {show(signal.noise, 2)}), so there is "
+            f"no decay. {coarse if step > COARSE * float(np.ptp(roll.roll)) else ''}Is it the right column (--column) and the right stretch of the log (--from, --to)?"
         )
     segments = free_segments(signal, swings)
     for slower in () if any(len(one.wide) > 1 for one in segments) else SLOWER:
-        other = smooth_signal(roll.time, roll.roll, std if math.isfinite(std) else 0.0, slower)
+        other = smooth_signal(roll.time, roll.roll, std, slower)
         again = free_segments(other, half_cycles_of(other))
         if any(len(one.wide) >= MANY for one in again):
             signal, segments = other, again
             break
+    first, *later = swings
     if begins_free and not segments:
-        segments = [
-            Segment(tuple(swings[:1]), swings[0].target, False, swings[1] if len(swings) > 1 else None)
-        ]
-    elif begins_free and segments[0].swings[0] in swings[1:2] and not swings[0].to_plateau:
-        segments[0] = replace(
-            segments[0], swings=(swings[0], *segments[0].swings)
-        )  # a swing that a late time cuts
-    found = [
-        one
-        for one in _free(roll, signal, segments, begins_free=begins_free)
-        if len(one.time) >= FEWEST_SAMPLES
-    ]
+        segments = [Segment((first,), first.target, False, later[0] if later else None)]
+    elif begins_free and segments[0].swings[0] in later[:1] and not first.to_plateau:  # a late time cuts it
+        segments[0] = replace(segments[0], swings=(first, *segments[0].swings))
+    found = _free(roll, signal, segments, begins_free=begins_free)
+    found = [one for one in found if len(one.time) >= FEWEST_SAMPLES]
     if not found:
         raise SysidError(
             f"{roll.log}: it moves, but no stretch swings freely to rest. Give the times at which the deck "
@@ -145,19 +139,13 @@ def _found(roll: Roll, *, begins_free: bool = False) -> list[Release]:
 def _free(
     roll: Roll, signal: SmoothedSignal, segments: Sequence[Segment], *, begins_free: bool
 ) -> list[Release]:
-    """Return the decays of all segments, in order of time.
-
-    Args:
-        begins_free: Whether no hand acts in the first decay if none holds it.
-    """
+    """Return the decays of all segments, in order of time; if the log begins free, the first one has no hand unless one holds it."""
     if not segments:
         return []
     # A push makes the first swing longer.
     later = [swing.duration for segment in segments for swing in segment.wide[1:4] or segment.wide]
     period = 2 * half_period_of(float(np.median(later)))
     spans: list[Span] = []
-    holds: list[float] = []
-    decays: list[Segment] = []
     moved = 0
     for segment, other in zip(segments, [*segments[1:], None], strict=True):
         begin, hold = (segment.driven_until, 0.0) if segment.driven_until else _let_go(signal, segment, moved)
@@ -168,26 +156,18 @@ def _free(
             last = segment.after.reached if caught else segment.after.left
         stop = float(signal.time[last if other is None else min(last, other.swings[0].left)])
         end = max(begin, _rested(signal, segment, begin, stop))
-        let_go = _pulled(signal, segment, begin, period) if hold else begins_free and not decays
-        if hold > 0 and not let_go and len(segment.swings) == 1:
-            continue  # a hand moves it from one stay to another
-        decays.append(segment)
-        spans.append(Span(begin, end, segment.rest, segment.size, let_go, caught))
-        holds.append(hold)
+        let_go = _pulled(signal, segment, begin, period) if hold else begins_free and not spans
+        if let_go or not hold or len(segment.swings) > 1:  # else a hand moves it from one stay to another
+            spans.append(Span(begin, end, segment, hold, let_go, caught))
     if roll.free is None:
         stretches = free_stretches(roll.time, roll.roll, spans, period)
     else:  # a column of the log marks the free samples
         stretches = [[(span.begin, span.end)] for span in spans]
     found: list[Release] = []
-    for segment, span, hold, parts in zip(decays, spans, holds, stretches, strict=True):
-        kept = [(b, e) for b, e in parts if b == span.begin or _swings_in(signal, segment, b, e)]
-        for begin, end in kept or [
-            (span.begin, span.end)
-        ]:  # in one swing a hand and a nonlinear joint look alike
-            rests = segment.settles and end == span.end
-            found.append(
-                _release(roll, signal, segment, (begin, end), hold if begin == span.begin else 0.0, rests)
-            )
+    for span, parts in zip(spans, stretches, strict=True):
+        kept = [(b, e) for b, e in parts if b == span.begin or _swings_in(signal, span.segment, b, e)]
+        # In one swing a hand and a nonlinear joint look alike.
+        found += [_release(roll, signal, span, *part) for part in kept or [(span.begin, span.end)]]
     return found
 
 
@@ -202,36 +182,25 @@ def _pulled(signal: SmoothedSignal, segment: Segment, begin: float, period: floa
 
 def _swings_in(signal: SmoothedSignal, segment: Segment, begin: float, end: float) -> bool:
     """Whether a joint swings at least twice between two times [s]."""
-    inside = [
-        one for one in segment.swings if begin < signal.time[one.reached] and signal.time[one.left] < end
-    ]
-    return len(inside) > 1 and inside[0].size > STILL * segment.size
+    time = signal.time
+    inside = [one.size for one in segment.swings if begin < time[one.reached] and time[one.left] < end]
+    return len(inside) > 1 and inside[0] > STILL * segment.size
 
 
 def _rested(signal: SmoothedSignal, segment: Segment, begin: float, stop: float) -> float:
     """Return the end of a decay [s]: soon after it settles."""
     if not segment.settles:
         return stop
-    first, last = segment.swings[0].left, segment.swings[-1].reached
-    settled, leaves = settled_between(
-        signal, last, int(np.searchsorted(signal.time, stop)), segment.size, first
+    first, last, until = (
+        segment.swings[0].left,
+        segment.swings[-1].reached,
+        np.searchsorted(signal.time, stop),
     )
+    settled, leaves = settled_between(signal, last, int(until), segment.size, first)
     tail = max(4.0 * segment.pace, 0.5 * (settled - begin))
     if segment.after is not None:  # a hand acts before its motion shows
         leaves -= max(0.5 * segment.pace, 0.25 * (leaves - settled))
     return max(settled, min(settled + tail, leaves))
-
-
-def _coarse(roll: Roll) -> str:
-    """Return a warning if a roll is sampled too slowly, else ''."""
-    step = float(np.abs(np.diff(roll.roll)).max())
-    if not step > COARSE * float(np.ptp(roll.roll)):
-        return ""
-    show = display(is_rate=False, slides=roll.slides)
-    return (
-        f"Neighbouring samples differ by up to {show(step, 2)}, nearly as much as all of it: if it swings, "
-        f"{roll.sampling_rate:.3g} Hz may be too low. "
-    )
 
 
 def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
@@ -247,46 +216,36 @@ def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
     return roll if inside.all() else roll[inside]
 
 
-def _release(
-    roll: Roll, signal: SmoothedSignal, segment: Segment, span: tuple[float, float], hold: float, rests: bool
-) -> Release:
-    """Cut one free decay out of the log, between two times [s].
-
-    Args:
-        hold: Duration of the hold before [s].
-        rests: Whether it comes to rest by itself before its end.
-    """
-    begin, finish = span
-    last = signal.roll[_within(signal.time, finish - segment.half_period, finish)]
-    still = rests or (
-        bool(len(last)) and float(np.std(last)) < max(STILL * segment.size / 2, 2.5 * signal.noise)
-    )
-    end: Literal["rest", "caught", "log"] = "rest" if still else "caught"
-    if not still and finish >= signal.time[-1] - 1e-9:
+def _release(roll: Roll, signal: SmoothedSignal, span: Span, begin: float, finish: float) -> Release:
+    """Cut one free decay out of the log, between two times [s] of a span."""
+    segment = span.segment
+    hold = span.hold if begin == span.begin else 0.0
+    last = signal.roll[within(signal.time, finish - half_period_of(segment.pace), finish)]
+    quiet = max(STILL * segment.size / 2, 2.5 * signal.noise)
+    end: Literal["rest", "caught", "log"] = "caught"
+    if (segment.settles and finish == span.end) or (len(last) and float(np.std(last)) < quiet):
+        end = "rest"
+    elif finish >= signal.time[-1] - 1e-9:
         end = "log"
-    inside = _within(roll.time, begin - 1e-9, finish + 1e-9)
     kept = min(hold, finish - begin)  # no more of the hold than of the decay
-    before = _within(roll.time, begin - kept, begin - SETS_OFF * kept)
+    before = within(roll.time, begin - kept, begin - SETS_OFF * kept)
     rest = segment.rest
     if end == "rest":
-        late = signal.roll[_within(signal.time, finish - segment.pace, finish)]
+        late = signal.roll[within(signal.time, finish - segment.pace, finish)]
         rest = float(np.median(late)) if late.size else rest  # empty if a sample lasts longer than a swing
     held = roll[before] if kept > 0 and before.stop > before.start else None  # a pause has no samples
-    release = Release.of(roll[inside], number=1, rest=rest, hold=hold, end=end, held=held)
+    free = roll[within(roll.time, begin - 1e-9, finish + 1e-9)]
+    release = Release.of(free, number=1, rest=rest, hold=hold, end=end, held=held)
     return replace(release, driven_until=segment.driven_until)
 
 
-def _within(time: Array, begin: float, end: float) -> slice:
-    """Return the samples from one time to another [s]: a view of them, however many releases a log has."""
+def within(time: Array, begin: float, end: float) -> slice:
+    """Return the samples from one time to another [s], of times of shape (n,): a view, however many releases a log has."""
     return slice(int(np.searchsorted(time, begin)), int(np.searchsorted(time, end, side="right")))
 
 
 def _let_go(signal: SmoothedSignal, segment: Segment, moved: int) -> tuple[float, float]:
-    """Return the time of the release and the duration of the hold before [s].
-
-    Args:
-        moved: Grid index at which the decay before it swung; 0 without one.
-    """
+    """Return the time of the release and the duration of the hold before [s], which begins after grid index `moved`."""
     swing = segment.swings[0]
     moved = moved if moved < swing.left else 0
     width = max(5, round(0.25 * segment.pace / float(signal.time[1] - signal.time[0])))
@@ -325,11 +284,7 @@ def _onset(signal: SmoothedSignal, swing: HalfCycle, level: float) -> float:
 def settled_between(
     signal: SmoothedSignal, reached: int, stop: int, amplitude: float, swung: int = 0
 ) -> tuple[float, float]:
-    """Return begin and end [s] of the rest around the first stay after index `reached`.
-
-    Args:
-        swung: Index at which its swings begin.
-    """
+    """Return begin and end [s] of the rest around the first stay after index `reached`, of swings that begin at index `swung`."""
     stays = [(first, last) for first, last in signal.plateaus if last > reached and first < stop]
     first, last = stays[0] if stays else (reached, stop)
     first, last = max(first, reached), min(last, stop)

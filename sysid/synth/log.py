@@ -107,10 +107,8 @@ class SyntheticLog:
         }
         effects: list[dict[str, Any]] = []
         for name, values in self.effects.items():
-            of_each = zip(effect(name).parameters, values, strict=True)
-            own = {
-                parameter.name: {"value": value, "unit": unit(parameter.unit)} for parameter, value in of_each
-            }
+            pairs = zip(effect(name).parameters, values, strict=True)
+            own = {one.name: {"value": value, "unit": unit(one.unit)} for one, value in pairs}
             effects.append({"name": name, "parameters": own})
         options = asdict(self.options)
         seed, angles = options.pop("seed"), options.pop("angles")

@@ -66,26 +66,24 @@ def _check(board: Board, options: SynthOptions, effects: Mapping[str, object]) -
     def refuse(what: str, value: object, expected: str) -> None:
         raise SysidError(f"{what} is {value}; expected {expected}.")
 
+    slides, dialect = board.slides, f"'{options.dialect}'"
     if not options.angles:
         refuse("the number of releases", 0, "at least one")
     for angle in options.angles:
-        if board.slides:
-            if angle == 0 or not math.isfinite(angle):
-                refuse("a release position", f"{angle:g} m", "a position away from rest")
-        elif not (abs(angle) > 0 and abs(angle - board.rest_angle) < math.pi / 2):
+        if slides and (angle == 0 or not math.isfinite(angle)):
+            refuse("a release position", f"{angle:g} m", "a position away from rest")
+        if not slides and not (abs(angle) > 0 and abs(angle - board.rest_angle) < math.pi / 2):
             refuse("a release angle", f"{math.degrees(angle):g} degrees", "0 to 90 degrees to either side")
     values = {**asdict(options), **asdict(options.sensor)}
-    for names, least in (
-        (("rate", "duration", "push"), math.ulp(0.0)),
-        (
-            ("hold", "lead", "tremor", "seed", "noise", "quantisation", "gyro_noise", "accelerometer_noise"),
-            0.0,
-        ),
-    ):
-        for name in names:
-            if not least <= values[name] < math.inf:
-                expected = "a positive number" if least else "0 or more"
-                refuse(f"the {name.replace('_', ' ')}", values[name], expected)
+    noises = ("noise", "quantisation", "gyro_noise", "accelerometer_noise")
+    for name in ("rate", "duration", "push", "hold", "lead", "tremor", "seed", *noises):
+        positive = name in ("rate", "duration", "push")
+        if not (math.ulp(0.0) if positive else 0.0) <= values[name] < math.inf:
+            refuse(
+                f"the {name.replace('_', ' ')}",
+                values[name],
+                "a positive number" if positive else "0 or more",
+            )
     if not all(map(math.isfinite, (*options.sensor.lever_arm, options.sensor.gyro_bias))):
         refuse("lever arm or gyro bias", "not finite", "finite numbers")
     seconds = options.lead + len(options.angles) * (options.push + options.hold + options.duration)
@@ -97,19 +95,13 @@ def _check(board: Board, options: SynthOptions, effects: Mapping[str, object]) -
         refuse("the dropout", options.dropout, "a share from 0 to 0.9")
     if not options.hand and len(options.angles) > 1:
         refuse("the number of releases without a hand", len(options.angles), "one")
-    if board.slides != (options.dialect == "position"):
-        expected = (
-            "'position' for a joint that slides"
-            if board.slides
-            else "one of an angle or an IMU for a joint that turns"
-        )
-        refuse("the dialect", f"'{options.dialect}'", expected)
+    if slides and options.dialect != "position":
+        refuse("the dialect", dialect, "'position' for a joint that slides")
+    if not slides and options.dialect == "position":
+        refuse("the dialect", dialect, "one of an angle or an IMU for a joint that turns")
     if board.model and options.dialect not in (*ANGLES, "gyro"):
-        refuse(
-            "the dialect",
-            f"'{options.dialect}'",
-            "an angle or 'gyro': where an IMU sits on a model's joint is not known",
-        )
+        expected = "an angle or 'gyro': where an IMU sits on a model's joint is not known"
+        refuse("the dialect", dialect, expected)
     if options.dialect == "gyro" and "sensor-bias" in effects:
         raise SysidError("effect 'sensor-bias' is an angle and a rate gyro has none; use sensor-drift.")
     if "discretisation" in effects:
@@ -164,11 +156,8 @@ def _move(
         free = slice(held.stop, int(np.searchsorted(time, end - 5e-10)))
         motion[held] = hand.sample(time[held])
         condition = _led(law, condition, hand)
-        releases.append(
-            TrueRelease(
-                start=let_go, end=end, angle=float(condition.state[0]), rate=float(condition.state[1])
-            )
-        )
+        angle, rate = condition.state[:2].tolist()
+        releases.append(TrueRelease(start=let_go, end=end, angle=angle, rate=rate))
         if timestep:
             motion[free], condition = _stepped(law, condition, let_go, end, time[free], timestep)
         else:

@@ -15,6 +15,9 @@ HARD = [
     ("wander", 731800003),  # rest levels that a random walk of the sensor moves
     ("pendulum", 731700000),
     ("pendulum", 731700003),
+    ("touched", 9200014),  # a light hand stops a swing of five times the noise
+    ("touched", 9200048),
+    ("caught", 9300017),
 ]
 
 
@@ -23,6 +26,21 @@ def test_a_hard_log_is_approved_with_its_truth(kind, seed):
     row = judged((kind, seed))
     assert row["status"] == "linear", row["text"]
     assert all(row["held"])
+
+
+@pytest.mark.parametrize("seed", [9300004, 9300022])
+def test_friction_that_stops_a_joint_is_no_hand(seed):
+    assert judged(("friction", seed))["status"] == "not linear"
+
+
+def test_one_swing_of_a_leg_that_friction_stops_gets_no_tick():
+    """Without its stop the swing is that of a pendulum to the noise, with a stiffness 10 % too low."""
+    time = np.arange(0, 1.85, 2e-3)
+    angle, _ = free(
+        time, 6.94, 0.514, 1.2, 0.0, lambda x, v: 48.2 * (np.sin(x) - x) + 5.88 * np.tanh(v / 0.01)
+    )
+    angle += np.random.default_rng(1).normal(0, 4.5e-4, time.size)
+    assert not fit_decay(Recording.from_arrays(time, angle=angle)).linear
 
 
 @pytest.mark.parametrize("rate", [False, True])
