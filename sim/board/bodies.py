@@ -185,17 +185,6 @@ def law_of(board: Board) -> "JointLaw":
     return JointLaw.from_board(board)
 
 
-def inertia_ratio(board: Board) -> float:
-    """Return the factor by which the record's effects multiply its roll inertia [1]."""
-    # Only boards with effects need the catalogue.
-    return law_of(board).inertia_ratio if board.effects else 1.0
-
-
-def inertia_gain(board: Board) -> float:
-    """Return the factor by which the record's effects multiply an inertia added to its roll inertia [1]."""
-    return law_of(board).inertia_gain if board.effects else 1.0
-
-
 def reflected_inertia(board: Board) -> float:
     """Return the roll inertia that steered trucks and rolling wheels add at small tilt [kg*m^2].
 

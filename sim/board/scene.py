@@ -18,8 +18,7 @@ from sim.board.bodies import (
     add_chassis,
     add_deck,
     add_truck,
-    inertia_gain,
-    inertia_ratio,
+    law_of,
     reflected_inertia,
     steering_angle,
     wheel_friction,
@@ -60,7 +59,7 @@ def board_spec(
     root = add_chassis(spec, board)
     reflected = reflected_inertia(board) if coupling == "equality" else 0.0
     # Steered parts must not count twice; an effect that scales the inertia multiplies the number written here.
-    tilt = add_deck(root, board, board.inertia.value - reflected / inertia_gain(board), limit)
+    tilt = add_deck(root, board, board.inertia.value - reflected / law_of(board).inertia_gain, limit)
     for end in ("front", "rear"):
         add_truck(root, board, end, limit, coupling, friction or wheel_friction(board))
     for wheel in WHEELS:
@@ -163,7 +162,7 @@ def assert_roll_inertia(
         SysidError: They differ.
     """
     inertia = roll_inertia(model, geometry)
-    recorded = inertia_ratio(board) * board.inertia.value
+    recorded = law_of(board).inertia_ratio * board.inertia.value
     if not math.isclose(inertia, recorded, rel_tol=1e-6):
         raise SysidError(
             f"board '{board.name}': the compiled roll inertia is {inertia:.6g} kg*m^2, the record says "

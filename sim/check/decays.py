@@ -122,6 +122,7 @@ def check_scene(
 
 
 def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseCheck:
+    from scipy.interpolate import CubicSpline
     from scipy.optimize import least_squares
 
     inside = _inside(release, scene.tilt_range)
@@ -138,8 +139,8 @@ def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseChec
 
     def simulated(unknown: Array) -> Array:
         angle, rate, zero = unknown
-        move = scene.swing(angle, rate, duration / clock)
-        return zero + sense(law, time, move.at((time - time[0]) / clock))
+        move = CubicSpline(*scene.swing(angle, rate, duration / clock))
+        return zero + sense(law, time, move((time - time[0]) / clock))
 
     zero = release.rest - rest
     slope = np.polynomial.Polynomial.fit(time[:12] - time[0], measured[:12], 2).convert().coef

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from sim.board.bodies import as_represented, substituted
-from sim.check.case import Case
 from sim.check.decays import smooth_power
+from sim.check.rules import Case
 from sim.check.variants import variants
 from sim.compensation.parasitics import DECK, Parasitics, TiltJoint
 from sysid.board import Board
