@@ -25,10 +25,10 @@ from sim.model.text import (
     LINKED,
     Wanted,
     files_of,
-    find,
     included,
     is_actuator,
     is_joint,
+    retag,
     tagged,
     with_folders,
     with_sections,
@@ -166,11 +166,7 @@ def require_patchable(setup: Setup) -> None:
     Raises:
         SysidError: No file has the joint.
     """
-    texts = files_of(setup.file)
-    if setup.is_urdf:
-        urdf.locate(setup.file, setup.joint, texts[setup.file])
-    else:
-        find(texts, setup.joint, is_joint(setup.joint))
+    retag(files_of(setup.file), setup.joint, is_joint(setup.joint))
 
 
 Writer = Callable[[Any, Any], Sequence[str]]
@@ -218,8 +214,7 @@ def patched(setup: Setup, writers: Mapping[str, Writer]) -> Patch:
             if names is ATTRIBUTES and setup.is_urdf:
                 values = {ATTRIBUTES[key]: _text(value) for key, value in changed.items()}
                 held = setup.with_(joint=name).joint_of(kept)
-                texts[setup.file], lost = urdf.written(setup.file, held, values, texts[setup.file])
-                remarks += lost
+                remarks += urdf.write(texts, held, values)
             elif changed or names is ATTRIBUTES:  # a joint from elsewhere is refused, changed or not
                 _rewrite(texts, name, wanted, changed)
             remarks += disabled(spec, changed)
@@ -235,17 +230,18 @@ def patched(setup: Setup, writers: Mapping[str, Writer]) -> Patch:
 
 def _rewrite(texts: dict[Path, str], joint: str, wanted: Wanted, changed: Mapping[str, np.ndarray]) -> None:
     """Set attributes of one element in the text of its file."""
-    file, start, end = find(texts, joint, wanted)
-    raw = texts[file].encode()
-    tag = raw[start:end].decode()
-    written = {{**ATTRIBUTES, **ACTING}[key]: _text(value) for key, value in changed.items()}
-    if tag.startswith("<position"):  # a servo's gains have names of their own
-        gains = {"gainprm": ("kp", 0, 1), "biasprm": ("kv", 2, -1)}
-        for key in gains.keys() & changed.keys():
-            del written[key]
-            name, at, sign = gains[key]
-            written[name] = _text(sign * changed[key][at])
-    texts[file] = (raw[:start] + tagged(tag, written).encode() + raw[end:]).decode()
+
+    def change(tag: str) -> str:
+        written = {{**ATTRIBUTES, **ACTING}[key]: _text(value) for key, value in changed.items()}
+        if tag.startswith("<position"):  # a servo's gains have names of their own
+            gains = {"gainprm": ("kp", 0, 1), "biasprm": ("kv", 2, -1)}
+            for key in gains.keys() & changed.keys():
+                del written[key]
+                name, at, sign = gains[key]
+                written[name] = _text(sign * changed[key][at])
+        return tagged(tag, written)
+
+    retag(texts, joint, wanted, change)
 
 
 def _numbers(element: Any, names: Mapping[str, str]) -> dict[str, np.ndarray]:
