@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from policy_runtime.learning.run_folder import RunConfig, RunFolder
 from policy_runtime.learning.style_reference import PHASES, style_reference
 from policy_runtime.motion.motions import Motion, load_motions
-from sim.skate.cycle.push_clips import PushClip
+from sim.skate.cycle.push_clips import Clip
 from sim.skate.mdp.actor_observation import part_of
 from sysid.board import load_board
 from sysid.errors import SysidError
@@ -125,13 +125,13 @@ def build(folder: RunFolder, config: RunConfig, process: Process) -> tuple["RslR
     return env, build_learner(env, config, process, load_motions(folder.motions()))
 
 
-def push_clips(paths: Sequence[Path] = ()) -> tuple[PushClip, ...]:
+def push_clips(paths: Sequence[Path] = ()) -> tuple[Clip, ...]:
     """Return the reference motions of pushing as the task follows them: whole pushes, from touchdown to touchdown."""
     from policy_runtime.motion.motion_check import left_stance
     from sim.skate.robot.g1 import g1_spec
 
     model = g1_spec(visuals=False).compile()
-    clips: list[PushClip] = []
+    clips: list[Clip] = []
     for motion in load_motions(paths):
         stance = left_stance(motion, model)
         # A clip that repeats without a seam begins where its foot comes down.
@@ -142,7 +142,7 @@ def push_clips(paths: Sequence[Path] = ()) -> tuple[PushClip, ...]:
                 f"{motion.name}: its left foot comes down {len(ends)} times; tracking needs a whole push, from one "
                 "touchdown to the next. Record longer, or teach pushing by style (--set pushing=amp)."
             )
-        clips.append(PushClip(motion.name, motion.speed, motion.joints[ends[0] : ends[-1]]))
+        clips.append((motion.speed, motion.joints[ends[0] : ends[-1]]))
     return tuple(clips)
 
 

@@ -48,11 +48,6 @@ class Scripted:
         return target
 
 
-def zero_action() -> Scripted:
-    """Answer zero always: ask for the default pose, one foot on the ground, one on the deck."""
-    return Scripted("zero", lambda command, step: default_pose())
-
-
 def standing() -> Scripted:
     """Hold the steering pose against gravity: ride whatever comes."""
     pose = load_poses()["steer"]
@@ -103,8 +98,12 @@ def _blend(start: Array, end: Array, share: float) -> Array:
     return start + (end - start) * (share * share * (3 - 2 * share))
 
 
-SCRIPTS: dict[str, Callable[[], Policy]] = {"zero": zero_action, "stand": standing, "push": scripted_push}
-"""Scripted policies by name."""
+SCRIPTS: dict[str, Callable[[], Policy]] = {
+    "zero": lambda: Scripted("zero", lambda command, step: default_pose()),
+    "stand": standing,
+    "push": scripted_push,
+}
+"""Scripted policies by name; 'zero' asks for the default pose, one foot on the ground, one on the deck."""
 
 
 def scripted(name: str) -> Policy:

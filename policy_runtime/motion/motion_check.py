@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 import numpy.typing as npt
+from scipy.signal import find_peaks
 
 from policy_runtime.motion.contact import Stance, find_stance
 from policy_runtime.motion.motions import Motion
@@ -137,15 +138,11 @@ def _period(joints: Array) -> float:
     count = len(centred)
     lags = np.arange(1, count // 2)
     power = float(np.sum(centred**2)) / count
-    if len(lags) < 3 or power == 0:
+    values = np.array([np.sum(centred[:-lag] * centred[lag:]) / (count - lag) for lag in lags])
+    peaks, found = find_peaks(values, height=0.5 * power)
+    if not len(peaks):
         return float("nan")
-    values = np.array([np.sum(centred[:-lag] * centred[lag:]) / (count - lag) for lag in lags]) / power
-    peaks = [
-        i for i in range(1, len(values) - 1) if values[i - 1] < values[i] >= values[i + 1] and values[i] > 0.5
-    ]
-    if not peaks:
-        return float("nan")
-    best = max(values[i] for i in peaks)
-    i = next(i for i in peaks if values[i] > best - 0.05)  # the first of equals: one period, not two
+    heights = found["peak_heights"]  # the first of equals: one period, not two
+    i = int(peaks[heights > heights.max() - 0.05 * power][0])
     before, here, after = values[i - 1 : i + 2]
     return float((lags[i] + 0.5 * (before - after) / (before - 2 * here + after)) * CONTROL_PERIOD)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sim.skate.cycle.push_clips import PushClip
+from sim.skate.cycle.push_clips import Clip
 from sim.skate.cycle.tilt_guidance import TiltGuidance
 from sim.skate.mdp.actor_observation import FRAMES, NOISE, SCALE
 from sim.skate.mdp.rewards import Task, rewards
@@ -39,7 +39,7 @@ SOLE_FRICTION_RANGE = (0.35, 1.6)
 
 
 def skate_env_cfg(
-    board: Board, options: SkateOptions, *, environments: int, seed: int, clips: Sequence[PushClip] = ()
+    board: Board, options: SkateOptions, *, environments: int, seed: int, clips: Sequence[Clip] = ()
 ) -> "ManagerBasedRlEnvCfg":
     """Return the environment's configuration.
 
@@ -113,7 +113,7 @@ def skate_command_cfg(board: Board, options: SkateOptions) -> "SkateCommandCfg":
     )
 
 
-def reward_terms(options: SkateOptions, clips: Sequence[PushClip] = ()) -> "dict[str, RewardTermCfg]":
+def reward_terms(options: SkateOptions, clips: Sequence[Clip] = ()) -> "dict[str, RewardTermCfg]":
     """Return the reward terms of `sim/skate/mdp/rewards/`, with their weights and the phases in which they count."""
     from mjlab.managers.reward_manager import RewardTermCfg
 

@@ -5,7 +5,6 @@ touchdown, where dismounting ends, and repeats without a seam.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,22 +13,14 @@ from sim.skate.arrays import constant, namespace
 from sim.skate.cycle.clock import CONTROL_PERIOD
 from sysid.roll import Array
 
-
-@dataclass(frozen=True, slots=True)
-class PushClip:
-    """One clip."""
-
-    name: str
-    speed: float
-    """Mean speed of the pelvis in the plane [m/s]."""
-    joints: Array
-    """Joint angles [rad], shape (frames, 23), one frame a policy step."""
+Clip = tuple[float, Array]
+"""Mean speed of the pelvis in the plane [m/s], and joint angles [rad], shape (frames, 23), one frame a policy step."""
 
 
 class PushReference:
     """All clips as one array, of the kind, precision and device of the first speeds that it is asked for."""
 
-    def __init__(self, clips: Sequence[PushClip]) -> None:
+    def __init__(self, clips: Sequence[Clip]) -> None:
         """Take the clips over.
 
         Raises:
@@ -37,10 +28,9 @@ class PushReference:
         """
         if not clips:
             raise ValueError("pushing by tracking needs at least one reference clip")
-        lengths = np.array([len(clip.joints) for clip in clips])
-        speeds = np.array([clip.speed for clip in clips])
-        joints = np.concatenate([clip.joints for clip in clips])
-        self._arrays = speeds, lengths, np.cumsum(lengths) - lengths, joints
+        speeds, joints = zip(*clips, strict=True)
+        lengths = np.array([len(one) for one in joints])
+        self._arrays = np.array(speeds), lengths, np.cumsum(lengths) - lengths, np.concatenate(joints)
         self._placed: list[Any] | None = None
 
     def joints(self, speed: Any, time: Any) -> Any:
