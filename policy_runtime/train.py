@@ -267,7 +267,7 @@ def save(
     done: "Done",
     states: list[dict[str, Any]],
 ) -> None:
-    """Write a checkpoint in one step, and its policy: the mean of the weights (`policy_runtime.learning.mean_actor`)."""
+    """Write a checkpoint in one step, and its policy: the mean of the weights."""
     import torch
 
     from policy_runtime.learning.onnx_export import export_policy, policy_metadata

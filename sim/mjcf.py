@@ -5,9 +5,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from sim.board.bench import rig_spec
 from sim.board.bodies import Coupling, substituted
-from sim.board.scene import board_spec
+from sim.board.scene import board_spec, rig_spec
 from sim.compensation.scene import Export, compensate
 from sim.compensation.step import Compensation
 from sysid.board import Board

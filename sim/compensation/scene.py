@@ -9,10 +9,9 @@ from typing import Literal
 
 import mujoco
 
-from sim.board.bench import rig_spec
 from sim.board.bodies import TILT_JOINT, Coupling
 from sim.board.clamped import ClampedScene, stable
-from sim.board.scene import board_spec, set_trucks
+from sim.board.scene import board_spec, rig_spec, set_trucks
 from sim.compensation.step import (
     Compensation,
     closed_form,

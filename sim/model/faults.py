@@ -6,9 +6,8 @@ import mujoco
 import numpy as np
 
 from sim.model.arc import walk
-from sim.model.servo import servos_of
 from sim.model.setup import Setup
-from sim.model.subject import rest_of
+from sim.model.subject import rest_of, servos_of
 from sysid.board import Board
 from sysid.errors import SysidError
 from sysid.text import display

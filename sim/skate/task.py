@@ -52,8 +52,7 @@ def skate_env_cfg(
     """
     from mjlab.envs import ManagerBasedRlEnvCfg
 
-    from sim.skate.mdp.board_term import BoardTermCfg
-    from sim.skate.mdp.delay import DelayedJointPositionCfg
+    from sim.skate.mdp.actions import BoardTermCfg, DelayedJointPositionCfg
 
     scene = SceneOptions(
         coupling=options.coupling,

@@ -199,7 +199,7 @@ def test_a_runs_own_motions_are_kept_with_it_and_make_its_style(tmp_path):
     assert [path.stem for path in plain.motions()] == CLIPS
     assert "mine.npy" in folder.origin.read_text()
     windows = style_reference(SkateOptions(), motions.load_motions(folder.motions()))
-    assert windows.shape == (len(mine) - 4, 115)
+    assert windows.shape == (len(mine.joints) - 4, 115)
     np.testing.assert_array_equal(windows[3], mine.joints[3:8].ravel())
     with pytest.raises(SysidError, match="no motion"):
         RunFolder(tmp_path / "third").begin(RunConfig(), record, motions=[tmp_path])
