@@ -91,7 +91,7 @@ def world_of(
     else:
         qpos = model.qpos0.copy()
         board_height = float(model.qpos0[robot.board_q + 2])
-        qpos[robot.base_q : robot.base_q + 7 + len(JOINTS)] = load_poses()[start].qpos()
+        qpos[robot.base_q : robot.base_q + 7 + len(JOINTS)] = load_poses()[start]
         qpos[robot.base_q + 2] += board_height
     return World(robot, qpos)
 

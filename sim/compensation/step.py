@@ -19,11 +19,10 @@ from sim.board.clamped import ClampedScene
 from sim.board.scene import integrator_name
 from sysid.board import Board, BoardEffect
 from sysid.effects import effect
-from sysid.effects._algebra import NUMPY
-from sysid.effects._base import JointState, TorqueEffect
 from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
 from sysid.joint.sampled import continuous_map, joint_of_map
+from sysid.joint.torques import memoryless_torque
 from sysid.progress import steps
 from sysid.roll import Array
 
@@ -150,14 +149,7 @@ def _comes_back_from(board: Board, wide: float) -> float:
 
 def _static_torque(board: Board, tilt: Array) -> Array:
     """Return the law's static torque at tilts about the rest angle [N*m], without effects with memory."""
-    motion = JointState(tilt, 0.0 * tilt, board.rest_angle + tilt, board.stiffness)
-    torque = -board.stiffness * tilt
-    for part in board.effects:
-        known = effect(part.name)
-        if isinstance(known, TorqueEffect) and not known.states:
-            values = {name: quantity.value for name, quantity in part.parameters.items()}
-            torque = torque + known.torque(NUMPY, motion, values, ())
-    return torque
+    return memoryless_torque(JointLaw.from_board(board), board.rest_angle + tilt, 0.0 * tilt)
 
 
 def fit_inertia_and_damping(board: Board, start: Board, build: Build, amplitudes: Sequence[float]) -> Board:

@@ -17,7 +17,7 @@ import numpy as np
 
 from sim.model import urdf
 from sim.model.arc import walk
-from sim.model.faults import disabled, refuse_unphysical
+from sim.model.faults import disabled, pressed, refuse_unphysical
 from sim.model.setup import Setup
 from sim.model.subject import in_degrees, rest_of
 from sim.model.text import (
@@ -182,7 +182,7 @@ def patch(setup: Setup, board: Board) -> Patch:
     plain = setup.with_(payload=())
 
     def write(spec: Any, joint: Any) -> list[str]:
-        return [*_write(plain, spec, joint, board), *_leaning(spec, setup.joint)]
+        return [*_write(plain, spec, joint, board), *pressed(plain, spec)]
 
     return patched(plain, {setup.joint: write})
 
@@ -283,19 +283,6 @@ def _write(setup: Setup, spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Boa
     if not np.any(joint.stiffness) and len(spec.tendons) == tendons:
         joint.springref = springref  # no spring refers to it
     return remarks
-
-
-def _leaning(spec: mujoco.MjSpec, name: str) -> list[str]:
-    """Return a remark on a spring that rests outside the joint's range."""
-    model = spec.copy().compile()
-    joint = model.joint(name)
-    rest, (low, high) = float(model.qpos_spring[joint.qposadr[0]]), map(float, joint.range)
-    if not joint.limited[0] or low <= rest <= high or not joint.stiffness[0]:
-        return []
-    return [
-        f"the spring of '{name}' rests at {rest:.4g}, outside the joint's range of {low:.4g} to {high:.4g}: the model leans on "
-        "its limit. Correct the range, or fit a log whose zero is the model's"
-    ]
 
 
 def _text(values: Any) -> str:

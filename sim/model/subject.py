@@ -187,14 +187,9 @@ def known_of(board: Board) -> dict[str, float]:
     """Return the parameters that a pose or a payload changes, as `Release.known` takes them."""
     parts = {part.name: part.parameters for part in board.effects}
     known = {"inertia": board.inertia.value}
-    for own in (weight.EFFECT.name, payload.EFFECT.name, linkage.EFFECT.name):
-        for parameter in HARMONICS:
-            known[f"{own}.{parameter}"] = parts[own][parameter].value if own in parts else 0.0
-    spring = linked_spring.EFFECT
-    for parameter in spring.parameter_names:
-        known[f"{spring.name}.{parameter}"] = (
-            parts[spring.name][parameter].value if spring.name in parts else 0.0
-        )
+    for own in (weight.EFFECT, payload.EFFECT, linkage.EFFECT, linked_spring.EFFECT):
+        for name in own.parameter_names if own is linked_spring.EFFECT else HARMONICS:
+            known[f"{own.name}.{name}"] = parts[own.name][name].value if own.name in parts else 0.0
     return known
 
 

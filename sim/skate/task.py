@@ -108,7 +108,7 @@ def skate_command_cfg(board: Board, options: SkateOptions) -> "SkateCommandCfg":
             limit=board.tilt["range"].value,
             kinematics=options.kinematics,
         ),
-        ends=key_bodies_at([poses[name].qpos() + offset for name in ("push", "steer")]),
+        ends=key_bodies_at([poses[name] + offset for name in ("push", "steer")]),
     )
 
 

@@ -39,7 +39,7 @@ def tilt_rate(state: SkateState) -> Any:
 
 
 def _terms(task: Task) -> Iterator[Reward]:
-    pose = tuple((load_poses()["steer"].joints + task.options.pose_offset).tolist())
+    pose = tuple((load_poses()["steer"][7:] + task.options.pose_offset).tolist())
     yield Reward("steer/feet_on_board", feet_on_board, "steer", 3.0)
     yield Reward("steer/pose", holds_pose, "steer", 1.5, {"pose": pose, "tolerance": 0.2})
     yield Reward("steer/left_foot", left_foot_loaded, "steer", 8.0)
