@@ -92,7 +92,6 @@ class UnitreeG1:
             motor.mode, motor.q = 1, float(angle)
             motor.kp, motor.kd = 0.0 if braking else WRIST_STIFFNESS, WRIST_DAMPING
         message.crc = self._messages.command_crc(message)
-        self._messages.serialise_once(message)
         self._command = message
 
     def _lead_wrists(self, braking: bool) -> Array:
