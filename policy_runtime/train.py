@@ -17,10 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from policy_runtime.learning.run_folder import RunConfig, RunFolder
-from policy_runtime.learning.style_reference import PHASES, style_reference
-from policy_runtime.motion.motions import Motion, load_motions
-from sim.skate.cycle.push_clips import Clip
+from policy_runtime.motion.motions import PHASES, Motion, load_motions, style_reference
 from sim.skate.mdp.actor_observation import part_of
+from sim.skate.mdp.rewards._base import Clip
 from sysid.board import load_board
 from sysid.errors import SysidError
 from sysid.files import atomic_path, sha256

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sim.skate.cycle.push_clips import Clip
 from sim.skate.cycle.tilt_guidance import TiltGuidance
 from sim.skate.mdp.actor_observation import FRAMES, NOISE, SCALE
 from sim.skate.mdp.rewards import Task, rewards
+from sim.skate.mdp.rewards._base import Clip
 from sim.skate.options import STYLE_FRAMES, SkateOptions
 from sim.skate.robot.g1 import JOINTS, motor_of
 from sim.skate.robot.poses import load_poses

@@ -185,7 +185,7 @@ def test_recorded_pushes_are_cut_from_touchdown_to_touchdown(model, tmp_path):
 
 def test_a_runs_own_motions_are_kept_with_it_and_make_its_style(tmp_path):
     from policy_runtime.learning.run_folder import RunConfig, RunFolder
-    from policy_runtime.learning.style_reference import style_reference
+    from policy_runtime.motion.motions import style_reference
     from sim.skate.options import SkateOptions
 
     mine = recorded("push-low-slow")

@@ -7,7 +7,6 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from sim.skate.cycle.push_clips import PushReference
 from sim.skate.mdp import rewards, terminations
 from sim.skate.mdp.rewards import (
     _base,
@@ -18,6 +17,7 @@ from sim.skate.mdp.rewards import (
     tilt_guidance,
     transitions,
 )
+from sim.skate.mdp.rewards.push_teachers import PushReference
 from sim.skate.mdp.state import SkateState
 from sim.skate.options import Guidance, Pushing, SkateOptions
 

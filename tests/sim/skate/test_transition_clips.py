@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from transition_check import transition_facts
 
-from policy_runtime.learning.style_reference import transition_folder
-from policy_runtime.motion.motions import load_motions
+from policy_runtime.motion.motions import load_motions, transition_folder
 from sim.skate.cycle.clock import CONTROL_PERIOD, Clock
 from sim.skate.robot.poses import load_poses
 

@@ -5,11 +5,15 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from sim.skate.arrays import constant, namespace
-from sim.skate.cycle.push_clips import Clip
 from sim.skate.options import SkateOptions
+from sysid.roll import Array
 
 Phase = Literal["push", "steer", "transition", "not-push", "not-steer", "moving", "still", "always"]
 """When a reward counts. 'not-steer' includes standing still."""
+
+
+Clip = tuple[float, Array]
+"""Mean speed of the pelvis in the plane [m/s], and joint angles [rad], shape (frames, 23), one frame a policy step."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
