@@ -118,7 +118,7 @@ def tasks(style: Style, fraction: float) -> list[Task]:
     posture = mix((push[7:], steer[7:]), smooth(fraction)).copy()
     for side, sign in (("left", 1.0), ("right", -1.0)):
         posture[JOINTS.index(f"{side}_shoulder_roll_joint")] += sign * style.arms * hump
-    pelvis = float(mix((push.position[2], steer.position[2]), smooth(fraction))) - style.sink * hump
+    pelvis = float(mix((push[2], steer[2]), smooth(fraction))) - style.sink * hump
     return [
         FrameTask(body=RIGHT, position=right, rotation=right_rotation, weight=FIRM),
         FrameTask(body=LEFT, position=left, rotation=left_rotation, weight=FIRM),
