@@ -107,7 +107,9 @@ def episode_errors(rides: Rides) -> dict[str, Array]:
     course_error = np.abs(wrap_angle(rides.board_heading - rides.board_heading[0] - rides.course))
     change = np.diff(rides.joint_position, axis=0)
     pairs = rides.alive[1:] & rides.alive[:-1]
-    wrong_push, wrong_steer = wrong_in_pushing(rides), wrong_in_steering(rides)
+    # Pushing: the right foot off the deck or the left foot on it. Steering: a foot off the deck or on the ground.
+    wrong_push = ~rides.foot_on_deck[..., 1] | rides.foot_on_deck[..., 0]
+    wrong_steer = ~rides.foot_on_deck.all(axis=-1) | rides.foot_on_ground.any(axis=-1)
     wrong = np.where(rides.pushing, wrong_push, wrong_steer)
     return {
         "E_vel": _mean(np.abs(slowness), push),
@@ -148,16 +150,6 @@ def _failed_stops(rides: Rides, n: int) -> float:
         elif end < len(alive) and told[end] and not alive[end] and not rides.succeeded[n]:
             failed.append(True)
     return float(np.mean(failed)) if failed else np.nan
-
-
-def wrong_in_pushing(rides: Rides) -> Flags:
-    """Return where the right foot is off the deck or the left foot on it, (t, n)."""
-    return np.logical_or(~rides.foot_on_deck[..., 1], rides.foot_on_deck[..., 0])
-
-
-def wrong_in_steering(rides: Rides) -> Flags:
-    """Return where a foot is off the deck or on the ground, (t, n)."""
-    return np.logical_or(~rides.foot_on_deck.all(axis=-1), rides.foot_on_ground.any(axis=-1))
 
 
 def _mean(values: Array, where: Flags) -> Array:

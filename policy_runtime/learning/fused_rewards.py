@@ -107,7 +107,17 @@ class FusedRewards(RewardManager):
 
 
 class QuietTerminations(TerminationManager):
-    """Terminations without mjlab's counts at a reset, which wait for the device."""
+    """Terminations without mjlab's counts, which wait for the device, nor values from the host, which no graph may copy."""
+
+    def compute(self) -> torch.Tensor:
+        """Return whose episode is over, (n,)."""
+        self._truncated_buf.zero_()
+        self._terminated_buf.zero_()
+        for name, term in zip(self._term_names, self._term_cfgs, strict=True):
+            over = self._term_dones[name].copy_(term.func(self._env, **term.params))
+            ended = self._truncated_buf if term.time_out else self._terminated_buf
+            ended |= over
+        return self._truncated_buf | self._terminated_buf
 
     def reset(self, env_ids: torch.Tensor | slice | None = None) -> dict[str, torch.Tensor]:
         """Let the terms that remember begin anew."""

@@ -263,13 +263,9 @@ def left_out(board: Board) -> tuple[str, ...]:
 
 def as_represented(board: Board) -> Board:
     """Return the board without the parameters that MuJoCo cannot hold."""
-    parts = [(part, effect(part.name).mujoco.leaves_out) for part in board.effects]
-    return replace(
-        board,
-        effects=tuple(
-            replace(part, parameters={**part.parameters, lost: replace(part.parameters[lost], value=0.0)})
-            if lost
-            else part
-            for part, lost in parts
-        ),
-    )
+    effects = list(board.effects)
+    for i, part in enumerate(effects):
+        if lost := effect(part.name).mujoco.leaves_out:
+            zero = replace(part.parameters[lost], value=0.0)
+            effects[i] = replace(part, parameters={**part.parameters, lost: zero})
+    return replace(board, effects=tuple(effects))

@@ -164,7 +164,7 @@ def judge(
 
 
 def _rounded(part: TiltJoint, wanted: TiltJoint) -> list[float]:
-    pairs = zip(_numbers(part).values(), _numbers(wanted).values(), strict=True)
+    pairs = zip(part, wanted, strict=True)
     return [0.0 if abs(value) < ROUNDING * abs(own) else value for value, own in pairs]
 
 

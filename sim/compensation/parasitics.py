@@ -9,6 +9,7 @@ import copy
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -28,8 +29,7 @@ by 0.16 % at most; the gate names 3 %."""
 DECK = "deck alone"
 
 
-@dataclass(frozen=True, slots=True)
-class TiltJoint:
+class TiltJoint(NamedTuple):
     """A tilt joint as the integrator sees it."""
 
     stiffness: float
@@ -46,9 +46,7 @@ class TiltJoint:
 
     def minus(self, other: "TiltJoint") -> "TiltJoint":
         """Return the difference, quantity by quantity."""
-        return TiltJoint(
-            self.stiffness - other.stiffness, self.damping - other.damping, self.inertia - other.inertia
-        )
+        return TiltJoint(*(own - its for own, its in zip(self, other, strict=True)))
 
 
 @dataclass(frozen=True, slots=True)

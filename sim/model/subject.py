@@ -88,6 +88,7 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
     stiffness, rest = float(joint.stiffness[0]), rest_of(setup, spec, arc)
     inertia = arc.at(rest, arc.inertia)
     effects, missed = _effects(setup, spec, arc, rest)
+    reach = 0.0 if arc.closed else float(np.abs(arc.position[[0, -1]] - rest).max())
     board = Board(
         name=f"{setup.file.stem}_{setup.joint}".replace("/", "_"),
         description=f"joint '{setup.joint}' of {setup.file.name}",
@@ -102,7 +103,7 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
             "stiffness": Quantity(stiffness, 0.0, "N*m/rad"),
             "damping": Quantity(float(joint.damping[0]) + arc.at(rest, arc.damping), 0.0, "N*m*s/rad"),
             "rest_angle": Quantity(rest, 0.0, "rad"),
-            "range": Quantity(_range(arc, rest), 0.0, "rad"),
+            "range": Quantity(reach or math.pi, 0.0, "rad"),
         },
         effects=effects,
         model=setup.entry(),
@@ -209,7 +210,8 @@ def rest_of(setup: Setup, spec: mujoco.MjSpec, arc: Arc) -> float:
     if arc.closed:  # the ends are one place: look beyond it
         position, pull = np.append(position, position[1:] + 2 * np.pi), np.append(pull, pull[1:])
     crossing = np.flatnonzero((pull[:-1] > 0) & (pull[1:] <= 0))
-    rests = [_root(position[i : i + 2], pull[i : i + 2]) for i in crossing]
+    gaps = np.diff(position)[crossing] / (pull[crossing] - pull[crossing + 1])
+    rests = [float(rest) for rest in position[crossing] + gaps * pull[crossing]]
     if arc.closed:
         rests += [rest - 2 * np.pi for rest in rests]
     elif not rests:
@@ -220,19 +222,9 @@ def rest_of(setup: Setup, spec: mujoco.MjSpec, arc: Arc) -> float:
     return 0.0 if abs(rest) < TINY else rest
 
 
-def _root(position: Array, pull: Array) -> float:
-    return float(position[0] + (position[1] - position[0]) * pull[0] / (pull[0] - pull[1]))
-
-
 def in_degrees(spec: mujoco.MjSpec, joint: mujoco.MjsJoint) -> bool:
     """Return whether the file writes this joint's angles in degrees."""
     return bool(spec.compiler.degree) and int(joint.type) == int(mujoco.mjtJoint.mjJNT_HINGE)
-
-
-def _range(arc: Arc, rest: float) -> float:
-    """Return the larger distance of the rest from an end of the path [rad or m]; half a turn without a limit."""
-    reach = float(np.abs(arc.position[[0, -1]] - rest).max())
-    return math.pi if arc.closed else reach or math.pi
 
 
 def _spring(arc: Arc) -> tuple[dict[str, float], Array]:
