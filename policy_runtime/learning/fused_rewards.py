@@ -107,7 +107,7 @@ class FusedRewards(RewardManager):
 
 
 class QuietTerminations(TerminationManager):
-    """Terminations without mjlab's counts, which wait for the device, nor values from the host, which no graph may copy."""
+    """Terminations that neither count, which waits for the device, nor copy values from the host, which no graph records."""
 
     def compute(self) -> torch.Tensor:
         """Return whose episode is over, (n,)."""
