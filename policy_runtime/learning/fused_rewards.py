@@ -107,7 +107,7 @@ class FusedRewards(RewardManager):
 
 
 class QuietTerminations(TerminationManager):
-    """Terminations that neither count, which waits for the device, nor copy values from the host, which no graph records."""
+    """Terminations written in place, for a graph, without mjlab's counts, which wait for the device."""
 
     def compute(self) -> torch.Tensor:
         """Return whose episode is over, (n,)."""
