@@ -21,6 +21,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from pages import table
+from scipy.interpolate import CubicSpline
 from suite import command_line
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
@@ -97,7 +98,7 @@ def _path(case: Case, setup: Setup, board: Board, angle: float) -> tuple[Array, 
         own = int(scene.model.joint(case.joint).dofadr[0])
         scene.model.dof_damping[own] += case.truth["damping"]
         scene.model.dof_armature[own] += case.truth["armature.inertia"]
-        return grid, scene.swing(angle, 0.0, case.duration).at(grid)
+        return grid, CubicSpline(*scene.swing(angle, 0.0, case.duration))(grid)
     inertia = board.inertia.value + case.truth.get("armature.inertia", 0.0)
     truth = robots.plain(
         inertia, case.truth.get("stiffness", 0.0), case.truth["damping"], case.truth.get("rest_angle", 0.0)

@@ -41,8 +41,7 @@ def main(minutes: float = MINUTES) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "policy.onnx"
         # Random weights about the steering pose: the ride is calm, the work is that of a trained policy.
-        pose = load_poses()["steer"]
-        asked = GravityLoad().asked(pose.joints, pose.quaternion, (True, True))
+        asked = GravityLoad().asked(load_poses()["steer"], (True, True))
         make_onnx(path, size=390, metadata=our_metadata(board), bias=action_for(asked))
         policy = OnnxPolicy(open_policy(path, board))
     ticks = round(60 * minutes / CONTROL_PERIOD)

@@ -16,11 +16,10 @@ from typing import Any
 from pages import table, write_result
 from robustness import weights
 
-from policy_runtime.evaluation.metrics import METRICS
+from policy_runtime.evaluation.metrics import METRICS, clip_ranges
 from policy_runtime.evaluation.plain import Protocol, evaluate_policy, riders
 from policy_runtime.evaluation.result import TIME_LIMIT
 from policy_runtime.evaluation.statistics import proportion
-from policy_runtime.evaluation.strides import clip_ranges
 from sysid.workspace import Workspace
 
 ROOT = Path(__file__).parents[1]

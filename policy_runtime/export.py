@@ -48,10 +48,9 @@ class Bundle:
 
     def world(self, *, start: str = "stand", gantry: Gantry | None = None) -> World:
         """Return the world of this folder; `start` as in `world.make_world`."""
-        if start == "stand":
-            world = world_of(self.model, start="push", direct_rake=self.direct_rake, gantry=gantry)
-            return World(world.robot, self.start)
-        return world_of(self.model, start=start, direct_rake=self.direct_rake, gantry=gantry)
+        return world_of(
+            self.model, start=start, direct_rake=self.direct_rake, gantry=gantry, standing=self.start
+        )
 
 
 def export_folder(

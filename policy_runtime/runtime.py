@@ -17,7 +17,7 @@ from policy_runtime.loop.commands import Command, CommandSource
 from policy_runtime.loop.course import Course
 from policy_runtime.loop.policy import Policy
 from policy_runtime.loop.preparation import Delay, Preparation, StoppedError, prepare
-from policy_runtime.loop.safety import Guard, Limits
+from policy_runtime.loop.safety import Guard, Limits, finite
 from policy_runtime.robots import BEGIN, PD_PERIOD, SERVO_STEPS, STAND, JointCommand, Robot, RobotState
 from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED, Clock
 from sysid.roll import Array
@@ -229,9 +229,8 @@ class _Run:
             self._stands = STAND in state.buttons
         command = self._latch(state, wanted._replace(speed=0.0) if self._stands else wanted)
         target = runtime.policy.act(state, command, self._step)
-        stopped = self._guard.check_target(target)
-        if stopped is not None:
-            raise StoppedError(stopped)
+        if not finite(target):
+            raise StoppedError("not finite: the policy's answer holds NaN or infinity")
         self.robot.send(JointCommand.hold(target if self._dry is None else self._dry))
         tick = Tick(now, self._step, state, command, target, runtime.policy.action, self._course.asked)
         self._step = int(Clock().after(self._step, command.speed < STILL_SPEED))

@@ -17,10 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from policy_runtime.learning.run_folder import RunConfig, RunFolder
-from policy_runtime.learning.style_reference import PHASES, style_reference
-from policy_runtime.motion.motions import Motion, load_motions
-from sim.skate.cycle.push_clips import PushClip
+from policy_runtime.motion.motions import PHASES, Motion, load_motions, style_reference
 from sim.skate.mdp.actor_observation import part_of
+from sim.skate.mdp.rewards._base import Clip
 from sysid.board import load_board
 from sysid.errors import SysidError
 from sysid.files import atomic_path, sha256
@@ -125,13 +124,13 @@ def build(folder: RunFolder, config: RunConfig, process: Process) -> tuple["RslR
     return env, build_learner(env, config, process, load_motions(folder.motions()))
 
 
-def push_clips(paths: Sequence[Path] = ()) -> tuple[PushClip, ...]:
+def push_clips(paths: Sequence[Path] = ()) -> tuple[Clip, ...]:
     """Return the reference motions of pushing as the task follows them: whole pushes, from touchdown to touchdown."""
     from policy_runtime.motion.motion_check import left_stance
     from sim.skate.robot.g1 import g1_spec
 
     model = g1_spec(visuals=False).compile()
-    clips: list[PushClip] = []
+    clips: list[Clip] = []
     for motion in load_motions(paths):
         stance = left_stance(motion, model)
         # A clip that repeats without a seam begins where its foot comes down.
@@ -142,7 +141,7 @@ def push_clips(paths: Sequence[Path] = ()) -> tuple[PushClip, ...]:
                 f"{motion.name}: its left foot comes down {len(ends)} times; tracking needs a whole push, from one "
                 "touchdown to the next. Record longer, or teach pushing by style (--set pushing=amp)."
             )
-        clips.append(PushClip(motion.name, motion.speed, motion.joints[ends[0] : ends[-1]]))
+        clips.append((motion.speed, motion.joints[ends[0] : ends[-1]]))
     return tuple(clips)
 
 
@@ -267,7 +266,7 @@ def save(
     done: "Done",
     states: list[dict[str, Any]],
 ) -> None:
-    """Write a checkpoint in one step, and its policy: the mean of the weights (`policy_runtime.learning.mean_actor`)."""
+    """Write a checkpoint in one step, and its policy: the mean of the weights."""
     import torch
 
     from policy_runtime.learning.onnx_export import export_policy, policy_metadata

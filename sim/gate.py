@@ -6,9 +6,9 @@ from pathlib import Path
 
 from sim.board.bodies import TILT_JOINT, Coupling
 from sim.check.verdict import Verdict, judge
-from sim.compensation.scene import Export, bench_scene, compensate, scene_from_file, training_scene
+from sim.compensation.scene import Export, bench_scene, compensate, training_scene
 from sim.compensation.step import Compensation
-from sim.model.scene import scene_of
+from sim.model.scene import scene_from_file, scene_of
 from sim.model.setup import Setup
 from sysid.board import Board
 from sysid.errors import SysidError

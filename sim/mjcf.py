@@ -1,15 +1,12 @@
 """A board as an MJCF file: its comments state the source of the numbers, and their error."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import mujoco
-
-from sim.board.bench import rig_spec
 from sim.board.bodies import Coupling, substituted
-from sim.board.scene import board_spec
+from sim.board.scene import board_spec, rig_spec
 from sim.compensation.scene import Export, compensate
 from sim.compensation.step import Compensation
 from sysid.board import Board
@@ -82,15 +79,11 @@ def board_mjcf(
     done = compensate(board, export, coupling=coupling, **step)
     written = done.board
     spec = board_spec(written, coupling=coupling, **step) if kind == "scene" else rig_spec(written, **step)
-    comments = tuple(_comments(board, done, kind, export, coupling))
-    return Mjcf(_commented(spec, comments), done, export, substituted(board))
-
-
-def _commented(spec: mujoco.MjSpec, lines: Sequence[str]) -> str:
-    """Write the spec, with comments before it."""
     spec.compile()
     # XML forbids two hyphens in a row in a comment.
-    return "".join(f"<!-- {re.sub('-(?=-)', '- ', line)} -->\n" for line in lines) + spec.to_xml()
+    comments = (re.sub("-(?=-)", "- ", line) for line in _comments(board, done, kind, export, coupling))
+    xml = "".join(f"<!-- {line} -->\n" for line in comments) + spec.to_xml()
+    return Mjcf(xml, done, export, substituted(board))
 
 
 def _comments(

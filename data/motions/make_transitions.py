@@ -115,10 +115,10 @@ def tasks(style: Style, fraction: float) -> list[Task]:
     swing, pivot = within(fraction, style.swing), within(fraction, style.pivot)
     left, left_rotation = ankle(FEET[LEFT], swing, swing, style.lift)
     right, right_rotation = ankle(FEET[RIGHT], pivot, pivot, 0.0)
-    posture = mix((push.joints, steer.joints), smooth(fraction)).copy()
+    posture = mix((push[7:], steer[7:]), smooth(fraction)).copy()
     for side, sign in (("left", 1.0), ("right", -1.0)):
         posture[JOINTS.index(f"{side}_shoulder_roll_joint")] += sign * style.arms * hump
-    pelvis = float(mix((push.position[2], steer.position[2]), smooth(fraction))) - style.sink * hump
+    pelvis = float(mix((push[2], steer[2]), smooth(fraction))) - style.sink * hump
     return [
         FrameTask(body=RIGHT, position=right, rotation=right_rotation, weight=FIRM),
         FrameTask(body=LEFT, position=left, rotation=left_rotation, weight=FIRM),
@@ -140,7 +140,7 @@ def make(style: Style) -> Motion:
     model = g1_spec(visuals=False).compile()
     mounts = style.name.startswith("mount")
     steps = Clock().mount if mounts else Clock().dismount
-    qpos = load_poses()["push"].qpos()
+    qpos = load_poses()["push"].copy()
     qpos[2] += AXIS_HEIGHT
     frames: list[np.ndarray] = []
     for frame in range(steps + 1):

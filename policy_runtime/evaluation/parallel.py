@@ -18,7 +18,7 @@ import numpy as np
 from policy_runtime.evaluation.metrics import Rides, asked_course
 from policy_runtime.evaluation.protocol import Protocol
 from policy_runtime.evaluation.result import PATHS, TIME_LIMIT, Evaluation, Part, part_of, summarise
-from policy_runtime.loop.policy_file import open_policy
+from policy_runtime.loop.policy_file import find_policy, open_policy
 from sim.board.scaled import scaled_board
 from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.mdp.actor_observation import OBSERVATION_SIZE
@@ -44,7 +44,7 @@ class BatchPolicy:
         self._session: Any = None
         if policy == "zero":
             return
-        file = open_policy(Path(policy), board, force=force)
+        file = open_policy(find_policy(policy) or Path(policy), board, force=force)
         self.turn_feedback = file.turn_feedback
         if file.size != OBSERVATION_SIZE:
             raise SysidError(
@@ -53,7 +53,7 @@ class BatchPolicy:
         with needs_extra("run", "evaluating in parallel"):
             import onnx
             import onnxruntime
-        model = onnx.load(policy)
+        model = onnx.load(file.path)
         for value in (*model.graph.input, *model.graph.output):
             value.type.tensor_type.shape.dim[0].dim_param = "n"
         self._session = onnxruntime.InferenceSession(

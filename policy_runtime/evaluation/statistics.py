@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from sysid.quantity import Z95, Quantity
+from sysid.quantity import Quantity
 from sysid.roll import Array
 from sysid.text import count
 
@@ -13,12 +13,12 @@ def proportion(successes: int, trials: int) -> Quantity:
     """Return a share with its Wilson 95 % interval, which stays within 0 and 1 (Wilson 1927)."""
     if trials == 0:
         return Quantity(math.nan, math.nan, "1", "no episode")
-    share, z2 = successes / trials, Z95**2
-    centre = (share + z2 / (2 * trials)) / (1 + z2 / trials)
-    half = Z95 / (1 + z2 / trials) * math.sqrt(share * (1 - share) / trials + z2 / (4 * trials**2))
-    std = math.sqrt(max(share * (1 - share), 0.0) / trials)
-    low, high = max(0.0, centre - half), min(1.0, centre + half)
-    return Quantity(share, std, "1", f"Wilson, {count(trials, 'episode')}", (low, high))
+    from scipy.stats import binomtest
+
+    share = successes / trials
+    low, high = binomtest(successes, trials).proportion_ci(method="wilson")
+    std = math.sqrt(share * (1 - share) / trials)
+    return Quantity(share, std, "1", f"Wilson, {count(trials, 'episode')}", (float(low), float(high)))
 
 
 def mean_over(values: list[Array], unit: str) -> Quantity:

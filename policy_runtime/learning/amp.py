@@ -19,10 +19,12 @@ import torch.distributed
 from rsl_rl.algorithms import PPO
 from rsl_rl.modules.distribution import GaussianDistribution
 from torch import nn
+from torch.optim.swa_utils import AveragedModel
 
-from policy_runtime.learning.mean_actor import mean_actor
 from sim.skate.cycle.clock import CONTROL_PERIOD
 
+ETA = 16
+"""Iteration t weighs about t^η in the mean of the actor's weights: the last eighteenth of a run, in the mean."""
 LEAST_RATE = 1e-5
 """Least learning rate of rsl_rl's adaptive schedule [1]."""
 
@@ -277,3 +279,18 @@ def average_normaliser(normaliser: Any) -> None:
     normaliser._mean.copy_(moments[0])
     normaliser._var.copy_(moments[1] - moments[0] ** 2)
     normaliser._std.copy_(normaliser._var.sqrt())
+
+
+def mean_actor(actor: nn.Module) -> AveragedModel:
+    """Return the moving mean of an actor, normalisers too, which `update_parameters` takes a further iteration into.
+
+    Rare situations, such as a command to stand, go well after one update and badly after the next. The mean over updates is
+    steadier. It covers the same share of every run (Shamir and Zhang 2013, polynomial-decay averaging).
+    """
+    return AveragedModel(actor, avg_fn=_mean, use_buffers=True)
+
+
+def _mean(mean: torch.Tensor, now: torch.Tensor, done: torch.Tensor | int) -> torch.Tensor:
+    if not now.is_floating_point():
+        return now  # a count
+    return torch.lerp(mean, now, torch.as_tensor((ETA + 1) / (done + ETA + 1), dtype=now.dtype))

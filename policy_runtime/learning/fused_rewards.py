@@ -17,6 +17,8 @@ observations. Only its second half follows the action: four solves a policy step
 the last substep, and zero in an episode's first step.
 """
 
+import sys
+from collections.abc import Callable
 from typing import Any
 
 import mujoco
@@ -28,9 +30,48 @@ from mjlab.managers.reward_manager import RewardManager
 from mjlab.managers.termination_manager import TerminationManager
 from mjlab.sim.sim import _suspend_gc
 
-from policy_runtime.learning.graphs import Graphed
 from sim.skate.mdp import measuring
 from sim.skate.mdp.observations import skate_command
+
+EAGER_CALLS = 3
+"""Calls before one is recorded: libraries allocate memory at their first use."""
+
+
+class Graphed:
+    """A function without arguments: recorded at its fourth call, then replayed.
+
+    The function writes lasting results in place and asks nothing of the host (no `.item()`, no lists whose length depends on
+    data); Python in it runs only while it is recorded. Its result is what the recorded call returned: tensors whose content
+    every replay renews. If recording fails, it warns once and goes on without a graph.
+    """
+
+    def __init__(self, function: Callable[[], Any], *, enabled: bool = True) -> None:
+        """Keep the function; it is never recorded unless enabled."""
+        self._function, self._enabled = function, enabled
+        self._calls, self._graph, self._result = 0, None, None
+
+    def __call__(self) -> Any:
+        """Do it, and return the result."""
+        self._calls += 1
+        if self._graph is None and self._enabled and self._calls > EAGER_CALLS:
+            self._record()
+        if self._graph is None:
+            return self._function()
+        self._graph.replay()
+        return self._result
+
+    def _record(self) -> None:
+        graph = torch.cuda.CUDAGraph()
+        try:
+            with torch.cuda.graph(graph, capture_error_mode="thread_local"):
+                self._result = self._function()
+        except RuntimeError as error:
+            self._enabled, self._result = False, None
+            torch.cuda.synchronize()
+            reason = str(error).strip().splitlines()[0]
+            print(f"{self._function}: goes on without a CUDA graph ({reason})", file=sys.stderr)  # noqa: T201
+        else:
+            self._graph = graph
 
 
 class FusedRewards(RewardManager):
@@ -66,7 +107,7 @@ class FusedRewards(RewardManager):
 
 
 class QuietTerminations(TerminationManager):
-    """Terminations without mjlab's counts, which wait for the device."""
+    """Terminations written in place, for a graph, without mjlab's counts, which wait for the device."""
 
     def compute(self) -> torch.Tensor:
         """Return whose episode is over, (n,)."""

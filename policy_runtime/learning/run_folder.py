@@ -22,8 +22,7 @@ from typing import Any, TypeVar
 
 import tomlkit
 
-from policy_runtime.learning.style_reference import transition_folder
-from policy_runtime.motion.motions import load_motions, motion_paths, save_motion
+from policy_runtime.motion.motions import load_motions, motion_paths, save_motion, transition_folder
 from sim.skate.options import SkateOptions
 from sysid.board import load_board
 from sysid.errors import SysidError, did_you_mean

@@ -22,21 +22,16 @@ class GravityLoad:
         self.model = g1_spec(visuals=False).compile()
         self.data = mujoco.MjData(self.model)
 
-    def torques(
-        self, joints: Array, quaternion: Array, standing: tuple[bool, bool], thrust: float = 0.0
-    ) -> Array:
+    def torques(self, qpos: Array, standing: tuple[bool, bool], thrust: float = 0.0) -> Array:
         """Return the torques that hold a pose at rest [N*m], shape (23,).
 
         Args:
-            joints: [rad], shape (23,).
-            quaternion: Orientation of the pelvis wxyz, shape (4,).
+            qpos: The robot's MuJoCo configuration, shape (30,); its place does not matter.
             standing: Whether left and right foot bear weight.
             thrust: Force along x with which the ground pushes the left foot [N], where it stands.
         """
         model, data = self.model, self.data
-        data.qpos[:3] = 0.0
-        data.qpos[3:7], data.qpos[7:] = quaternion, joints
-        data.qvel[:] = 0.0
+        data.qpos[:], data.qvel[:] = qpos, 0.0
         mujoco.mj_forward(model, data)
         feet = [model.body(name).id for name, stands in zip(FOOT_BODIES, standing, strict=True) if stands]
         torque = data.qfrc_bias.copy()
@@ -50,13 +45,11 @@ class GravityLoad:
                 torque -= thrust * jacobian[0]
         return torque[6:]
 
-    def asked(
-        self, joints: Array, quaternion: Array, standing: tuple[bool, bool], thrust: float = 0.0
-    ) -> Array:
+    def asked(self, qpos: Array, standing: tuple[bool, bool], thrust: float = 0.0) -> Array:
         """Return the joint targets that come to rest in a pose [rad], shape (23,); arguments as in `torques`."""
         robot = servos()
-        torque = np.clip(self.torques(joints, quaternion, standing, thrust), -robot.effort, robot.effort)
-        return joints + torque / robot.stiffness
+        torque = np.clip(self.torques(qpos, standing, thrust), -robot.effort, robot.effort)
+        return qpos[7:] + torque / robot.stiffness
 
 
 def shares(feet: list[int], soles: list[Array], com: Array) -> list[tuple[int, Array, float]]:

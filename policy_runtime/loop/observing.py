@@ -13,7 +13,6 @@ from sim.skate.mdp.actor_observation import (
     OBSERVATION_SIZE,
     PARTS,
     History,
-    projected_gravity,
     raw_frame,
     scale_frame,
     still_to_turn,
@@ -23,6 +22,7 @@ from sysid.roll import Array
 
 RELEASE_SIZE = FRAMES * (FRAME_SIZE + 1)
 """Numbers that a policy of the HUSKY release takes: 79 a frame, grouped by term."""
+DOWN = np.array([0.0, 0.0, -1.0])
 _EACH = {
     "command": ("speed", "turn"),
     "angular_velocity": ("x", "y", "z"),
@@ -59,7 +59,7 @@ class PaperObservation:
         frame = raw_frame(
             np.array(command),
             state.angular_velocity,
-            projected_gravity(state.quaternion),
+            rotation.rotate_back(state.quaternion, DOWN),
             state.joint_position - self._default,
             state.joint_velocity,
             last_action,

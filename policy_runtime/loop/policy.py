@@ -38,12 +38,6 @@ def action_for(target: Array) -> Array:
     return (target - default_pose()) / servos().action_scale
 
 
-def _observation(file: PolicyFile) -> PaperObservation:
-    if file.size == RELEASE_SIZE:
-        return ReleaseObservation()
-    return FeedbackObservation() if file.turn_feedback else PaperObservation()
-
-
 class OnnxPolicy:
     """Runs an opened policy."""
 
@@ -51,7 +45,8 @@ class OnnxPolicy:
         """Take the file; `reset` begins an episode."""
         self.name = file.path.stem
         self.file = file
-        self.observing = _observation(file)
+        ours = FeedbackObservation if file.turn_feedback else PaperObservation
+        self.observing: PaperObservation = (ReleaseObservation if file.size == RELEASE_SIZE else ours)()
         """Builds its observation."""
         self.observation = np.zeros(file.size)
         """What it saw last."""

@@ -50,7 +50,7 @@ class Guard:
         if state.age > limits.link_timeout:
             return f"lost link: no message from the robot for {state.age * 1e3:.0f} ms"
         for name in ("quaternion", "angular_velocity", "joint_position", "joint_velocity", "joint_torque"):
-            if not _finite(getattr(state, name)):
+            if not finite(getattr(state, name)):
                 return f"not finite: {name.replace('_', ' ')} is {getattr(state, name)}"
         self._stale = self._stale + self._period if state.time <= self._last_time else 0.0
         self._last_time = max(self._last_time, state.time)
@@ -62,12 +62,6 @@ class Guard:
                 f"limit {math.degrees(limits.tilt):.0f}°"
             )
         return self._check_joints(state) or self._check_torques(state)
-
-    def check_target(self, target: Array) -> str | None:
-        """Return why a policy's answer must not be sent, or None."""
-        if not _finite(target):
-            return "not finite: the policy's answer holds NaN or infinity"
-        return None
 
     def _check_joints(self, state: RobotState) -> str | None:
         limits = self._limits
@@ -91,6 +85,6 @@ class Guard:
         return None
 
 
-def _finite(numbers: Array) -> bool:
+def finite(numbers: Array) -> bool:
     """Return whether all numbers are finite; the square of the length, mostly enough to tell, is quick."""
     return math.isfinite(numbers.dot(numbers)) or bool(np.isfinite(numbers).all())

@@ -48,15 +48,9 @@ class Scripted:
         return target
 
 
-def zero_action() -> Scripted:
-    """Answer zero always: ask for the default pose, one foot on the ground, one on the deck."""
-    return Scripted("zero", lambda command, step: default_pose())
-
-
 def standing() -> Scripted:
     """Hold the steering pose against gravity: ride whatever comes."""
-    pose = load_poses()["steer"]
-    target = GravityLoad().asked(pose.joints, pose.quaternion, (True, True))
+    target = GravityLoad().asked(load_poses()["steer"], (True, True))
     return Scripted("stand", lambda command, step: target)
 
 
@@ -69,9 +63,8 @@ def scripted_push() -> Scripted:
     clock, load, clips = Clock(), GravityLoad(), load_motions()
     speeds = np.array([motion.speed for motion in clips])
     replays = [_replay(motion, load) for motion in clips]
-    pose = load_poses()["push"]
-    glide = load.asked(pose.joints, pose.quaternion, (False, True))
-    still = load.asked(default_pose(), np.array([1.0, 0.0, 0.0, 0.0]), (True, True))
+    glide = load.asked(load_poses()["push"], (False, True))
+    still = load.asked(np.r_[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, default_pose()], (True, True))
 
     def targets(command: Command, step: int) -> Array:
         if command.speed < STILL_SPEED:
@@ -90,21 +83,20 @@ def scripted_push() -> Scripted:
 
 def _replay(motion: Motion, load: GravityLoad) -> Array:
     """Return the targets that replay a clip, shape (frames, 23): the left foot bears weight where it stands."""
-    planted = motion_facts(motion, load.model).planted
-    return np.array(
-        [
-            load.asked(joints, quaternion, (bool(down), True), THRUST)
-            for joints, quaternion, down in zip(motion.joints, motion.quaternion, planted, strict=True)
-        ]
-    )
+    steps = zip(motion.qpos, motion_facts(motion, load.model).planted, strict=True)
+    return np.array([load.asked(qpos, (bool(down), True), THRUST) for qpos, down in steps])
 
 
 def _blend(start: Array, end: Array, share: float) -> Array:
     return start + (end - start) * (share * share * (3 - 2 * share))
 
 
-SCRIPTS: dict[str, Callable[[], Policy]] = {"zero": zero_action, "stand": standing, "push": scripted_push}
-"""Scripted policies by name."""
+SCRIPTS: dict[str, Callable[[], Policy]] = {
+    "zero": lambda: Scripted("zero", lambda command, step: default_pose()),
+    "stand": standing,
+    "push": scripted_push,
+}
+"""Scripted policies by name; 'zero' asks for the default pose, one foot on the ground, one on the deck."""
 
 
 def scripted(name: str) -> Policy:

@@ -75,21 +75,23 @@ def world_of(
     start: str = "stand",
     direct_rake: float | None = None,
     gantry: Gantry | None = None,
+    standing: Array | None = None,
 ) -> World:
     """Return the world of a compiled scene.
 
     Args:
+        standing: Configuration of 'stand', shape (nq,), instead of one from the installed G1 model.
         direct_rake: λ [rad] where the scene's trucks are set directly.
     """
     robot = SimulatedRobot(model, direct_rake=direct_rake, gantry=gantry)
     if start not in STARTS:
         raise SysidError(f"unknown start '{start}'. Known: {', '.join(STARTS)}.")
     if start == "stand":
-        qpos = standing_state(model)
+        qpos = standing_state(model) if standing is None else standing
     else:
         qpos = model.qpos0.copy()
         board_height = float(model.qpos0[robot.board_q + 2])
-        qpos[robot.base_q : robot.base_q + 7 + len(JOINTS)] = load_poses()[start].qpos()
+        qpos[robot.base_q : robot.base_q + 7 + len(JOINTS)] = load_poses()[start]
         qpos[robot.base_q + 2] += board_height
     return World(robot, qpos)
 

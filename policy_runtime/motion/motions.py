@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from sim.skate.cycle.clock import CONTROL_PERIOD
-from sim.skate.options import STYLE_FRAMES
+from sim.skate.options import STYLE_FRAMES, SkateOptions
 from sim.skate.robot.g1 import MOTORS
 from sim.skate.robot.poses import CLIP_JOINTS
 from sysid.errors import SysidError, did_you_mean
@@ -22,6 +22,8 @@ from sysid.roll import Array
 
 COLUMNS = 7 + len(MOTORS)
 """Of a stored motion: pose of the pelvis, and joints."""
+PHASES = ("push", "mount", "dismount")
+"""Phases that style can teach, in the order of `sim.skate.mdp.observations.phase_one_hot`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,3 +132,37 @@ def windows(joints: Array) -> Array:
         return np.zeros((0, STYLE_FRAMES * joints.shape[1]))
     view = np.lib.stride_tricks.sliding_window_view(joints, STYLE_FRAMES, axis=0)
     return np.moveaxis(view, -1, 1).reshape(len(view), -1)
+
+
+def transition_folder() -> Path:
+    """Return where the shipped clips of mounting and dismounting are."""
+    return shipped_data() / "motions" / "transitions"
+
+
+def style_reference(options: SkateOptions, pushing: Sequence[Motion] = ()) -> Array:
+    """Return the reference windows of the style discriminator in a variant of the task.
+
+    If style also teaches mounting and dismounting, the last three numbers of a window name its phase one-hot.
+
+    Args:
+        options: The variant. Nothing taught by style still gets the pushing windows: the discriminator is
+            built, and left alone.
+
+    Returns:
+        Windows [rad], shape (m, 5 · 23), or (m, 5 · 23 + 3) with phases, grouped by phase.
+    """
+    pushing = pushing or load_motions()
+    if options.transition != "style":
+        return np.concatenate([windows(motion.joints) for motion in pushing])
+    clips = load_motions([transition_folder()])
+    groups = {
+        "push": pushing if options.pushing == "amp" else [],
+        "mount": [clip for clip in clips if clip.name.startswith("mount")],
+        "dismount": [clip for clip in clips if clip.name.startswith("dismount")],
+    }
+    rows = [
+        np.hstack([found, np.tile(np.eye(len(PHASES))[i], (len(found), 1))])
+        for i, name in enumerate(PHASES)
+        for found in (windows(motion.joints) for motion in groups[name])
+    ]
+    return np.concatenate(rows)

@@ -32,12 +32,8 @@ class SimulatedG1:
             interface: Network interface; CycloneDDS chooses one if None.
             hoisted: Hang on a hoist over the board: pelvis and board stay where they are, the joints move.
         """
-        self._messages = messages = load_messages()
-        command, state = (messages.COMMAND_TOPIC, messages.LowCmd), (messages.STATE_TOPIC, messages.LowState)
-        self._participant: Any
-        self._writer: Any
-        self._reader: Any
-        self._participant, self._writer, self._reader = open_topics(interface, domain, state, command)
+        self._messages = load_messages()
+        self._participant, self._writer, self._reader = open_topics(interface, domain, as_robot=True)
         self._robot = robot
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -57,7 +53,7 @@ class SimulatedG1:
         """Stop."""
         self._stop.set()
         self._thread.join()
-        self._reader = self._writer = self._participant = None
+        del self._reader, self._writer, self._participant
 
     def assist(self, kind: str) -> None:
         """Act like people beside a real robot at an event of its run: arm it, let it down, begin, step back."""

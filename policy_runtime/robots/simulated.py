@@ -13,6 +13,7 @@ import numpy.typing as npt
 from policy_runtime.robots import PD_PERIOD, JointCommand, RobotState
 from sim.board.learned import apply, left_out
 from sim.board.scene import TILT_JOINT, TRUCK_JOINTS, WHEELS, set_trucks
+from sim.skate import rotation
 from sim.skate.arrays import wrap_angle
 from sim.skate.robot.g1 import FOOT_BODIES, JOINTS, SOLE_CENTRE
 from sim.skate.world.contacts import FORCE_THRESHOLD, WHEEL_FORCE_THRESHOLD
@@ -211,10 +212,9 @@ class SimulatedRobot:
         board = data.body(ids.board)
         forward = board.xmat.reshape(3, 3)[:, 0]
         sole, slip = ids.left_sole(model, data)
-        w, x, y, z = data.qpos[q + 3 : q + 7]
         return Truth(
             board_position=data.qpos[q : q + 3].copy(),
-            board_heading=math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+            board_heading=float(rotation.yaw(data.qpos[q + 3 : q + 7])),
             board_speed=float(data.qvel[v : v + 3] @ forward),
             board_drift=float(data.qvel[v : v + 3] @ board.xmat.reshape(3, 3)[:, 1]),
             roll=float(data.qpos[ids.tilt]),

@@ -44,12 +44,8 @@ class UnitreeG1:
         Args:
             interface: Network interface towards the robot, e.g. 'eth0'; CycloneDDS chooses one if None.
         """
-        self._messages = messages = load_messages()
-        command, state = (messages.COMMAND_TOPIC, messages.LowCmd), (messages.STATE_TOPIC, messages.LowState)
-        self._participant: Any
-        self._writer: Any
-        self._reader: Any
-        self._participant, self._writer, self._reader = open_topics(interface, domain, command, state)
+        self._messages = load_messages()
+        self._participant, self._writer, self._reader = open_topics(interface, domain)
         self._command: Any = None
         self._state: Any = None
         self._received = -np.inf
@@ -96,7 +92,6 @@ class UnitreeG1:
             motor.mode, motor.q = 1, float(angle)
             motor.kp, motor.kd = 0.0 if braking else WRIST_STIFFNESS, WRIST_DAMPING
         message.crc = self._messages.command_crc(message)
-        self._messages.serialise_once(message)
         self._command = message
 
     def _lead_wrists(self, braking: bool) -> Array:
@@ -119,7 +114,7 @@ class UnitreeG1:
 
     def close(self) -> None:
         """Leave the network."""
-        self._reader = self._writer = self._participant = None
+        del self._reader, self._writer, self._participant
 
     def _receive(self) -> None:
         """Read all messages; the newest with the right check sum counts."""
@@ -138,10 +133,8 @@ def load_messages() -> Any:
     return unitree_messages
 
 
-def open_topics(
-    interface: str | None, domain: int, written: tuple[str, Any], read: tuple[str, Any]
-) -> tuple[Any, Any, Any]:
-    """Return a DDS participant on one network interface, with the writer of one topic (name, type) and the reader of another."""
+def open_topics(interface: str | None, domain: int, *, as_robot: bool = False) -> tuple[Any, Any, Any]:
+    """Return a DDS participant on one network interface, its writer of commands and its reader of states; of a robot, the reverse."""
     from cyclonedds.core import DDSException
     from cyclonedds.domain import Domain, DomainParticipant
     from cyclonedds.pub import DataWriter
@@ -163,8 +156,13 @@ def open_topics(
         raise SysidError(
             f"CycloneDDS cannot use {interface or 'any interface'}, domain {domain} ({error})."
         ) from error
-    writer = DataWriter(participant, Topic(participant, *written))
-    return participant, writer, DataReader(participant, Topic(participant, *read))
+    messages = load_messages()
+    topics = [
+        Topic(participant, messages.COMMAND_TOPIC, messages.LowCmd),
+        Topic(participant, messages.STATE_TOPIC, messages.LowState),
+    ]
+    written, read = reversed(topics) if as_robot else topics
+    return participant, DataWriter(participant, written), DataReader(participant, read)
 
 
 _DOMAINS: dict[tuple[int, str], Any] = {}

@@ -155,19 +155,6 @@ def handset_bytes(buttons: frozenset[str]) -> list[int]:
     return [0, 0, bits & 0xFF, bits >> 8, *[0] * 36]
 
 
-def serialise_once(message: IdlStruct) -> None:
-    """Keep the bytes of a message that is sent many times and will not change."""
-    make, kept = message.serialize, {}
-
-    def serialize(use_version_2: bool | None = None) -> bytes:
-        if use_version_2 not in kept:
-            kept[use_version_2] = make(use_version_2=use_version_2)
-        return kept[use_version_2]
-
-    # Writers ask the message itself for its bytes.
-    setattr(message, "serialize", serialize)  # noqa: B010  an attribute of this one message
-
-
 # The check sum runs over the message as a C struct lays it out, little-endian and padded to four bytes.
 _COMMAND_LAYOUT = struct.Struct("<2B2x" + "B3x5fI" * MOTORS + "4I")
 _STATE_LAYOUT = struct.Struct("<2I2B2xI" + "13fh2x" + "B3x4f2hf2II4I" * MOTORS + "40B4I")

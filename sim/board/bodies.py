@@ -185,17 +185,6 @@ def law_of(board: Board) -> "JointLaw":
     return JointLaw.from_board(board)
 
 
-def inertia_ratio(board: Board) -> float:
-    """Return the factor by which the record's effects multiply its roll inertia [1]."""
-    # Only boards with effects need the catalogue.
-    return law_of(board).inertia_ratio if board.effects else 1.0
-
-
-def inertia_gain(board: Board) -> float:
-    """Return the factor by which the record's effects multiply an inertia added to its roll inertia [1]."""
-    return law_of(board).inertia_gain if board.effects else 1.0
-
-
 def reflected_inertia(board: Board) -> float:
     """Return the roll inertia that steered trucks and rolling wheels add at small tilt [kg*m^2].
 
@@ -274,13 +263,9 @@ def left_out(board: Board) -> tuple[str, ...]:
 
 def as_represented(board: Board) -> Board:
     """Return the board without the parameters that MuJoCo cannot hold."""
-    parts = [(part, effect(part.name).mujoco.leaves_out) for part in board.effects]
-    return replace(
-        board,
-        effects=tuple(
-            replace(part, parameters={**part.parameters, lost: replace(part.parameters[lost], value=0.0)})
-            if lost
-            else part
-            for part, lost in parts
-        ),
-    )
+    effects = list(board.effects)
+    for i, part in enumerate(effects):
+        if lost := effect(part.name).mujoco.leaves_out:
+            zero = replace(part.parameters[lost], value=0.0)
+            effects[i] = replace(part, parameters={**part.parameters, lost: zero})
+    return replace(board, effects=tuple(effects))

@@ -19,22 +19,6 @@ Begin = Callable[[mujoco.MjModel, mujoco.MjData, float, float], None]
 """Sets a model to a position [rad or m] and a rate of its joint."""
 
 
-@dataclass(frozen=True, slots=True)
-class Swing:
-    """A release simulated in MuJoCo, at its own steps."""
-
-    time: Array
-    """Time since the release [s], shape (n,)."""
-    roll: Array
-    """Roll of the deck [rad], shape (n,)."""
-
-    def at(self, time: Array) -> Array:
-        """Return the roll [rad] at other times [s], by a cubic spline through the steps."""
-        from scipy.interpolate import CubicSpline
-
-        return CubicSpline(self.time, self.roll)(time)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClampedScene:
     """A compiled scene with its chassis held, ready for a release."""
@@ -68,8 +52,11 @@ class ClampedScene:
         if self.after_step is not None:
             self.after_step(self.model, data)
 
-    def swing(self, angle: float, rate: float, duration: float) -> Swing:
+    def swing(self, angle: float, rate: float, duration: float) -> tuple[Array, Array]:
         """Release the joint at an angle [rad] and a rate [rad/s], and step MuJoCo for at least a duration [s].
+
+        Returns:
+            Times of MuJoCo's steps since the release [s] and roll of the deck there [rad], shape (n,) each.
 
         Raises:
             SysidError: The simulation becomes unstable.
@@ -94,7 +81,7 @@ class ClampedScene:
                 apply(left, data)
                 self.step(data)
                 roll[i + 1] = self.sign * data.qpos[q]
-        return Swing(model.opt.timestep * np.arange(steps + 1), roll)
+        return model.opt.timestep * np.arange(steps + 1), roll
 
 
 @contextmanager

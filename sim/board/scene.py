@@ -1,4 +1,4 @@
-"""The free board as MJCF: deck on a sprung tilt joint, steered trucks, wheels, ground.
+"""The free board as MJCF: deck on a sprung tilt joint, steered trucks, wheels, ground. Its bench has the deck alone.
 
 The bodies are in `sim.board.bodies`. Every joint is positive in a right turn. `board_tilt_joint` is the roll, right edge down.
 Both truck joints are the steering angle σ of tan σ = tan λ sin roll: the front truck turns right, the rear one left.
@@ -15,18 +15,19 @@ from sim.board.bodies import (
     TRUCK_JOINTS,
     WHEELS,
     Coupling,
+    add_body,
     add_chassis,
     add_deck,
     add_truck,
-    inertia_gain,
-    inertia_ratio,
+    deck_inertia,
+    law_of,
     reflected_inertia,
     steering_angle,
     wheel_friction,
 )
 from sysid.board import Board
 from sysid.errors import SysidError
-from sysid.quantity import Quantity
+from sysid.quantity import GRAVITY, Quantity
 from sysid.roll import Array
 
 
@@ -60,7 +61,7 @@ def board_spec(
     root = add_chassis(spec, board)
     reflected = reflected_inertia(board) if coupling == "equality" else 0.0
     # Steered parts must not count twice; an effect that scales the inertia multiplies the number written here.
-    tilt = add_deck(root, board, board.inertia.value - reflected / inertia_gain(board), limit)
+    tilt = add_deck(root, board, board.inertia.value - reflected / law_of(board).inertia_gain, limit)
     for end in ("front", "rear"):
         add_truck(root, board, end, limit, coupling, friction or wheel_friction(board))
     for wheel in WHEELS:
@@ -70,6 +71,38 @@ def board_spec(
         _add_coupling(spec, board, limit, timestep)
     add_effects(spec, tilt, board)
     assert_matches_record(spec, board, coupling)
+    return spec
+
+
+def rig_spec(board: Board, *, timestep: float = 0.001, integrator: str = "implicitfast") -> mujoco.MjSpec:
+    """Build the clamped bench from a board record: the deck on its tilt joint, without a limit, and nothing else.
+
+    Args:
+        board: The record; its deck mass, roll inertia, stiffness, damping and effects are built.
+        timestep: [s].
+
+    Raises:
+        SysidError: The record cannot be built, or the compiled inertia differs from the record.
+    """
+    spec = mujoco.MjSpec()
+    spec.modelname = f"{board.name}_bench"
+    spec.compiler.degree = False
+    spec.option.timestep = timestep
+    spec.option.integrator = integrator_value(integrator)
+    spec.worldbody.add_light(pos=[0.0, -1.0, 1.5], dir=[0.0, 0.6, -1.0])
+    mass, inertia, size = _deck(board)
+    height = board.geometry["truck_height"].value if board.geometry else 2 * size[1]
+    deck = add_body(spec.worldbody, "deck", (0.0, 0.0, height), mass, inertia)
+    joint = deck.add_joint(
+        name=TILT_JOINT, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1.0, 0.0, 0.0],
+        limited=mujoco.mjtLimited.mjLIMITED_FALSE,
+    )  # fmt: skip
+    deck.add_geom(
+        name="deck_visual", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, contype=0, conaffinity=0,
+        rgba=[0.83, 0.68, 0.47, 1.0],
+    )  # fmt: skip
+    add_effects(spec, joint, board)
+    assert_roll_inertia(spec.compile(), board)
     return spec
 
 
@@ -163,7 +196,7 @@ def assert_roll_inertia(
         SysidError: They differ.
     """
     inertia = roll_inertia(model, geometry)
-    recorded = inertia_ratio(board) * board.inertia.value
+    recorded = law_of(board).inertia_ratio * board.inertia.value
     if not math.isclose(inertia, recorded, rel_tol=1e-6):
         raise SysidError(
             f"board '{board.name}': the compiled roll inertia is {inertia:.6g} kg*m^2, the record says "
@@ -219,3 +252,17 @@ def _add_coupling(spec: mujoco.MjSpec, board: Board, tilt_range: float, timestep
             solimp=[0.9999, 0.9999, 0.001, 0.5, 2.0],
         )  # fmt: skip
         constraint.data[:5] = coefficients
+
+
+def _deck(board: Board) -> tuple[float, Array, Array]:
+    """Return mass [kg], principal inertia [kg*m^2], shape (3,), and half sides [m], shape (3,), of the tilting body.
+
+    A record without geometry gets a cube of its inertia, heavy enough to hold the moment of the weight inside it.
+    """
+    roll = board.inertia.value
+    if board.geometry and board.mass:
+        sides = np.array([board.geometry[key].value for key in ("length", "width", "thickness")])
+        return board.mass["deck"].value, deck_inertia(board, roll), sides / 2
+    moment = max(law_of(board).stiffness_of_effects, 0.0)
+    mass = max(roll / 0.01, 2 * moment**2 / (GRAVITY.value**2 * roll))
+    return mass, np.full(3, roll), np.full(3, math.sqrt(1.5 * roll / mass))

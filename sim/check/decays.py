@@ -122,6 +122,7 @@ def check_scene(
 
 
 def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseCheck:
+    from scipy.interpolate import CubicSpline
     from scipy.optimize import least_squares
 
     inside = _inside(release, scene.tilt_range)
@@ -138,8 +139,8 @@ def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseChec
 
     def simulated(unknown: Array) -> Array:
         angle, rate, zero = unknown
-        move = scene.swing(angle, rate, duration / clock)
-        return zero + sense(law, time, move.at((time - time[0]) / clock))
+        move = CubicSpline(*scene.swing(angle, rate, duration / clock))
+        return zero + sense(law, time, move((time - time[0]) / clock))
 
     zero = release.rest - rest
     slope = np.polynomial.Polynomial.fit(time[:12] - time[0], measured[:12], 2).convert().coef
@@ -154,8 +155,8 @@ def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseChec
     )
     residual = np.asarray(found.fun)
     step = float(np.median(np.diff(time)))
-    error_power, error_power_std = smooth_power(residual, step)
-    power, _ = smooth_power(measured - release.rest, step)
+    error_power, error_power_std = _smooth_power(residual, step)
+    power, _ = _smooth_power(measured - release.rest, step)
     covariance = np.linalg.pinv(found.jac.T @ found.jac) * float(np.mean(residual**2))
     rest_error = _rest_error(board, release, float(found.x[2]), math.sqrt(max(covariance[2, 2], 0.0)))
     return ReleaseCheck(
@@ -188,7 +189,7 @@ def _rest_error(board: Board, release: Release, zero: float, zero_std: float) ->
     return zero - min(max(zero, -allowed), allowed)
 
 
-def smooth_power(signal: Array, step: float) -> tuple[float, float]:
+def _smooth_power(signal: Array, step: float) -> tuple[float, float]:
     """Return the mean square of a sampled smooth signal under white noise, without the noise.
 
     Means of neighbouring blocks share the signal but not the noise, so the mean of their products is the signal's power. It

@@ -6,9 +6,8 @@ from datetime import date
 from typing import Any
 
 from sim.board.clamped import ClampedScene
-from sim.check.case import Case
 from sim.check.decays import check_scene
-from sim.check.rules import said
+from sim.check.rules import Case, said
 from sim.compensation.parasitics import DECK, TiltJoint, measure_parasitics
 from sysid.board import Board
 from sysid.roll import Release
@@ -165,7 +164,7 @@ def judge(
 
 
 def _rounded(part: TiltJoint, wanted: TiltJoint) -> list[float]:
-    pairs = zip(_numbers(part).values(), _numbers(wanted).values(), strict=True)
+    pairs = zip(part, wanted, strict=True)
     return [0.0 if abs(value) < ROUNDING * abs(own) else value for value, own in pairs]
 
 

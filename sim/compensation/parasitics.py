@@ -9,6 +9,7 @@ import copy
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -28,8 +29,7 @@ by 0.16 % at most; the gate names 3 %."""
 DECK = "deck alone"
 
 
-@dataclass(frozen=True, slots=True)
-class TiltJoint:
+class TiltJoint(NamedTuple):
     """A tilt joint as the integrator sees it."""
 
     stiffness: float
@@ -46,9 +46,7 @@ class TiltJoint:
 
     def minus(self, other: "TiltJoint") -> "TiltJoint":
         """Return the difference, quantity by quantity."""
-        return TiltJoint(
-            self.stiffness - other.stiffness, self.damping - other.damping, self.inertia - other.inertia
-        )
+        return TiltJoint(*(own - its for own, its in zip(self, other, strict=True)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,15 +106,15 @@ def measure(board: Board, scene: ClampedScene) -> TiltJoint:
     smooth.dof_frictionloss[smooth.joint(scene.joint).dofadr[0]] = 0.0
     scene = replace(scene, model=smooth, begin=None)
     torque = LOAD * board.stiffness * board.tilt["range"].value
-    tilt = (_static(scene, torque) - _static(scene, -torque)) / 2
+    right, left = _static(scene, torque), _static(scene, -torque)
+    tilt, rest = (right - left) / 2, (right + left) / 2
     if not tilt > 0:
         raise SysidError(f"the deck of the scene does not give way to {torque:.3g} N*m.")
     stiffness = torque / tilt
-    rest = (_static(scene, torque) + _static(scene, -torque)) / 2
     duration = 3 * math.pi * math.sqrt(board.inertia.value / board.stiffness)
     h = float(scene.model.opt.timestep)
-    path = scene.swing(rest + POLE_AMPLITUDE, 0.0, max(duration, 24 * h))
-    roll = path.roll[2:] - rest  # the first steps fill contacts and constraints
+    _, roll = scene.swing(rest + POLE_AMPLITUDE, 0.0, max(duration, 24 * h))
+    roll = roll[2:] - rest  # the first steps fill contacts and constraints
     (trace, determinant), *_ = np.linalg.lstsq(
         np.stack([roll[1:-1], -roll[:-2]], axis=1), roll[2:], rcond=None
     )

@@ -5,16 +5,13 @@ stiff HUSKY board takes its wheels off the ground beyond seven degrees.
 """
 
 from functools import partial
-from pathlib import Path
 from typing import Literal
 
 import mujoco
-import numpy as np
 
-from sim.board.bench import rig_spec
 from sim.board.bodies import TILT_JOINT, Coupling
 from sim.board.clamped import ClampedScene, stable
-from sim.board.scene import board_spec, integrator_name, set_trucks
+from sim.board.scene import board_spec, rig_spec, set_trucks
 from sim.compensation.step import (
     Compensation,
     closed_form,
@@ -24,7 +21,6 @@ from sim.compensation.step import (
     release_amplitudes,
 )
 from sysid.board import Board
-from sysid.errors import SysidError, did_you_mean
 from sysid.roll import Array
 
 Export = Literal["physical", "step-compensated", "in-scene"]
@@ -60,43 +56,6 @@ def bench_scene(board: Board, *, timestep: float, integrator: str = "implicitfas
     """
     spec = rig_spec(board, timestep=timestep, integrator=integrator)
     return ClampedScene(model=spec.compile(), name=f"clamped bench, {integrator} at {1e3 * timestep:g} ms")
-
-
-def scene_from_file(path: Path, *, joint: str = TILT_JOINT, timestep: float | None = None) -> ClampedScene:
-    """Read any MJCF scene with a board in it and hold its chassis.
-
-    Args:
-        joint: Name of the tilt joint, with prefix; its axis is +x or -x.
-        timestep: Step instead of the file's [s].
-
-    Raises:
-        SysidError: The file cannot be read or compiled, or has no such joint.
-    """
-    if not path.is_file():
-        raise SysidError(f"{path}: there is no such scene file.")
-    try:
-        spec = mujoco.MjSpec.from_file(str(path))
-        spec.compile()
-    except (OSError, ValueError) as error:
-        raise SysidError(f"{path}: MuJoCo cannot read it ({str(error).strip().splitlines()[0]}).") from error
-    names = [known.name for known in spec.joints if known.name]
-    if joint not in names:
-        raise SysidError(
-            f"{path}: there is no joint '{joint}'.{did_you_mean(joint, names)} Joints: {', '.join(names)}. "
-            "Name the tilt joint with --joint."
-        )
-    axis = np.asarray(spec.joint(joint).axis)
-    if abs(axis[0]) < 0.999 * np.linalg.norm(axis):
-        raise SysidError(f"{path}: joint '{joint}' turns about {axis}; a tilt joint turns about +x or -x.")
-    if timestep is not None:
-        spec.option.timestep = timestep
-    hold(spec, joint)
-    model = spec.compile()
-    return ClampedScene(
-        model=model,
-        joint=joint,
-        name=f"{path.name}, {integrator_name(model)} at {1e3 * model.opt.timestep:g} ms",
-    )
 
 
 def hold(spec: mujoco.MjSpec, joint: str) -> None:

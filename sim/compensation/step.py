@@ -14,16 +14,15 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from sim.board.bodies import as_represented, inertia_ratio, left_out
+from sim.board.bodies import as_represented, law_of, left_out
 from sim.board.clamped import ClampedScene
 from sim.board.scene import integrator_name
 from sysid.board import Board, BoardEffect
 from sysid.effects import effect
-from sysid.effects._algebra import NUMPY
-from sysid.effects._base import JointState, TorqueEffect
 from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
 from sysid.joint.sampled import continuous_map, joint_of_map
+from sysid.joint.torques import memoryless_torque
 from sysid.progress import steps
 from sysid.roll import Array
 
@@ -102,7 +101,7 @@ def closed_form(board: Board, *, timestep: float, integrator: str = "implicitfas
         SysidError: The spring swings more than half a period in one step, or the integrator damps
             more than the board.
     """
-    ratio = inertia_ratio(board)
+    ratio = law_of(board).inertia_ratio
     inertia, k, d = ratio * board.inertia.value, board.stiffness, board.damping
     turning = math.sqrt(max(4 * inertia * k - d * d, 0.0)) / (2 * inertia)
     if turning * timestep >= math.pi:
@@ -150,14 +149,7 @@ def _comes_back_from(board: Board, wide: float) -> float:
 
 def _static_torque(board: Board, tilt: Array) -> Array:
     """Return the law's static torque at tilts about the rest angle [N*m], without effects with memory."""
-    motion = JointState(tilt, 0.0 * tilt, board.rest_angle + tilt, board.stiffness)
-    torque = -board.stiffness * tilt
-    for part in board.effects:
-        known = effect(part.name)
-        if isinstance(known, TorqueEffect) and not known.states:
-            values = {name: quantity.value for name, quantity in part.parameters.items()}
-            torque = torque + known.torque(NUMPY, motion, values, ())
-    return torque
+    return memoryless_torque(JointLaw.from_board(board), board.rest_angle + tilt, 0.0 * tilt)
 
 
 def fit_inertia_and_damping(board: Board, start: Board, build: Build, amplitudes: Sequence[float]) -> Board:
@@ -275,8 +267,10 @@ def _truth(board: Board, amplitudes: Sequence[float]) -> list[_Release]:
 
 def _residual(scene: ClampedScene, release: _Release, rate: float) -> Array:
     """Return MuJoCo's decay less the law's, from a rate in units of the release's speed, over the release's size."""
-    moved = scene.swing(release.angle, rate * release.speed, float(release.time[-1]))
-    return (moved.at(release.time) - release.rest - release.roll) / release.scale
+    from scipy.interpolate import CubicSpline
+
+    moved = CubicSpline(*scene.swing(release.angle, rate * release.speed, float(release.time[-1])))
+    return (moved(release.time) - release.rest - release.roll) / release.scale
 
 
 def _static_error(board: Board, build: Build, written: Board) -> float:
@@ -310,8 +304,5 @@ def _knobs(board: Board, knobs: Array) -> Board:
 
 
 def _with(board: Board, inertia: float, damping: float) -> Board:
-    return replace(
-        board,
-        inertia=replace(board.inertia, value=inertia),
-        tilt={**board.tilt, "damping": replace(board.tilt["damping"], value=damping)},
-    )
+    written = board.with_tilt(damping=replace(board.tilt["damping"], value=damping))
+    return replace(written, inertia=replace(board.inertia, value=inertia))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.model.setup import Setup
+from sim.model.setup import Setup, switch_off
 from sysid.errors import SysidError
 from sysid.roll import Array
 
@@ -106,21 +106,8 @@ def _passive(setup: Setup, spec: mujoco.MjSpec) -> mujoco.MjModel:
     Raises:
         SysidError: It does not compile.
     """
-    try:
-        model = spec.compile()
-    except ValueError as error:  # e.g. a moving body without a mass
-        said = " ".join(str(error).removeprefix("Error: ").split())
-        packages = (
-            ' Name the folder of its meshes: <mujoco><compiler strippath="true" meshdir="FOLDER"/></mujoco>.'
-        )
-        raise SysidError(
-            f"{setup.file}: MuJoCo cannot compile it ({said}).{packages if 'package:' in said else ''}"
-        ) from error
-    off = mujoco.mjtDisableBit
-    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    model.opt.disableflags |= int(
-        off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_FRICTIONLOSS | off.mjDSBL_ACTUATION
-    )
+    model = setup.compiled(spec)
+    switch_off(model.opt, "CONTACT", "LIMIT", "FRICTIONLOSS", "ACTUATION")
     joint = model.joint(setup.joint)
     for name in ("jnt_stiffness", "jnt_stiffnesspoly"):
         getattr(model, name)[joint.id] = 0.0
@@ -152,7 +139,9 @@ def _require_motion(
 def _loops(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array]:
     """Return Jacobian, shape (e, nv), and error, shape (e,), of the active equality constraints."""
     data.qvel[:] = 0.0
+    given, model.opt.jacobian = model.opt.jacobian, mujoco.mjtJacobian.mjJAC_DENSE
     mujoco.mj_forward(model, data)
+    model.opt.jacobian = given
     rows = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
     jacobian = np.array(data.efc_J).reshape(data.nefc, model.nv) if data.nefc else np.zeros((0, model.nv))
     return jacobian[rows] if data.nefc else jacobian, np.array(data.efc_pos)[rows]

@@ -9,7 +9,7 @@ import numpy as np
 
 from sim.model.patch import Patch, Writer, patched
 from sim.model.scene import HOLDING_ARMATURE
-from sim.model.setup import Setup
+from sim.model.setup import Setup, switch_off
 from sysid.driven.fit import DrivenFit
 from sysid.driven.joint import Simulator, Structure
 from sysid.driven.log import DrivenLog, InputKind, Load
@@ -231,14 +231,7 @@ def _inverse_of(setup: Setup) -> tuple[Any, Any, Array]:
     spec = setup.load()
     for joint in spec.joints:
         joint.stiffness, joint.damping, joint.frictionloss = [0.0] * 3, [0.0] * 3, 0.0
-    bits = mujoco.mjtDisableBit
-    spec.option.disableflags |= int(
-        bits.mjDSBL_CONTACT
-        | bits.mjDSBL_LIMIT
-        | bits.mjDSBL_FRICTIONLOSS
-        | bits.mjDSBL_ACTUATION
-        | bits.mjDSBL_EQUALITY
-    )
+    switch_off(spec.option, "CONTACT", "LIMIT", "FRICTIONLOSS", "ACTUATION", "EQUALITY")
     model = spec.compile()
     return model, mujoco.MjData(model), setup.posed(model)
 
@@ -256,7 +249,7 @@ def replay(setup: Setup, logs: Mapping[str, DrivenLog], values: Mapping[str, Sta
     for joint in spec.joints:
         if joint.name not in logs:
             joint.armature = HOLDING_ARMATURE
-    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    switch_off(spec.option, "CONTACT")
     model = spec.compile()
     data = mujoco.MjData(model)
     data.qpos[:] = setup.posed(model)

@@ -6,9 +6,8 @@ import mujoco
 import numpy as np
 
 from sim.model.arc import walk
-from sim.model.servo import servos_of
 from sim.model.setup import Setup
-from sim.model.subject import rest_of
+from sim.model.subject import rest_of, servos_of
 from sysid.board import Board
 from sysid.errors import SysidError
 from sysid.text import display
@@ -44,10 +43,10 @@ def warnings_of(setup: Setup) -> list[str]:
         SysidError: The model cannot be read.
     """
     spec = setup.load()
-    return [*disabled(spec), *_pressed(setup, spec)]
+    return [*disabled(spec), *pressed(setup, spec)]
 
 
-def _pressed(setup: Setup, spec: mujoco.MjSpec) -> list[str]:
+def pressed(setup: Setup, spec: mujoco.MjSpec) -> list[str]:
     """Return a warning where weight and springs press the joint against the end of its range."""
     arc, joint = walk(setup, spec), setup.joint_of(spec)
     rest, stiffness = rest_of(setup, spec, arc), float(joint.stiffness[0])

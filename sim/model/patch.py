@@ -17,7 +17,7 @@ import numpy as np
 
 from sim.model import urdf
 from sim.model.arc import walk
-from sim.model.faults import disabled, refuse_unphysical
+from sim.model.faults import disabled, pressed, refuse_unphysical
 from sim.model.setup import Setup
 from sim.model.subject import in_degrees, rest_of
 from sim.model.text import (
@@ -25,10 +25,10 @@ from sim.model.text import (
     LINKED,
     Wanted,
     files_of,
-    find,
     included,
     is_actuator,
     is_joint,
+    retag,
     tagged,
     with_folders,
     with_sections,
@@ -166,11 +166,7 @@ def require_patchable(setup: Setup) -> None:
     Raises:
         SysidError: No file has the joint.
     """
-    texts = files_of(setup.file)
-    if setup.is_urdf:
-        urdf.locate(setup.file, setup.joint, texts[setup.file])
-    else:
-        find(texts, setup.joint, is_joint(setup.joint))
+    retag(files_of(setup.file), setup.joint, is_joint(setup.joint))
 
 
 Writer = Callable[[Any, Any], Sequence[str]]
@@ -186,7 +182,7 @@ def patch(setup: Setup, board: Board) -> Patch:
     plain = setup.with_(payload=())
 
     def write(spec: Any, joint: Any) -> list[str]:
-        return [*_write(plain, spec, joint, board), *_leaning(spec, setup.joint)]
+        return [*_write(plain, spec, joint, board), *pressed(plain, spec)]
 
     return patched(plain, {setup.joint: write})
 
@@ -218,8 +214,7 @@ def patched(setup: Setup, writers: Mapping[str, Writer]) -> Patch:
             if names is ATTRIBUTES and setup.is_urdf:
                 values = {ATTRIBUTES[key]: _text(value) for key, value in changed.items()}
                 held = setup.with_(joint=name).joint_of(kept)
-                texts[setup.file], lost = urdf.written(setup.file, held, values, texts[setup.file])
-                remarks += lost
+                remarks += urdf.write(texts, held, values)
             elif changed or names is ATTRIBUTES:  # a joint from elsewhere is refused, changed or not
                 _rewrite(texts, name, wanted, changed)
             remarks += disabled(spec, changed)
@@ -235,17 +230,18 @@ def patched(setup: Setup, writers: Mapping[str, Writer]) -> Patch:
 
 def _rewrite(texts: dict[Path, str], joint: str, wanted: Wanted, changed: Mapping[str, np.ndarray]) -> None:
     """Set attributes of one element in the text of its file."""
-    file, start, end = find(texts, joint, wanted)
-    raw = texts[file].encode()
-    tag = raw[start:end].decode()
-    written = {{**ATTRIBUTES, **ACTING}[key]: _text(value) for key, value in changed.items()}
-    if tag.startswith("<position"):  # a servo's gains have names of their own
-        gains = {"gainprm": ("kp", 0, 1), "biasprm": ("kv", 2, -1)}
-        for key in gains.keys() & changed.keys():
-            del written[key]
-            name, at, sign = gains[key]
-            written[name] = _text(sign * changed[key][at])
-    texts[file] = (raw[:start] + tagged(tag, written).encode() + raw[end:]).decode()
+
+    def change(tag: str) -> str:
+        written = {{**ATTRIBUTES, **ACTING}[key]: _text(value) for key, value in changed.items()}
+        if tag.startswith("<position"):  # a servo's gains have names of their own
+            gains = {"gainprm": ("kp", 0, 1), "biasprm": ("kv", 2, -1)}
+            for key in gains.keys() & changed.keys():
+                del written[key]
+                name, at, sign = gains[key]
+                written[name] = _text(sign * changed[key][at])
+        return tagged(tag, written)
+
+    retag(texts, joint, wanted, change)
 
 
 def _numbers(element: Any, names: Mapping[str, str]) -> dict[str, np.ndarray]:
@@ -287,19 +283,6 @@ def _write(setup: Setup, spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Boa
     if not np.any(joint.stiffness) and len(spec.tendons) == tendons:
         joint.springref = springref  # no spring refers to it
     return remarks
-
-
-def _leaning(spec: mujoco.MjSpec, name: str) -> list[str]:
-    """Return a remark on a spring that rests outside the joint's range."""
-    model = spec.copy().compile()
-    joint = model.joint(name)
-    rest, (low, high) = float(model.qpos_spring[joint.qposadr[0]]), map(float, joint.range)
-    if not joint.limited[0] or low <= rest <= high or not joint.stiffness[0]:
-        return []
-    return [
-        f"the spring of '{name}' rests at {rest:.4g}, outside the joint's range of {low:.4g} to {high:.4g}: the model leans on "
-        "its limit. Correct the range, or fit a log whose zero is the model's"
-    ]
 
 
 def _text(values: Any) -> str:

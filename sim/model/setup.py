@@ -15,6 +15,12 @@ from sysid.roll import Array
 SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
+def switch_off(options: Any, *parts: str) -> None:
+    """Switch off parts of MuJoCo's physics, named as in `mjtDisableBit`, in the options of a spec or model."""
+    for part in parts:
+        options.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{part}"))
+
+
 @dataclass(frozen=True, slots=True)
 class Payload:
     """A known mass, small enough to count as a point, that was fixed to the model."""
@@ -77,11 +83,11 @@ class Setup:
 
     def entry(self) -> dict[str, Any]:
         """Return it as a table of the record."""
-        texts: dict[str, Any] = {"file": str(self.file), "joint": self.joint}
-        texts |= {"keyframe": self.keyframe} if self.keyframe else {}
-        texts |= {"pose": dict(self.pose)} if self.pose else {}
-        texts |= {"free": list(self.free)} if self.free else {}
-        return texts | ({"payload": [str(one) for one in self.payload]} if self.payload else {})
+        fields = {
+            "file": str(self.file), "joint": self.joint, "keyframe": self.keyframe, "pose": dict(self.pose),
+            "free": list(self.free), "payload": [str(one) for one in self.payload],
+        }  # fmt: skip
+        return {name: value for name, value in fields.items() if value}
 
     @classmethod
     def of_entry(cls, entry: Mapping[str, Any]) -> Self:
@@ -105,6 +111,21 @@ class Setup:
         except (OSError, ValueError) as error:
             raise SysidError(
                 f"{self.file}: MuJoCo cannot read it ({str(error).strip().splitlines()[0]})."
+            ) from error
+
+    def compiled(self, spec: mujoco.MjSpec) -> mujoco.MjModel:
+        """Compile a spec of the model.
+
+        Raises:
+            SysidError: It does not compile.
+        """
+        try:
+            return spec.compile()
+        except ValueError as error:  # e.g. a moving body without a mass
+            said = " ".join(str(error).removeprefix("Error: ").split())
+            packages = ' Name the folder of its meshes: <mujoco><compiler strippath="true" meshdir="FOLDER"/></mujoco>.'
+            raise SysidError(
+                f"{self.file}: MuJoCo cannot compile it ({said}).{packages if 'package:' in said else ''}"
             ) from error
 
     def load(self) -> mujoco.MjSpec:
@@ -147,7 +168,8 @@ class Setup:
         if found is None:
             names = [one.name for one in spec.joints if one.name and int(one.type) in SINGLE]
             raise SysidError(
-                f"{self.file}: there is no joint '{self.joint}'.{did_you_mean(self.joint, names)} Joints: {', '.join(names)}."
+                f"{self.file}: there is no joint '{self.joint}'.{did_you_mean(self.joint, names)} Joints: {', '.join(names)}. Name one by "
+                "--joint."
             )
         if int(found.type) not in SINGLE:
             raise SysidError(

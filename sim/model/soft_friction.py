@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from sysid.joint.equations import EquationsOfMotion
 from sysid.joint.law import JointLaw
-from sysid.joint.mujoco_step import step
+from sysid.joint.sampled import stepper
 from sysid.quantity import slide_unit
 from sysid.roll import Array, Release
 from sysid.text import display
@@ -30,7 +29,8 @@ def fit_soft(law: JointLaw, free: Sequence[str], releases: Sequence[Release]) ->
 
     names = law.structure.parameters
     where = [names.index(name) for name in free]
-    moves = [_moves(law, release) for release in releases]
+    times = [release.time - release.time[0] for release in releases]
+    moves = [stepper(law.structure, STEP, float(time[-1])) for time in times]
     sizes = np.array([max(abs(law.vector[i]), 1e-6) for i in where])
 
     def law_at(unknown: Array) -> Array:
@@ -39,11 +39,12 @@ def fit_soft(law: JointLaw, free: Sequence[str], releases: Sequence[Release]) ->
         return vector
 
     def misfit(unknown: Array) -> Array:
-        starts = unknown[len(where) :].reshape(-1, 3)
-        triples = zip(moves, starts, releases, strict=True)
-        return np.concatenate(
-            [zero + move(law_at(unknown), start) - one.roll for move, (*start, zero), one in triples]
-        )
+        vector, starts = law_at(unknown), unknown[len(where) :].reshape(-1, 3)
+        errors: list[Array] = []
+        for move, time, (angle, rate, zero), one in zip(moves, times, starts, releases, strict=True):
+            grid, roll, _ = move(vector, angle, rate)
+            errors.append(zero + np.interp(time, grid, roll) - one.roll)
+        return np.concatenate(errors)
 
     guess = [*(law.vector[where] / sizes), *(value for one in releases for value in (one.roll[0], 0.0, 0.0))]
     found = least_squares(misfit, guess, x_scale="jac", diff_step=1e-5, max_nfev=20)
@@ -73,30 +74,3 @@ def soft_friction_warning(fit: Any, *, slides: bool) -> list[str]:
         f"the log moves as MuJoCo's default frictionloss does, which yields (error {show(error)} instead of {show(fit.rmse)}): was it "
         f"simulated? With that soft friction the numbers are: {numbers}. The hard law of a real joint is not this log's"
     ]
-
-
-def _moves(law: JointLaw, release: Release) -> Any:
-    """Return the function (parameters, [angle, rate]) → roll at the samples of a release [rad], shape (n,)."""
-    import casadi
-
-    ca: Any = casadi
-    structure = law.structure
-    p, y = ca.SX.sym("p", len(structure.parameters)), ca.SX.sym("y", 2)
-    equations = EquationsOfMotion(structure, p)
-    joint = equations.joint
-
-    def torque(q: Any, v: Any) -> Any:
-        return sum(equations.torques(ca.vertcat(q, v)))
-
-    friction = equations.friction(y[0] - joint.rest_angle, 0.0)
-    after = step(joint.inertia, torque, y[0], y[1], timestep=STEP, frictionloss=friction)
-    move = ca.Function("move", [y, p], [ca.vertcat(*after)])
-    time = release.time - release.time[0]
-    count = int(time[-1] / STEP) + 2
-    moves, grid = move.mapaccum("moves", count), STEP * np.arange(count + 1)
-
-    def path(vector: Array, start: Sequence[float]) -> Array:
-        moved = np.asarray(moves(start, vector))[0]
-        return np.interp(time, grid, [start[0], *moved])
-
-    return path

@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
 from sim.model import urdf
 from sim.model.arc import REACH, Arc, walk
-from sim.model.servo import servos_of
 from sim.model.setup import Setup
 from sysid.board import Board, BoardEffect
 from sysid.effects import catalogue, coulomb, effect, linkage, linked_spring, payload, weight
@@ -23,6 +22,54 @@ TINY = 1e-9
 """Rounding: a rest nearer to zero is zero [rad or m]; a torque smaller by this factor than the inertia's unit is no torque."""
 MAX_ERROR = 0.01
 """Error of a table's harmonics, and change of an inertia along the arc, above which a note is printed [1]. Masses are usually known to a per cent."""
+SMALL = 1e-3
+"""Displacement and rate by which an actuator is probed [rad or m, and per second]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Servo:
+    """One actuator on the joint, without a command."""
+
+    name: str
+    stiffness: float
+    """[N*m/rad or N/m]."""
+    damping: float
+    """[N*m*s/rad or N*s/m]."""
+
+    def text(self, *, slides: bool) -> str:
+        """Return its name and numbers, for messages."""
+        units = ("N/m", "N·s/m") if slides else ("N·m/rad", "N·m·s/rad")
+        sizes = zip(("holds with", "brakes with"), (self.stiffness, self.damping), units, strict=True)
+        words = [f"{word} {size:.4g} {unit}" for word, size, unit in sizes if size]
+        return f"actuator '{self.name}'" + (f" ({', '.join(words)})" if words else "")
+
+
+def servos_of(setup: Setup, spec: mujoco.MjSpec) -> list[Servo]:
+    """Return the actuators that act on the joint in its pose, through whichever transmission."""
+    model = spec.compile()
+    model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    joint = model.joint(setup.joint)
+    dof, where = int(joint.dofadr[0]), int(joint.qposadr[0])
+    pose, forces, moment = setup.posed(model), [], np.zeros((model.nu, model.nv))
+    for q, v in ((0.0, 0.0), (SMALL, 0.0), (0.0, SMALL)):
+        data = mujoco.MjData(model)
+        data.qpos[:] = pose
+        data.qpos[where] += q
+        data.qvel[dof] = v
+        mujoco.mj_forward(model, data)
+        if model.nu:
+            mujoco.mju_sparse2dense(
+                moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
+            )
+        forces.append(moment[:, dof] * data.actuator_force)
+    still, moved, fast = np.array(forces)
+    return [
+        Servo(
+            model.actuator(i).name or str(i),
+            *(float(f"{x:.6g}") for x in ((still - moved)[i] / SMALL, (still - fast)[i] / SMALL)),
+        )
+        for i in np.flatnonzero(np.abs(moment[:, dof]) > 0)
+    ]
 
 
 def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]]:
@@ -41,6 +88,7 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
     stiffness, rest = float(joint.stiffness[0]), rest_of(setup, spec, arc)
     inertia = arc.at(rest, arc.inertia)
     effects, missed = _effects(setup, spec, arc, rest)
+    reach = 0.0 if arc.closed else float(np.abs(arc.position[[0, -1]] - rest).max())
     board = Board(
         name=f"{setup.file.stem}_{setup.joint}".replace("/", "_"),
         description=f"joint '{setup.joint}' of {setup.file.name}",
@@ -55,7 +103,7 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
             "stiffness": Quantity(stiffness, 0.0, "N*m/rad"),
             "damping": Quantity(float(joint.damping[0]) + arc.at(rest, arc.damping), 0.0, "N*m*s/rad"),
             "rest_angle": Quantity(rest, 0.0, "rad"),
-            "range": Quantity(_range(arc, rest), 0.0, "rad"),
+            "range": Quantity(reach or math.pi, 0.0, "rad"),
         },
         effects=effects,
         model=setup.entry(),
@@ -140,14 +188,9 @@ def known_of(board: Board) -> dict[str, float]:
     """Return the parameters that a pose or a payload changes, as `Release.known` takes them."""
     parts = {part.name: part.parameters for part in board.effects}
     known = {"inertia": board.inertia.value}
-    for own in (weight.EFFECT.name, payload.EFFECT.name, linkage.EFFECT.name):
-        for parameter in HARMONICS:
-            known[f"{own}.{parameter}"] = parts[own][parameter].value if own in parts else 0.0
-    spring = linked_spring.EFFECT
-    for parameter in spring.parameter_names:
-        known[f"{spring.name}.{parameter}"] = (
-            parts[spring.name][parameter].value if spring.name in parts else 0.0
-        )
+    for own in (weight.EFFECT, payload.EFFECT, linkage.EFFECT, linked_spring.EFFECT):
+        for name in own.parameter_names if own is linked_spring.EFFECT else HARMONICS:
+            known[f"{own.name}.{name}"] = parts[own.name][name].value if own.name in parts else 0.0
     return known
 
 
@@ -167,7 +210,8 @@ def rest_of(setup: Setup, spec: mujoco.MjSpec, arc: Arc) -> float:
     if arc.closed:  # the ends are one place: look beyond it
         position, pull = np.append(position, position[1:] + 2 * np.pi), np.append(pull, pull[1:])
     crossing = np.flatnonzero((pull[:-1] > 0) & (pull[1:] <= 0))
-    rests = [_root(position[i : i + 2], pull[i : i + 2]) for i in crossing]
+    gaps = np.diff(position)[crossing] / (pull[crossing] - pull[crossing + 1])
+    rests = [float(rest) for rest in position[crossing] + gaps * pull[crossing]]
     if arc.closed:
         rests += [rest - 2 * np.pi for rest in rests]
     elif not rests:
@@ -178,19 +222,9 @@ def rest_of(setup: Setup, spec: mujoco.MjSpec, arc: Arc) -> float:
     return 0.0 if abs(rest) < TINY else rest
 
 
-def _root(position: Array, pull: Array) -> float:
-    return float(position[0] + (position[1] - position[0]) * pull[0] / (pull[0] - pull[1]))
-
-
 def in_degrees(spec: mujoco.MjSpec, joint: mujoco.MjsJoint) -> bool:
     """Return whether the file writes this joint's angles in degrees."""
     return bool(spec.compiler.degree) and int(joint.type) == int(mujoco.mjtJoint.mjJNT_HINGE)
-
-
-def _range(arc: Arc, rest: float) -> float:
-    """Return the larger distance of the rest from an end of the path [rad or m]; half a turn without a limit."""
-    reach = float(np.abs(arc.position[[0, -1]] - rest).max())
-    return math.pi if arc.closed else reach or math.pi
 
 
 def _spring(arc: Arc) -> tuple[dict[str, float], Array]:

@@ -10,29 +10,38 @@ import mujoco
 
 from sysid.errors import SysidError
 
-HOLDERS = {"body", "worldbody", "frame", "replicate", "mujocoinclude", "mujoco"}
+HOLDERS = {"body", "worldbody", "frame", "replicate", "mujocoinclude", "mujoco", "robot"}
 """Parents of a joint element; elsewhere `joint` means another thing."""
 ADDED = ("tendon", "actuator")
 """Sections that an effect may add elements to."""
 LINKED = re.compile(r"""(<(?:include|model)\b[^>]*?\bfile\s*=\s*)(["'])(.*?)\2""")
 """An element that reads another model file, relative to the folder of the main one."""
 
-Wanted = Callable[[str, Mapping[str, str], Sequence[str]], bool]
-"""The test for an element: of its tag, its attributes and the tags around it."""
+Stack = Sequence[tuple[str, Mapping[str, str]]]
+"""Tags and attributes of the elements around an element, the outermost first."""
+Wanted = Callable[[str, Mapping[str, str], Stack], bool]
+"""The test for an element: of its tag, its attributes and the elements around it."""
 
 
 def is_joint(name: str) -> Wanted:
     """Return the test for the element of a joint."""
     return lambda tag, own, stack: (
-        tag == "joint" and own.get("name") == name and (not stack or stack[-1] in HOLDERS)
+        tag == "joint" and own.get("name") == name and (not stack or stack[-1][0] in HOLDERS)
     )
 
 
 def is_actuator(name: str, joint: str) -> Wanted:
     """Return the test for the element of an actuator, which may have no name."""
     return lambda tag, own, stack: (
-        stack[-1:] == ["actuator"] and own.get("name", "") == name and joint in own.values()
+        [around for around, _ in stack[-1:]] == ["actuator"]
+        and own.get("name", "") == name
+        and joint in own.values()
     )
+
+
+def is_dynamics(joint: str) -> Wanted:
+    """Return the test for the `<dynamics>` of a joint in a URDF."""
+    return lambda tag, own, stack: tag == "dynamics" and is_joint(joint)(*stack[-1], stack[:-1])
 
 
 def included(main: Path, text: str) -> set[Path]:
@@ -51,37 +60,39 @@ def files_of(main: Path) -> dict[Path, str]:
     return texts
 
 
-def find(texts: Mapping[Path, str], joint: str, wanted: Wanted) -> tuple[Path, int, int]:
-    """Return the file of an element, and the ends of its start tag there [bytes].
+def retag(texts: dict[Path, str], joint: str, wanted: Wanted, change: Callable[[str], str] = str) -> None:
+    """Change the start tag of an element of a joint in the text of its file, in place.
 
     Raises:
         SysidError: No file has the element.
     """
     for file, text in texts.items():
+        raw = text.encode()
         try:
-            start = _start_of(text.encode(), wanted)
+            start = start_of(raw, wanted)
         except xml.parsers.expat.ExpatError as error:
             raise SysidError(f"{file}: not XML ({error}).") from error
         if start is not None:
-            tag = re.compile(rb"""<(?:[^"'>]|"[^"]*"|'[^']*')*>""").match(text.encode(), start)
+            tag = re.compile(rb"""<(?:[^"'>]|"[^"]*"|'[^']*')*>""").match(raw, start)
             assert tag is not None  # expat has read it
-            return file, *tag.span()
+            texts[file] = (raw[:start] + change(tag[0].decode()).encode() + raw[tag.end() :]).decode()
+            return
     raise SysidError(
         f'{next(iter(texts))}: no element <joint name="{joint}"> stands in it or in its includes, so it was attached or replicated '
         "from another file. Patch that file."
     )
 
 
-def _start_of(raw: bytes, wanted: Wanted) -> int | None:
+def start_of(raw: bytes, wanted: Wanted) -> int | None:
     """Return where the first wanted element starts [bytes]."""
     parser = xml.parsers.expat.ParserCreate()
-    stack: list[str] = []
+    stack: list[tuple[str, Mapping[str, str]]] = []
     found: list[int] = []
 
     def start(name: str, own: Mapping[str, str]) -> None:
         if wanted(name, own, stack):
             found.append(parser.CurrentByteIndex)
-        stack.append(name)
+        stack.append((name, own))
 
     parser.StartElementHandler = start
     parser.EndElementHandler = lambda name: stack.pop()

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sim.skate.cycle.push_clips import PushClip
 from sim.skate.cycle.tilt_guidance import TiltGuidance
 from sim.skate.mdp.actor_observation import FRAMES, NOISE, SCALE
 from sim.skate.mdp.rewards import Task, rewards
+from sim.skate.mdp.rewards._base import Clip
 from sim.skate.options import STYLE_FRAMES, SkateOptions
 from sim.skate.robot.g1 import JOINTS, motor_of
 from sim.skate.robot.poses import load_poses
@@ -39,7 +39,7 @@ SOLE_FRICTION_RANGE = (0.35, 1.6)
 
 
 def skate_env_cfg(
-    board: Board, options: SkateOptions, *, environments: int, seed: int, clips: Sequence[PushClip] = ()
+    board: Board, options: SkateOptions, *, environments: int, seed: int, clips: Sequence[Clip] = ()
 ) -> "ManagerBasedRlEnvCfg":
     """Return the environment's configuration.
 
@@ -52,8 +52,7 @@ def skate_env_cfg(
     """
     from mjlab.envs import ManagerBasedRlEnvCfg
 
-    from sim.skate.mdp.board_term import BoardTermCfg
-    from sim.skate.mdp.delay import DelayedJointPositionCfg
+    from sim.skate.mdp.actions import BoardTermCfg, DelayedJointPositionCfg
 
     scene = SceneOptions(
         coupling=options.coupling,
@@ -109,11 +108,11 @@ def skate_command_cfg(board: Board, options: SkateOptions) -> "SkateCommandCfg":
             limit=board.tilt["range"].value,
             kinematics=options.kinematics,
         ),
-        ends=key_bodies_at([poses[name].qpos() + offset for name in ("push", "steer")]),
+        ends=key_bodies_at([poses[name] + offset for name in ("push", "steer")]),
     )
 
 
-def reward_terms(options: SkateOptions, clips: Sequence[PushClip] = ()) -> "dict[str, RewardTermCfg]":
+def reward_terms(options: SkateOptions, clips: Sequence[Clip] = ()) -> "dict[str, RewardTermCfg]":
     """Return the reward terms of `sim/skate/mdp/rewards/`, with their weights and the phases in which they count."""
     from mjlab.managers.reward_manager import RewardTermCfg
 

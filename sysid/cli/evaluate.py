@@ -153,8 +153,7 @@ def _report_one(
     rides: "list[tuple[str, Evaluation]]", title: str, picture: Path, printer: Printer
 ) -> dict[str, Any]:
     """Print and draw everything of one evaluation; return it for machines."""
-    from policy_runtime.evaluation.metrics import METRICS
-    from policy_runtime.evaluation.strides import clip_ranges
+    from policy_runtime.evaluation.metrics import METRICS, clip_ranges
     from reports.figures.ride import paths_figure
     from sysid.text import in_brackets as text
 

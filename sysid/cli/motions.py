@@ -21,9 +21,8 @@ def motions(
         plot: Draw the joints over time into this PNG file.
         rerun: Write a Rerun recording of the moving robot to this file; open it with `rerun FILE`.
     """
-    from policy_runtime.learning.style_reference import transition_folder
     from policy_runtime.motion.motion_check import motion_facts
-    from policy_runtime.motion.motions import load_motions, motion_paths
+    from policy_runtime.motion.motions import load_motions, motion_paths, transition_folder
     from sim.skate.robot.g1 import JOINTS, g1_spec
 
     printer = Printer(common)

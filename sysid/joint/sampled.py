@@ -6,6 +6,7 @@ With spring, damper and inertia alone the step is a linear map of (roll, rate). 
 """
 
 import cmath
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from sysid.errors import SysidError
 from sysid.joint.equations import EquationsOfMotion
 from sysid.joint.law import JointLaw
 from sysid.joint.mujoco_step import step
+from sysid.joint.structure import Structure
 from sysid.roll import Array
 
 
@@ -80,24 +82,46 @@ def stepped(law: JointLaw, time: Array, angle: float, rate: float) -> tuple[Arra
     Raises:
         SysidError: The law has dry friction or memory.
     """
-    import casadi
-
-    ca: Any = casadi
-    h, plain = law.timestep, law.of_joint()
+    plain = law.of_joint()
     if plain.structure.has_dry_friction or plain.structure.states:
         raise SysidError(
             f"a time step together with {', '.join(plain.structure.effects)}: the plain step loop holds smooth "
             "laws without memory only. Simulate the MJCF instead (husky-sysid mjcf)."
         )
-    equations = EquationsOfMotion(plain.structure, ca.DM(plain.vector))
+    grid, *path = stepper(plain.structure, law.timestep, float(time[-1]))(plain.vector, angle, rate)
+    return np.interp(time, grid, path[0]), np.interp(time, grid, path[1])
+
+
+def stepper(structure: Structure, timestep: float, duration: float) -> Callable[[Array, float, float], Array]:
+    """Return the motion as MuJoCo steps a joint, its dry friction as soft as a frictionloss by default.
+
+    Args:
+        structure: Effects without memory.
+        timestep: [s].
+        duration: Time that it covers at least [s].
+
+    Returns:
+        A function of parameters, shape (p,), roll [rad] and rate [rad/s] at release. It returns times [s], rolls [rad] and
+        rates [rad/s], shape (3, n).
+    """
+    import casadi
+
+    ca: Any = casadi
+    p, y = ca.SX.sym("p", len(structure.parameters)), ca.SX.sym("y", 2)
+    equations = EquationsOfMotion(structure, p)
+    joint = equations.joint
 
     def torque(q: Any, v: Any) -> Any:
         return sum(equations.torques(ca.vertcat(q, v)))
 
-    y = ca.SX.sym("y", 2)
-    after = step(equations.joint.inertia, torque, y[0], y[1], timestep=h)
-    move = ca.Function("move", [y], [ca.vertcat(*after)])
-    count = int(float(time[-1]) / h) + 2
-    path = np.column_stack([[angle, rate], np.asarray(move.mapaccum("moves", count)([angle, rate]))])
-    grid = h * np.arange(count + 1)
-    return np.interp(time, grid, path[0]), np.interp(time, grid, path[1])
+    loss = equations.friction(y[0] - joint.rest_angle, 0.0)
+    after = step(joint.inertia, torque, y[0], y[1], timestep=timestep, frictionloss=loss)
+    count = int(duration / timestep) + 2
+    moves = ca.Function("move", [y, p], [ca.vertcat(*after)]).mapaccum("moves", count)
+    grid = timestep * np.arange(count + 1)
+
+    def motion(vector: Array, angle: float, rate: float) -> Array:
+        path = np.column_stack([[angle, rate], np.asarray(moves([angle, rate], vector))])
+        return np.array([grid, *path], dtype=np.float64)
+
+    return motion

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from driven_coverage import run, xml
 
-from sim.model.coupled import shifts_of
 from sim.model.driven import Course, coupling_along, free_inertia, load_along, stated
+from sim.model.driven_fit import shifts_of
 from sim.model.setup import Setup
 from sysid.driven.joint import VARYING, Structure, simulate
 from sysid.driven.log import DrivenLog

@@ -27,7 +27,7 @@ class Actor(torch.nn.Module):
 
 
 def mean_after(values, begun=0):
-    from policy_runtime.learning.mean_actor import mean_actor
+    from policy_runtime.learning.amp import mean_actor
 
     actor = Actor()
     mean = mean_actor(actor)
@@ -40,7 +40,7 @@ def mean_after(values, begun=0):
 
 
 def test_iterations_weigh_by_a_power_of_their_number():
-    from policy_runtime.learning.mean_actor import ETA
+    from policy_runtime.learning.amp import ETA
 
     values = np.cumsum(np.random.default_rng(1).normal(size=400)) + 50
     mean = mean_after(values)

@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 from rides import made_rides
 
-from policy_runtime.evaluation.metrics import episode_errors, reachable_headings
+from policy_runtime.evaluation.metrics import (
+    clip_distances,
+    episode_errors,
+    reachable_headings,
+    stride_metrics,
+)
 from policy_runtime.evaluation.statistics import mean_over, proportion
-from policy_runtime.evaluation.strides import clip_distances, stride_metrics
 
 STEPS, PUSH, STEER = 40, slice(0, 20), slice(25, 35)
 

@@ -168,10 +168,10 @@ def test_recorded_pushes_are_cut_from_touchdown_to_touchdown(model, tmp_path):
         name="mine", position=clip.position[30:], quaternion=clip.quaternion[30:], joints=clip.joints[30:]
     )
     motions.save_motion(cut, tmp_path / "mine.npy")
-    (mine,) = push_clips([tmp_path])
+    ((_, mine),) = push_clips([tmp_path])
     period = motion_facts(clip, model).period / CONTROL_PERIOD
-    assert len(mine.joints) / period == pytest.approx(round(len(mine.joints) / period), abs=0.15)
-    assert 0 < len(mine.joints) < len(cut.joints)
+    assert len(mine) / period == pytest.approx(round(len(mine) / period), abs=0.15)
+    assert 0 < len(mine) < len(cut.joints)
     still = motions.Motion(
         name="still",
         position=cut.position[:1].repeat(20, 0),
@@ -185,7 +185,7 @@ def test_recorded_pushes_are_cut_from_touchdown_to_touchdown(model, tmp_path):
 
 def test_a_runs_own_motions_are_kept_with_it_and_make_its_style(tmp_path):
     from policy_runtime.learning.run_folder import RunConfig, RunFolder
-    from policy_runtime.learning.style_reference import style_reference
+    from policy_runtime.motion.motions import style_reference
     from sim.skate.options import SkateOptions
 
     mine = recorded("push-low-slow")

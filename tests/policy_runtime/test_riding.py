@@ -89,7 +89,7 @@ def test_unknown_script_is_refused_in_words():
 def test_two_feet_share_the_weight_under_the_centre_of_mass():
     load = GravityLoad()
     pose = load_poses()["steer"]
-    torque = load.torques(pose.joints, pose.quaternion, (True, True))
+    torque = load.torques(pose, (True, True))
     model, data = load.model, load.data
     forces = shares(
         [10, 11], [np.array([-0.2, 0.0, 0.0]), np.array([0.2, 0.05, 0.0])], np.array([0.1, 0.03, 0.7])

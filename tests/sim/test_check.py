@@ -15,7 +15,8 @@ from sim.board.scene import board_spec
 from sim.check.decays import check_scene
 from sim.check.rules.departures import departures
 from sim.compensation.parasitics import measure, measure_parasitics
-from sim.compensation.scene import compensate, scene_from_file, training_scene
+from sim.compensation.scene import compensate, training_scene
+from sim.model.scene import scene_from_file
 from sysid.board import Board, BoardEffect, load_board
 from sysid.errors import QualityGateError, SysidError
 from sysid.joint import JointLaw, simulate

@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.board.bench import rig_spec
 from sim.board.clamped import ClampedScene
 from sim.board.learned import left_out, passive
+from sim.board.scene import rig_spec
 from sysid.board import Board, BoardEffect
 from sysid.effects import effect
 from sysid.effects._table import knots
@@ -75,7 +75,7 @@ def test_a_table_over_the_rate_is_near_alone_and_exact_with_what_is_left_out():
         for how in (
             plain,
             with_callback,
-            lambda model, time: ClampedScene(model=model).swing(0.17, 0.0, 1.0).at(time),
+            lambda model, time: np.interp(time, *ClampedScene(model=model).swing(0.17, 0.0, 1.0)),
         )
     )
     assert helped < 3e-3
@@ -88,7 +88,7 @@ def test_a_table_over_the_rate_is_near_alone_and_exact_with_what_is_left_out():
 def test_all_worlds_of_the_training_at_once_have_what_one_has_alone():
     torch = pytest.importorskip("torch")
     pytest.importorskip("mjlab")
-    from sim.skate.mdp.board_term import BoardTermCfg
+    from sim.skate.mdp.actions import BoardTermCfg
 
     wings = [-3, -2, -1, 1, 2, 3]
     both = {f"both_{i}_{j}": -0.3 * (0.2 * i / 3) ** 2 * 8 * j / 3 for i in wings for j in wings}

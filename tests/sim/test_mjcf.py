@@ -12,8 +12,8 @@ from command_line import called
 from made import release, with_effect
 
 from sim.check.decays import check_scene
-from sim.compensation.scene import scene_from_file
 from sim.mjcf import board_mjcf
+from sim.model.scene import scene_from_file
 from sysid.board import Board, BoardEffect, load_board, save_board
 from sysid.effects import catalogue
 from sysid.errors import SysidError

@@ -37,10 +37,6 @@ class TiltGuidance:
     spread: float = 2.0
     """Time over which a turn is spread evenly [s]: a policy would answer a sudden turn by a corner."""
 
-    @property
-    def _trucks(self) -> int:
-        return 2 if self.kinematics == "two-truck" else 1
-
     def time(self, left: Any) -> Any:
         """Return the time to plan for when so much is left [s], shape (...,)."""
         return namespace(left).clip(left, self.least_time, self.longest_time)
@@ -60,5 +56,6 @@ class TiltGuidance:
         xp = namespace(heading)
         rate = wrap_angle(target - heading) / self.time(time_left)
         slowness = speed / (speed**2 + self.damping_speed**2)  # 1 / speed, damped
-        sine = rate * self.wheelbase * slowness / (self._trucks * np.tan(self.rake))
+        trucks = 2 if self.kinematics == "two-truck" else 1
+        sine = rate * self.wheelbase * slowness / (trucks * np.tan(self.rake))
         return xp.arcsin(xp.clip(sine, -np.sin(self.limit), np.sin(self.limit)))

@@ -59,13 +59,6 @@ def scale_frame(frame: Any) -> Any:
     return frame * constant(SCALE, frame)
 
 
-def projected_gravity(quaternion: Any) -> Any:
-    """Return the unit vector down in the frame of a body, shape (..., 3), from its orientation."""
-    w, x, y, z = (quaternion[..., i] for i in range(4))
-    xp = namespace(quaternion)
-    return xp.stack((2 * (w * y - x * z), -2 * (w * x + y * z), 2 * (x * x + y * y) - 1), axis=-1)
-
-
 class History:
     """The last five frames of one robot (NumPy), filled with the first frame after a reset."""
 

@@ -6,7 +6,6 @@ x forward, y left, z up.
 """
 
 import tomllib
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -19,34 +18,15 @@ CLIP_JOINTS = np.array([7 + MOTORS.index(joint) for joint in JOINTS])
 """Columns of a stored clip that hold the 23 joints in policy order, after the pelvis' position and quaternion."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pose:
-    """One whole-body pose on the board."""
-
-    position: Array
-    """Pelvis position in the board frame [m], shape (3,)."""
-    quaternion: Array
-    """Pelvis orientation in the board frame, unit quaternion wxyz, shape (4,)."""
-    joints: Array
-    """Joint angles in the order of `JOINTS` [rad], shape (23,)."""
-
-    def qpos(self) -> Array:
-        """Return the robot's MuJoCo configuration in the board frame, shape (30,)."""
-        return np.concatenate([self.position, self.quaternion, self.joints])
-
-
 @cache
-def load_poses() -> dict[str, Pose]:
-    """Return the canonical poses, 'push' and 'steer', of the shipped file."""
+def load_poses() -> dict[str, Array]:
+    """Return the robot's MuJoCo configuration in the board frame, shape (30,), in the canonical poses 'push' and 'steer'."""
     raw = tomllib.loads((shipped_data() / "motions" / "poses.toml").read_text(encoding="utf-8"))
-    poses: dict[str, Pose] = {}
+    poses: dict[str, Array] = {}
     for name, pose in raw.items():
-        quaternion = np.array(pose["quaternion"])
-        poses[name] = Pose(
-            position=np.array(pose["position"]),
-            quaternion=quaternion / np.linalg.norm(quaternion),
-            joints=pose_vector(pose["joints"]),
-        )
+        turn = np.array(pose["quaternion"])
+        poses[name] = np.r_[pose["position"], turn / np.linalg.norm(turn), pose_vector(pose["joints"])]
+        poses[name].setflags(write=False)
     return poses
 
 
@@ -54,5 +34,5 @@ def load_transition(name: str) -> Array:
     """Return the robot's configurations in the shipped plain clip, board frame, 'mount' or 'dismount', shape (frames, 30)."""
     table = np.load(shipped_data() / "motions" / "transitions" / f"{name}-plain.npy")
     end = load_poses()[{"mount": "steer", "dismount": "push"}[name]]
-    table[:, :3] += end.position - table[-1, :3]  # the clip's board stands in the world
+    table[:, :3] += end[:3] - table[-1, :3]  # the clip's board stands in the world
     return np.hstack((table[:, :7], table[:, CLIP_JOINTS]))

@@ -13,7 +13,7 @@ def load_cycle(clock: Clock) -> Array:
     It holds the canonical poses, and between them is where the shipped plain clips are by the end of the step.
     """
     step, poses = np.arange(clock.period), load_poses()
-    cycle = np.where(clock.pushing(step)[:, None], poses["push"].qpos(), poses["steer"].qpos())
+    cycle = np.where(clock.pushing(step)[:, None], poses["push"], poses["steer"])
     for name, inside in (("mount", clock.mounting(step)), ("dismount", clock.dismounting(step))):
         clip = load_transition(name)
         frame = clock.transition_fraction(step[inside]) * (len(clip) - 1)

@@ -57,10 +57,6 @@ class BoardDraws:
     learned_dampers: Array
     """(m, torques, 3), polynomials of the rate that stand for learned torques [N*m and rad/s]."""
 
-    def of(self, field: str, element: str) -> Array:
-        """Return the numbers of one element, shape (m, ...)."""
-        return self.fields[field][:, self.elements[FIELDS[field]].index(element)]
-
 
 def draw_boards(board: Board, count: int, spread: Spread, rng: np.random.Generator) -> list[Board]:
     """Return boards whose tilt joint, inertia and rake are drawn about the record."""

@@ -72,7 +72,7 @@ def test_a_spring_that_rests_beyond_the_range_is_told(tmp_path):
     for rest, leans in ((0.1, False), (3.0, True)):
         tilt = {"stiffness": Quantity(2.0, 0.01, "N*m/rad"), "rest_angle": Quantity(rest, 0.001, "rad")}
         said = " ".join(patch(setup, board.with_tilt(**tilt)).remarks)
-        assert ("outside the joint's range of -2.618 to 2.618" in said) is leans
+        assert ("rests against the end of its range at 150°" in said) is leans
 
 
 def test_degrees_stay_degrees(tmp_path):

@@ -18,7 +18,7 @@ DECK_TOP, GROUND = 0.01, -0.10  # of both shipped boards, below and above the ti
 
 def placed(model, name):
     data = mujoco.MjData(model)
-    data.qpos[:] = load_poses()[name].qpos()
+    data.qpos[:] = load_poses()[name]
     mujoco.mj_forward(model, data)
     return data
 
@@ -40,7 +40,7 @@ def test_the_cycle_holds_the_poses_and_goes_from_one_to_the_other_as_the_clips_d
     assert cycle.shape == (300, 30)
     for name, ends in (("push", (0, 119)), ("steer", (150, 284))):
         for step in (*ends, ends[0] - 1):  # what comes before leads there
-            np.testing.assert_allclose(cycle[step], poses[name].qpos(), atol=1e-3)
+            np.testing.assert_allclose(cycle[step], poses[name], atol=1e-3)
     for name, first, steps in (("mount", 120, 30), ("dismount", 285, 15)):
         clip = np.load(shipped_data() / "motions" / "transitions" / f"{name}-plain.npy")[1:]
         assert len(clip) == steps
@@ -98,7 +98,7 @@ def test_the_file_is_what_the_recipe_gives(model):
     spec.loader.exec_module(make_poses)
     for name, tasks in (("push", make_poses.push_tasks()), ("steer", make_poses.steer_tasks())):
         pose = load_poses()[name]
-        start = pose.qpos()
+        start = pose.copy()
         start[7:] += 0.05  # another start finds the same pose
-        np.testing.assert_allclose(ik.solve(model, start, tasks)[:3], pose.position, atol=2e-4)
-        np.testing.assert_allclose(ik.solve(model, start, tasks)[7:], pose.joints, atol=2e-3)
+        np.testing.assert_allclose(ik.solve(model, start, tasks)[:3], pose[:3], atol=2e-4)
+        np.testing.assert_allclose(ik.solve(model, start, tasks)[7:], pose[7:], atol=2e-3)

@@ -9,10 +9,7 @@ from sim.skate.cycle.clock import Clock
 from sim.skate.cycle.start import AT_REST, Start
 from sim.skate.cycle.tilt_guidance import TiltGuidance
 from sim.skate.cycle.transitions import KEY_BODIES, TransitionPath
-from sim.skate.mdp.actor_observation import (
-    projected_gravity,
-    scale_frame,
-)
+from sim.skate.mdp.actor_observation import scale_frame
 
 pytestmark = pytest.mark.train
 
@@ -111,13 +108,6 @@ def test_quadratic_path_peaks_at_half_the_lift_and_spares_what_stands():
     np.testing.assert_allclose(middle[0, :, 2], [0.1, 0.0], atol=1e-12)
 
 
-def test_gravity_points_down_in_the_bodys_frame():
-    q = quaternions(3)
-    np.testing.assert_allclose(
-        projected_gravity(q), rotation.rotate_back(q, np.array([0.0, 0.0, -1.0])), atol=1e-12
-    )
-
-
 def test_torch_and_numpy_give_the_same():
     torch = pytest.importorskip("torch")
     q, p = quaternions(4), quaternions(4, seed=5)
@@ -132,7 +122,6 @@ def test_torch_and_numpy_give_the_same():
             rotation.rotate(q[:, None], q[:, 1:]),
             rotation.rotate(torch.tensor(q[:, None]), torch.tensor(q[:, 1:])),
         ),
-        (projected_gravity(q), projected_gravity(torch.tensor(q))),
         (scale_frame(np.ones((2, 78))), scale_frame(torch.ones(2, 78, dtype=torch.float64))),
     ):
         np.testing.assert_allclose(ours, theirs.numpy(), atol=1e-7)

@@ -7,9 +7,9 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from sim.skate.cycle.push_clips import PushClip, PushReference
 from sim.skate.mdp import rewards, terminations
 from sim.skate.mdp.rewards import (
+    _base,
     push_teachers,
     pushing,
     riding,
@@ -17,6 +17,7 @@ from sim.skate.mdp.rewards import (
     tilt_guidance,
     transitions,
 )
+from sim.skate.mdp.rewards.push_teachers import PushReference
 from sim.skate.mdp.state import SkateState
 from sim.skate.options import Guidance, Pushing, SkateOptions
 
@@ -102,8 +103,8 @@ BY_HAND = [
     (steering.feet_on_board, {"foot_on_deck": BOTH, "foot_in_zone": BOTH}, {}, 2),
     (steering.feet_on_board, {"foot_on_deck": BOTH}, {}, 0),
     (steering.feet_on_board, {"foot_on_deck": BOTH, "foot_in_zone": BOTH, "foot_on_ground": DOWN}, {}, 1),
-    (steering.steering_pose, {}, {"pose": POSE, "tolerance": 0.2}, E(-0.09 / 0.2)),
-    (steering.steering_pose, {"joint_position": np.full((1, 23), 0.3)}, {"pose": POSE}, 1),
+    (_base.holds_pose, {}, {"pose": POSE, "tolerance": 0.2}, E(-0.09 / 0.2)),
+    (_base.holds_pose, {"joint_position": np.full((1, 23), 0.3)}, {"pose": POSE, "tolerance": 0.2}, 1),
     (steering.feet_on_markers, {"foot_marker_distance": np.array([[0.1, 0.3]])}, {"tolerance": 0.1}, E(-2)),
     (steering.board_heading, {"board_heading": -3.1, "heading_reference": 3.1}, {"tolerance": 0.02}, E(-(TURN - 6.2) / 0.02)),
     (steering.tilt_rate, {"tilt_rate": -3.0}, {}, 9),
@@ -119,13 +120,12 @@ BY_HAND = [
     (riding.wheels_on_ground, {}, {}, 1),
     (riding.wheels_on_ground, {"wheel_on_ground": np.array([[True, True, True, False]])}, {}, 0),
     (riding.level_deck, {"tilt": -0.05}, {"tolerance": 0.05}, E(-1)),
-    (riding.standing_still, {}, {"pose": tuple(np.zeros(23))}, 1),
     (riding.joint_limits, PULLED, {}, 0.2),
     (riding.action_rate, PULLED, {}, 4),
     (riding.action_smoothness, PULLED, {}, 9),
-    (riding.joint_velocity, PULLED, {}, 16),
-    (riding.joint_acceleration, PULLED, {}, 25),
-    (riding.joint_torque, PULLED, {}, 36),
+    (riding.squared, PULLED, {"of": "joint_velocity"}, 16),
+    (riding.squared, PULLED, {"of": "joint_acceleration"}, 25),
+    (riding.squared, PULLED, {"of": "joint_torque"}, 36),
     (riding.self_contact, {"self_contacts": 7.0}, {}, 3),
     (riding.alive, {}, {}, 1),
     (riding.foot_place, {"foot_place_error": -0.03}, {"tolerance": 0.03}, E(-1)),
@@ -158,9 +158,9 @@ def test_beginners_pay_less_and_riders_all_from_a_quarter_of_the_variation_on():
     assert all(term.weight_at(0.25) == term.weight_at(1.0) == term.weight for term in terms.values())
 
 
-def clip(name, speed, frames):
+def clip(speed, frames):
     """Return a clip whose every angle says its frame, plus the speed."""
-    return PushClip(name, speed, np.arange(frames)[:, None] + np.full((1, 23), speed))
+    return speed, np.arange(frames)[:, None] + np.full((1, 23), speed)
 
 
 @pytest.mark.parametrize("kind", ["numpy", "torch"])
@@ -169,7 +169,7 @@ def test_the_clip_nearest_in_speed_is_followed_and_repeats(kind):
     if kind == "torch":
         torch = pytest.importorskip("torch")
         array = lambda values: torch.tensor(values, dtype=torch.float)  # noqa: E731
-    reference = PushReference((clip("slow", 0.5, 40), clip("fast", 1.0, 30)))
+    reference = PushReference((clip(0.5, 40), clip(1.0, 30)))
     # Single precision of k · 0.02 s must not fall into the frame before, whatever k is.
     steps = np.arange(120)
     for speed, nearest, length in ((0.1, 0.5, 40), (0.74, 0.5, 40), (0.76, 1.0, 30), (1.5, 1.0, 30)):
@@ -177,7 +177,7 @@ def test_the_clip_nearest_in_speed_is_followed_and_repeats(kind):
         np.testing.assert_allclose(found[:, 5], steps % length + nearest)
 
 
-TASK = rewards.Task(options=SkateOptions(), clips=(clip("slow", 0.5, 40),))
+TASK = rewards.Task(options=SkateOptions(), clips=(clip(0.5, 40),))
 
 
 @pytest.mark.parametrize("pushing", get_args(Pushing))

@@ -51,8 +51,8 @@ def test_pushing_by_tracking_follows_the_clip_nearest_in_speed():
             state, reward = measure(env), paid(env, "push/tracking")
             for world in range(WORLDS):
                 speed = float(state.commanded_speed[world])
-                clip = min(clips, key=lambda one: abs(one.speed - speed))
-                wanted = clip.joints[began[world] % len(clip.joints)]
+                _, clip = min(clips, key=lambda one: abs(one[0] - speed))
+                wanted = clip[began[world] % len(clip)]
                 error = float(((state.joint_position[world].numpy() - wanted) ** 2).mean())
                 # Episodes that begin in the push pose are on their way to the clip, whatever it is.
                 assert reward[world] == pytest.approx(5.0 * math.exp(-error / 0.022), rel=1e-3)
@@ -95,7 +95,7 @@ def test_the_default_variant():
         draws = board_draws(boards, SceneOptions().timestep)
         joint = env.sim.mj_model.joint("board/board_tilt_joint")
         stiffness = env.sim.model.jnt_stiffness[:, joint.id].numpy()
-        drawn = draws.of("jnt_stiffness", "board_tilt_joint")
+        drawn = draws.fields["jnt_stiffness"][:, draws.elements["joint"].index("board_tilt_joint")]
         np.testing.assert_allclose(stiffness, drawn[np.arange(WORLDS) % 6], rtol=1e-6)
         assert np.ptp(stiffness) > 0.5
 

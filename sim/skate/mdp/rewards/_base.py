@@ -4,12 +4,16 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from sim.skate.arrays import namespace
-from sim.skate.cycle.push_clips import PushClip
+from sim.skate.arrays import constant, namespace
 from sim.skate.options import SkateOptions
+from sysid.roll import Array
 
 Phase = Literal["push", "steer", "transition", "not-push", "not-steer", "moving", "still", "always"]
 """When a reward counts. 'not-steer' includes standing still."""
+
+
+Clip = tuple[float, Array]
+"""Mean speed of the pelvis in the plane [m/s], and joint angles [rad], shape (frames, 23), one frame a policy step."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,7 +22,7 @@ class Task:
 
     options: SkateOptions
     """The variant of the task."""
-    clips: Sequence[PushClip] = ()
+    clips: Sequence[Clip] = ()
     """Clips that pushing by tracking follows."""
 
 
@@ -56,6 +60,13 @@ class Rewards:
 def kernel(error: Any, tolerance: float) -> Any:
     """Return exp(-error / tolerance)."""
     return namespace(error).exp(-error / tolerance)
+
+
+def holds_pose(state: Any, pose: tuple[float, ...], tolerance: float) -> Any:
+    """The joints hold a pose [rad], of 23: mean square deviation against `tolerance` [rad^2]."""
+    return kernel(
+        ((state.joint_position - constant(pose, state.joint_position)) ** 2).mean(axis=-1), tolerance
+    )
 
 
 def number(flag: Any) -> Any:

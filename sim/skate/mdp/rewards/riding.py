@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from typing import Any
 
-from sim.skate.arrays import constant, namespace
-from sim.skate.mdp.rewards._base import Reward, Rewards, Task, kernel, number
+from sim.skate.arrays import namespace
+from sim.skate.mdp.rewards._base import Reward, Rewards, Task, holds_pose, kernel, number
 from sim.skate.mdp.rewards.pushing import board_velocity, speed_error
 from sim.skate.mdp.state import SkateState
 from sim.skate.robot.g1 import default_pose
@@ -28,12 +28,6 @@ def level_deck(state: SkateState, tolerance: float = 0.05) -> Any:
     return kernel(namespace(state.tilt).abs(state.tilt), tolerance)
 
 
-def standing_still(state: SkateState, pose: tuple[float, ...], tolerance: float = 0.1) -> Any:
-    """The joints hold the standing pose: mean square deviation [rad^2]."""
-    error = state.joint_position - constant(pose, state.joint_position)
-    return kernel((error**2).mean(axis=-1), tolerance)
-
-
 def joint_limits(state: SkateState) -> Any:
     """Sum of how far joints are beyond nine tenths of their range [rad]."""
     return state.joint_excess.sum(axis=-1)
@@ -49,19 +43,9 @@ def action_smoothness(state: SkateState) -> Any:
     return ((state.action - 2 * state.action_1 + state.action_2) ** 2).sum(axis=-1)
 
 
-def joint_velocity(state: SkateState) -> Any:
-    """Squared joint velocities [rad^2/s^2]."""
-    return (state.joint_velocity**2).sum(axis=-1)
-
-
-def joint_acceleration(state: SkateState) -> Any:
-    """Squared joint accelerations [rad^2/s^4]."""
-    return (state.joint_acceleration**2).sum(axis=-1)
-
-
-def joint_torque(state: SkateState) -> Any:
-    """Squared joint torques [N^2*m^2]."""
-    return (state.joint_torque**2).sum(axis=-1)
+def squared(state: SkateState, of: str) -> Any:
+    """Sum over the joints of the square of a quantity of the state, in its SI unit."""
+    return (getattr(state, of) ** 2).sum(axis=-1)
 
 
 def self_contact(state: SkateState) -> Any:
@@ -80,14 +64,14 @@ def _terms(task: Task) -> Iterator[Reward]:
     yield Reward("always/wheels", wheels_on_ground, "always", 0.5)
     yield Reward("always/foot_place", foot_place, "always", 12.0)
     yield Reward("always/level_deck", level_deck, "not-steer", 3.0)
-    yield Reward("always/stand", standing_still, "still", 1.0, {"pose": tuple(default_pose().tolist())})
+    standing = {"pose": tuple(default_pose().tolist()), "tolerance": 0.1}
+    yield Reward("always/stand", holds_pose, "still", 1.0, standing)
     yield Reward("always/alive", alive, "always", 1.0)
     yield Reward("always/joint_limits", joint_limits, "always", -30.0, beginner=-5.0)
     yield Reward("always/action_rate", action_rate, "always", -0.05)
     yield Reward("always/action_smoothness", action_smoothness, "always", -0.05)
-    yield Reward("always/joint_velocity", joint_velocity, "always", -1e-3)
-    yield Reward("always/joint_acceleration", joint_acceleration, "always", -2.5e-7)
-    yield Reward("always/joint_torque", joint_torque, "always", -1e-6)
+    for of, cost in (("joint_velocity", 1e-3), ("joint_acceleration", 2.5e-7), ("joint_torque", 1e-6)):
+        yield Reward(f"always/{of}", squared, "always", -cost, {"of": of})
     yield Reward("always/self_contact", self_contact, "always", -10.0)
 
 

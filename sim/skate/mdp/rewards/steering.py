@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from typing import Any
 
-from sim.skate.arrays import constant, namespace, wrap_angle
-from sim.skate.mdp.rewards._base import Reward, Rewards, Task, kernel, number
+from sim.skate.arrays import namespace, wrap_angle
+from sim.skate.mdp.rewards._base import Reward, Rewards, Task, holds_pose, kernel, number
 from sim.skate.mdp.state import SkateState
 from sim.skate.robot.poses import load_poses
 
@@ -19,12 +19,6 @@ def left_foot_loaded(state: SkateState, share: float = 0.25) -> Any:
     """The left foot carries its part: load on the deck over `share` of the robot's weight, up to 1."""
     load = state.deck_load[..., 0]
     return namespace(load).clip(load / share, None, 1.0)
-
-
-def steering_pose(state: SkateState, pose: tuple[float, ...], tolerance: float = 0.2) -> Any:
-    """The joints hold the steering pose: mean square deviation against `tolerance` [rad^2]."""
-    error = state.joint_position - constant(pose, state.joint_position)
-    return kernel((error**2).mean(axis=-1), tolerance)
 
 
 def feet_on_markers(state: SkateState, tolerance: float = 0.2) -> Any:
@@ -45,9 +39,9 @@ def tilt_rate(state: SkateState) -> Any:
 
 
 def _terms(task: Task) -> Iterator[Reward]:
-    pose = tuple((load_poses()["steer"].joints + task.options.pose_offset).tolist())
+    pose = tuple((load_poses()["steer"][7:] + task.options.pose_offset).tolist())
     yield Reward("steer/feet_on_board", feet_on_board, "steer", 3.0)
-    yield Reward("steer/pose", steering_pose, "steer", 1.5, {"pose": pose})
+    yield Reward("steer/pose", holds_pose, "steer", 1.5, {"pose": pose, "tolerance": 0.2})
     yield Reward("steer/left_foot", left_foot_loaded, "steer", 8.0)
     yield Reward("steer/feet_on_markers", feet_on_markers, "steer", 2.0)
     yield Reward("steer/heading", board_heading, "steer", 5.0)

@@ -1,9 +1,9 @@
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
-"""Parts of the board that MuJoCo has no element for, in all worlds at once: an mjlab action of size zero.
+"""The task's actions in mjlab: delayed joint targets, and parts of the board that MuJoCo has no element for.
 
-Before each simulation step it sets the trucks from the tilt, in the direct realisation of the coupling, as
-`sim.board.scene.set_trucks` does in plain MuJoCo. It also looks up the rest of learned torques that tendons and the damper's
-polynomial leave out (`sysid.effects.learned`), as `sim.board.learned.apply` does.
+The latter is an action of size zero. Before each simulation step it sets the trucks from the tilt, in the direct realisation of
+the coupling, as `sim.board.scene.set_trucks` does in plain MuJoCo. It also looks up the rest of learned torques that tendons
+and the damper's polynomial leave out (`sysid.effects.learned`), as `sim.board.learned.apply` does.
 """
 
 import math
@@ -11,10 +11,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import torch
+from mjlab.envs.mdp.actions import JointPositionAction, JointPositionActionCfg
 from mjlab.managers.action_manager import ActionTerm, ActionTermCfg
 
 from sim.board.learned import left_out
 from sim.board.scene import TILT_JOINT, TRUCK_JOINTS
+from sim.skate.mdp.worlds import worlds
 from sysid.roll import Array
 
 if TYPE_CHECKING:
@@ -92,3 +94,29 @@ class BoardTerm(ActionTerm):
             speed = rate.abs()
             polynomial = torch.stack((rate, rate * speed, rate * speed * speed), dim=-1)
             data.qfrc_applied[:, v] += torque + (damper * polynomial).sum(-1)
+
+
+@dataclass(kw_only=True)
+class DelayedJointPositionCfg(JointPositionActionCfg):
+    """mjlab's joint targets, late by every world's own delay."""
+
+    def build(self, env: "ManagerBasedRlEnv") -> "DelayedJointPosition":
+        """Return the term."""
+        return DelayedJointPosition(self, env)
+
+
+class DelayedJointPosition(JointPositionAction):
+    """The action manager keeps the last three answers; the worlds say which of them arrives when."""
+
+    def process_actions(self, actions: torch.Tensor) -> None:
+        """Take the policy's answer, and find what reaches the servos in each step of the simulation."""
+        super().process_actions(actions)
+        there, manager = worlds(self._env), self._env.action_manager
+        last = torch.stack((manager.action, manager.prev_action, manager.prev_prev_action))
+        self._targets = there.answers(last) * self._scale + self._offset
+        self._substep = 0
+
+    def apply_actions(self) -> None:
+        """Set the targets of this step of the simulation."""
+        self._entity.set_joint_position_target(self._targets[self._substep], joint_ids=self._target_ids)
+        self._substep += 1
