@@ -441,7 +441,7 @@ def _held(problem: Problem, minimum: Minimum, name: str, value: float) -> tuple[
     """Hold a free parameter at a value, and fit the others again from where they are."""
     simpler = problem.with_(fixed={**problem.fixed, name: value})
     start = np.delete(minimum.point, problem.names.index(name))
-    return simpler, simpler.fitted(start, tolerance=1e-7)
+    return simpler, simpler.fitted(start)
 
 
 def _scatter(problem: Problem, minimum: Minimum) -> float:
