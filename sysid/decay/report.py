@@ -18,7 +18,7 @@ LABELS = {
     "period": "period T",
     "omega_d": "damped frequency ω_d",
     "omega_n": "natural frequency ω_n",
-    "inertia": "roll inertia I",
+    "inertia": "inertia I",
     "stiffness": "stiffness k = I ω_n²",
     "damping": "damping d = 2 ζ ω_n I",
 }
@@ -43,7 +43,7 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
     rows: list[tuple[str, ...]] = []
     for one, peaks in zip(decay.releases, decay.peaks, strict=True):
         name = f"{Path(one.log).name} {one.number}" if several else str(one.number)
-        size = f"{decay.position(one.amplitude)} {one.side}"
+        size = f"{decay.position.scale * (one.roll[0] - one.rest):+.4g}{decay.position.unit}"
         hold = f"{one.hold:.2f} s" if one.hold else "moving"
         rows.append(
             (name, f"{one.start:.3f}", size, hold, f"{one.time[-1]:.3f}", ENDS[one.end], str(len(peaks)))
@@ -68,7 +68,7 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
         lines.append(
             "k and d need the mass m that slides: k = m ω_n², d = 2 ζ ω_n m"
             if decay.slides
-            else "k and d need the roll inertia I: k = I ω_n², d = 2 ζ ω_n I (husky-sysid inertia)"
+            else "k and d need the inertia I: k = I ω_n², d = 2 ζ ω_n I (husky-sysid inertia)"
         )
     return "\n".join(part for line in lines for part in _wrapped(line, width))
 
