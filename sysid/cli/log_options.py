@@ -60,25 +60,16 @@ else:
 
 @Parameter(name="*", group=LOG)
 @dataclass(frozen=True, kw_only=True)
-class LogArguments:
+class LogArguments(LogOptions):
     """Options for reading a log, and the part of it to use."""
 
-    column: str | None = None
-    """Column with the roll angle or rate: its name, or its number counted from 1."""
-    unit: str | None = None
-    """Its unit (rad, deg, rad/s, deg/s, ...), or the size of one count in rad or rad/s."""
     axis: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
     """Sensor axis that points forward (x, -y, ...), or the angle to take (roll, -pitch, ...)."""
-    rate: float | None = None
-    """Sampling or film frame rate in Hz, if that of the file is missing or wrong (slow motion)."""
-    time_column: str | None = None
-    """Column with the time: its name, or its number counted from 1."""
     source: _Source = "auto"
     """Sensor to use, if the log holds several."""
     lever_arm: Annotated[tuple[float, float, float] | None, Parameter(allow_leading_hyphen=True)] = None
     """From the tilt axis to the accelerometer, along the sensor's x y z, in m; estimated if left out."""
-    keep_outliers: bool = False
-    """Keep isolated outliers, which are left out by default."""
+    also: Annotated[tuple[str, ...], Parameter(parse=False)] = ()
     start: Annotated[float | None, Parameter(name="--from")] = None
     """Ignore the log before this time in s."""
     stop: Annotated[float | None, Parameter(name="--to")] = None
@@ -92,8 +83,8 @@ class LogArguments:
     @property
     def options(self) -> LogOptions:
         """The options of the reader."""
-        given: dict[str, Any] = vars(self) | {"video": self.video.options}
-        del given["release"], given["keep_zero"]
+        given: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(LogOptions)}
+        given["video"] = self.video.options
         return LogOptions(**given)
 
     def part(self, roll: Roll) -> Roll:
