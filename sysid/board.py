@@ -233,11 +233,11 @@ class Board(Shown):
         """Whether the joint is prismatic: its units are then m, N/m and kg."""
         return self.inertia.unit == "kg"
 
-    def experiment(self, name: str, widest: float = math.inf) -> str:
-        """Return the experiment that distinguishes an effect, with releases in the joint's unit up to `widest` [rad]."""
+    def experiment(self, name: str) -> str:
+        """Return the experiment that distinguishes an effect, with releases in the joint's unit and range."""
         from sysid.effects import effect
 
-        return effect(name).experiment_on(slides=self.slides, widest=min(widest, self.tilt["range"].value))
+        return effect(name).experiment_on(slides=self.slides, widest=self.tilt["range"].value)
 
     @property
     def error_unit(self) -> str:

@@ -1,8 +1,7 @@
 """Options of every command that takes a log."""
 
 import math
-from collections.abc import Generator, Iterable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_type_hints
@@ -144,20 +143,17 @@ def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
     if unused := [name for name in names if getattr(given, name) != getattr(usual, name)]:
         words = ", ".join("--" + name.replace("_", "-") for name in unused)
         printer.warn(f"{log}: not used: {words}; this is {kind}")
-    with _with_bar(arguments, printer) if is_film(log) else nullcontext(arguments.options) as options:
+    options = arguments.options
+    if is_film(log):
+        from sysid.cli.bars import told_bar
+
+        with told_bar(printer) as progress:
+            video = replace(arguments.video.options, progress=progress)
+            roll = read_roll(log, replace(options, video=video))
+    else:
         roll = read_roll(log, options)
     say_notes(log, roll, printer)
     return roll
-
-
-@contextmanager
-def _with_bar(arguments: LogArguments, printer: Printer) -> Generator[LogOptions]:
-    """Yield the reading options of a film, with a bar on stderr."""
-    from sysid.cli.bars import told_bar
-
-    options = arguments.options
-    with told_bar(printer) as progress:
-        yield replace(options, video=replace(options.video or VideoOptions(), progress=progress))
 
 
 def say_notes(log: Path, roll: Roll, printer: Printer) -> None:
