@@ -189,8 +189,9 @@ class Recording(Shown):
 
     def _shifted(self, by: float, **changes: Any) -> Self:
         """Return the recording with every roll larger by a constant [rad or m]."""
-        releases = tuple(_moved(release, by, **changes) for release in self.releases)
-        return replace(self, roll=replace(self.roll, roll=self.roll.roll + by, **changes), releases=releases)
+        moved = (replace(one, roll=one.roll + by, rest=one.rest + by, **changes) for one in self.releases)
+        roll = replace(self.roll, roll=self.roll.roll + by, **changes)
+        return replace(self, roll=roll, releases=tuple(moved))
 
     def _about(self, rest: float) -> Self:
         """Return the recording with roll counted from the joint's rest, if the log's zero is not the joint's."""
@@ -261,10 +262,6 @@ class Recording(Shown):
         return pd.DataFrame(
             {"time_s": self.roll.time, "roll_rad": self.roll.roll, "roll_std_rad": self.roll.std}
         )
-
-
-def _moved(release: Release, by: float, **changes: Any) -> Release:
-    return replace(release, roll=release.roll + by, rest=release.rest + by, **changes)
 
 
 Data = Recording | Release | str | Path | Iterable[Recording | Release | str | Path]
