@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from reports.figures.palette import NOISE, REAL, SIM
+from reports.figures.svg import MOST_POINTS
 from reports.rerun.stream import (
     TIMELINE,
     Look,
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
 
-MOST_POSES = 2000
-"""Poses of a release; those of a longer one are thinned."""
 MEASURED, SIMULATED = Look("real", REAL, 3.5), Look("sim", SIM, 1.4)
 PHASES = {"rest": "#555555", "held": REAL, "free": SIM, "caught": "#CC79A7"}
 
@@ -108,7 +107,7 @@ def _log_boards(stream: "rr.RecordingStream", board: Board, result: Comparison, 
     rest[2] = board.geometry["truck_height"].value + board.geometry["wheel_radius"].value
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for i, release in enumerate(result.releases[:MOST_SHOWN]):
-        kept = np.arange(0, len(release.time), -(-len(release.time) // MOST_POSES))
+        kept = np.arange(0, len(release.time), -(-len(release.time) // MOST_POINTS))
         measured = release.roll if result.is_rate else release.measured
         for root, roll, tint, alpha in (
             (f"world/simulated{i + 1}", release.roll, SIM, 1.0),
