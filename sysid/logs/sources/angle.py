@@ -42,7 +42,7 @@ def find_angle(columns: Sequence[Column], axis: str, sign: float) -> list[Choice
     if len(angles) > 1:
         rivals = ", ".join(repr(column.name) for column in angles[1:5])
         alike = tuple(column.name for column in angles[1:] if odd(column) == odd(angles[0]))
-        rather = note("roll", f"from '{angles[0].name}' rather than {rivals}")
+        rather = note("signal", f"from '{angles[0].name}' rather than {rivals}")
         choices[0] = replace(choices[0], remarks=rather, rivals=alike)
     if angles and not axis and angles[0].axis in ("y", "z"):
         aside = f"'{angles[0].name}' is the only angle and taken as roll, though its name says otherwise"
