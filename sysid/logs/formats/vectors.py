@@ -92,7 +92,8 @@ def log_of_vectors(path: Path, kind: str, content: Mapping[str, Any]) -> LogFile
         for clock in rising
         if clock in used
     }
-    return sensor_tables(path, clocks, columns, f"table: {kind} file with {', '.join(named)}")
+    signals = {name: column for name, column in columns.items() if name not in clocks}
+    return sensor_tables(path, clocks, signals, f"table: {kind} file with {', '.join(named)}")
 
 
 MATLAB = Format(name="MATLAB", order=5, sniff=starts_with(b"MATLAB 5.0"), open=open_mat)

@@ -36,7 +36,8 @@ def told_by_content(log: LogFile, columns: Sequence[Column], *, clock_alone: boo
             found[name] = "count" if _counts(column) else "time"
         else:
             moving.append(name)
-    if not clock_alone:
+    point = {"x", "y"} <= {column.axis for column in columns if column.name in moving}
+    if not clock_alone and not point:
         if len(moving) != 1:
             raise SysidError(
                 f"{log.path}: nothing says which of the columns {', '.join(map(repr, log.names[:12]))} is roll. "
