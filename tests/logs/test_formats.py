@@ -327,6 +327,15 @@ def test_notes_and_stray_cells_in_a_sheet(tmp_path):
     right(tmp_path / "log.xlsx")
 
 
+def test_the_rows_left_of_a_frame_are_no_clock(tmp_path):
+    pd, _ = pytest.importorskip("pandas"), pytest.importorskip("pyarrow")
+    frame = pd.DataFrame({"episode": 0, "timestamp": TIME, "roll_rad": ROLL})
+    pd.concat([frame.assign(episode=1), frame])[lambda rows: rows.episode == 0].to_parquet(
+        tmp_path / "log.parquet"
+    )
+    right(tmp_path / "log.parquet")
+
+
 def test_a_lerobot_data_set_is_one_log_of_its_episodes(tmp_path):
     """One file an episode, the state as a list, element names in info.json."""
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")

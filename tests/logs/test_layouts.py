@@ -275,6 +275,25 @@ def test_shapes_of_json(tmp_path, shape):
     assert right(path).origin == ("imu" if "ensor" in shape else "gyro" if "clock" in shape else "angle")
 
 
+def test_signals_with_a_clock_each(tmp_path):
+    """Of an angle beside an accelerometer; and of a gyro too fast for rad/s."""
+    path, time = tmp_path / "log.json", (1e3 * TIME).tolist()
+    path.write_text(
+        json.dumps(
+            {
+                name: {"time": time, "data": list(data)}
+                for name, data in (("accel.x", 0 * TIME), ("angle_deg", DEG))
+            }
+        )
+    )
+    assert right(path).origin == "angle"
+    rates = {
+        axis: np.degrees(data).tolist() for axis, data in (("x", MOTION[1]), ("y", 0 * TIME), ("z", 0 * TIME))
+    }
+    path.write_text(json.dumps({"gyroscope": {"timestamp_ms": time, **rates}}))
+    assert right(path).origin == "gyro"
+
+
 def test_lines_of_json_may_be_cut_at_their_end(tmp_path):
     lines, torn = [json.dumps(record) for record in RECORDS], '{"time_s": 6.0, "ro'
     right(text(tmp_path, [*lines, torn], "log.jsonl"))
@@ -304,7 +323,7 @@ def test_json_without_a_table_is_refused(tmp_path, content):
         ("omega_degs", "rate", "", "deg/s"), ("gyro_rad[0]", "rate", "x", "rad/s"), ("q[0]", "quaternion", "w", None),
         ("q[3]", "quaternion", "z", None), ("imu.rpy[0]", "angle", "x", None), ("joint.position[1]", "angle", "", None),
         ("qpos0", "angle", "", None), ("field.position0", "angle", "", None), ("SampleTimeFine", "time", "", "100 us"),
-        ("X_Value", "time", "", "s"), ("enc/t", "time", "", None), ("encoder/time_s", "time", "", "s"), ("encoder.ticks", "angle", "", None), ("vel_estimate [turns/s]", "rate", "", "turn/s"), ("roll_rads", "angle", "x", "rad"),
+        ("X_Value", "time", "", "s"), ("enc/t", "time", "", None), ("encoder/time_s", "time", "", "s"), ("encoder.ticks", "angle", "", None), ("roll_time", "time", "", None), ("vel_estimate [turns/s]", "rate", "", "turn/s"), ("roll_rads", "angle", "x", "rad"),
     ],
 )  # fmt: skip
 def test_names_tell_quantity_axis_and_unit(name, kind, axis, unit):

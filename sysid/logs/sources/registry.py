@@ -23,6 +23,7 @@ from sysid.logs.table.found import found_in
 from sysid.logs.table.names import (
     ANGLE_UNITS,
     LENGTH_UNITS,
+    MAX_RATE,
     RATE_UNITS,
     SPEED_UNITS,
     Column,
@@ -35,8 +36,6 @@ from sysid.logs.table.rows import LARGEST
 from sysid.noise.sensor import estimate_noise
 from sysid.roll import Array, Roll
 
-MAX_RATE = 35.0
-"""No common gyro measures more than 2000 °/s = 34.9 rad/s: larger numbers are degrees [rad/s]."""
 MIN_MOTION_SHARE = 0.2
 """A column that turns less than this share of another is not the deck's [1]."""
 DUPLICATE_CORRELATION = 0.9

@@ -79,6 +79,8 @@ ANGLE_UNITS, RATE_UNITS, ACCEL_UNITS, LENGTH_UNITS, SPEED_UNITS, TIME_UNITS = (
     {unit: _size(unit) for unit in units} for units in _SPELLINGS.values()
 )
 """rad, rad/s, m/s², m, m/s and s in one of each unit."""
+MAX_RATE = 35.0
+"""No common gyro measures more than 2000 °/s = 34.9 rad/s: larger numbers are degrees [rad/s]."""
 _UNIT_KIND: dict[str, Kind] = {unit: kind for kind, units in _SPELLINGS.items() for unit in units}
 _UNITS = {
     alias: unit
@@ -205,8 +207,12 @@ def parse_column(name: str, unit: str | None = None) -> Column:
         return Column(name, "time", "", clock, 0, "")
     if index := re.search(r"\[([0-3])\]", name):
         words = _indexed(words, int(index[1]))
-    leaf, _ = _split_unit(_words(re.split(r"[/.]", label)[-1]))  # the group before it is no quantity: 'enc/t'
-    kind = "time" if set(leaf) <= _TIME_WORDS - _COUNT_WORDS else _kind(words, found)
+    leaf = _split_unit(_words(re.split(r"[/.]", label)[-1]))[
+        0
+    ]  # the group before it is no quantity: 'enc/t', 'roll_time'
+    clocks = _TIME_WORDS - _COUNT_WORDS
+    named = set(leaf) <= clocks or (leaf[-1:] and len(leaf[-1]) > 2 and leaf[-1] in clocks)
+    kind = "time" if named else _kind(words, found)
     if kind == "rate" and unit_kind(found) == "angle":
         found = f"{found}/s"  # 'gyro_x_rads' and 'gyro_deg'
     if found is not None and kind != "std" and unit_kind(found) != kind:
