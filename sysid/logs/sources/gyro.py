@@ -24,8 +24,15 @@ def find_gyro(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]
     if gyro is not None:
         return [chosen(gyro, axis, sign, f"from gyro '{gyro[0].name}'..., integrated")]
     rates = [c for c in columns if c.kind == "rate" and (not axis or (c.axis or "x") == axis)]
-    rates.sort(key=lambda c: (c.doubt, c.axis in ("y", "z"), not c.is_roll, c.unit is None))
-    return [chosen([one], "", sign, f"from the rate '{one.name}', integrated") for one in rates]
+
+    def odd(column: Column) -> tuple[object, ...]:
+        return column.doubt, column.axis in ("y", "z"), not column.is_roll
+
+    rates.sort(key=lambda c: (*odd(c), c.unit is None))
+    alike = tuple(c.name for c in rates[1:] if odd(c) == odd(rates[0]))
+    return [
+        replace(chosen([c], "", sign, f"from the rate '{c.name}', integrated"), rivals=alike) for c in rates
+    ]
 
 
 def gyro_from(column: Column, columns: Sequence[Column], sign: float) -> Choice:
