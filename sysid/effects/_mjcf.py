@@ -136,7 +136,8 @@ def on_actuators(change: Callable[[Any, Numbers], str]) -> ToMjcf:
     def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
         found = actuators_of(spec, joint)
         if not found:
-            return (f"joint '{joint.name}' has no actuator in the model: {dict(parameters)} is not written",)
+            values = ", ".join(f"{name} {value:.6g}" for name, value in parameters.items())
+            return (f"joint '{joint.name}' has no actuator in the model, so {values} is not written",)
         return tuple(f"actuator '{one.name}': {change(one, parameters)}" for one in found)
 
     return write

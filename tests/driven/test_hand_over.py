@@ -2,6 +2,7 @@
 
 import ast
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,8 +14,10 @@ from sysid.driven.joint import Structure
 from sysid.driven.log import DrivenLog, Load
 from sysid.driven.next_motion import next_motion
 from sysid.driven.problem import Problem
+from sysid.driven.report import fit_text
 from sysid.driven.runs import agreement
 from sysid.errors import SysidError
+from sysid.quantity import Quantity
 
 GAINS = {"servo-gains.kp": 20.0, "servo-gains.kd": 0.3}
 
@@ -48,6 +51,24 @@ def test_a_parameter_that_differs_between_logs_is_named(fits):
     quantity = same.combined.quantities["coulomb.torque"]
     assert abs(quantity.value - 0.2) < 4 * quantity.std
     assert quantity.std < min(one.quantities["coulomb.torque"].std for one in fits[:2])
+
+
+def test_a_parameter_that_varies_in_order_is_said_to_warm_up(fits):
+    falling = [
+        replace(
+            one,
+            quantities={
+                **one.quantities,
+                "damping": Quantity(0.15 - 0.02 * i, 1e-3, "N*m*s/rad"),
+                "bias": Quantity(0.0, 1.0, "N*m"),
+            },
+        )
+        for i, one in enumerate(fits)
+    ]
+    found = agreement(falling)
+    assert "warms up" in found.causes["damping"]
+    assert "bias" in found.loose
+    assert "goes with the order" in fit_text("elbow", falling, found, {})
 
 
 def test_the_next_motion_narrows_the_worst_interval_and_stays_in_range(fits):
