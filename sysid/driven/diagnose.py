@@ -208,17 +208,22 @@ class _Search:
     def simplest(self) -> DrivenFit:
         """Return the set with the fewest parameters that ties with the best, without effects that matter to nothing.
 
-        A smaller set is fitted from the larger one too: it may have stopped in another valley.
+        A smaller set is fitted from the larger one too: it may have stopped in another valley. So is a set with a simpler effect of
+        the same family.
         """
         best = min(self.fits.values(), key=lambda one: one.score)
         tied = [one for one in self.fits.values() if one.score < best.score + SCORE_TOLERANCE]
         best = min(tied, key=lambda one: (len(one.quantities), one.score))
         while True:
-            smaller = [
-                self.again(tuple(n for n in best.structure.effects if n != name), [best.values])
-                for name in best.structure.effects
-                if name not in self.plain.structure.effects
-            ]
+            smaller: list[DrivenFit | None] = []
+            for name in set(best.structure.effects) - set(self.plain.structure.effects):
+                rest = tuple(other for other in best.structure.effects if other != name)
+                smaller.append(self.again(rest, [best.values]))
+                for other in candidates(self.plain.structure):
+                    simpler = len(effect(other).parameters) < len(effect(name).parameters)
+                    if simpler and effect(other).family == effect(name).family:
+                        key = tuple(sorted((*rest, other)))
+                        smaller.append(self.again(key, self.begins(key, best)[0]))
             idle = [
                 one
                 for one in smaller
@@ -228,6 +233,12 @@ class _Search:
                 return best
             best = min(idle, key=lambda one: one.score)
 
+    def begins(self, key: tuple[str, ...], before: DrivenFit) -> tuple[list[dict[str, float]], float]:
+        """Return starts of a set from the fit of another, and the least torque that they leave missing [N*m]."""
+        posed = self.posed(key)
+        values = start_values(posed.structure, before.values, posed.log)
+        return starts(replace(posed, values=values), before.values)
+
     def grown_from(self, before: DrivenFit) -> list[DrivenFit]:
         """Fit the effect of each family that leaves the least missing torque; gears only if the residual stays correlated."""
         found: list[tuple[float, str, tuple[str, ...], list[dict[str, float]]]] = []
@@ -236,9 +247,7 @@ class _Search:
             if not _combines(name, before.structure.effects):
                 continue
             key = tuple(sorted((*before.structure.effects, name)))
-            posed = self.posed(key)
-            values = start_values(posed.structure, before.values, posed.log)
-            begins, left = starts(replace(posed, values=values), before.values)
+            begins, left = self.begins(key, before)
             if getattr(effect(name), "transmit", None):
                 gears.append((key, begins))
             else:
