@@ -208,8 +208,8 @@ class _Search:
     def simplest(self) -> DrivenFit:
         """Return the set with the fewest parameters that ties with the best, without effects that matter to nothing.
 
-        A smaller set is fitted from the larger one too: it may have stopped in another valley. So is a set with a simpler effect of
-        the same family.
+        A smaller set is fitted from the larger one too: it may have stopped in another valley. A simpler effect of the same
+        family may stand in for one.
         """
         best = min(self.fits.values(), key=lambda one: one.score)
         tied = [one for one in self.fits.values() if one.score < best.score + SCORE_TOLERANCE]

@@ -4,6 +4,7 @@ import ast
 import json
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from driven_truths import Truth, simulate
@@ -118,3 +119,23 @@ def test_mjlab_reads_the_module(json_of_fit):
     term = space["EVENTS"]["elbow armature"]
     assert list(term.params["ranges"]) == joints["elbow"]["ranges"]["armature"]
     assert term.func.__name__ == "joint_armature"
+
+
+@pytest.mark.train
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("own", [{"kp": 20.0, "kd": 0.3}, {"gain": 1.2}, {"limit": 3.0}])
+def test_mjlab_builds_the_actuator_on_the_joint(own):
+    entity = pytest.importorskip("mjlab.entity")
+    joint = {"armature": 0.02, "damping": 0.3, "friction": 0.1, "ranges": {}, **own}
+    space: dict = {}
+    exec(mjlab_module({"elbow": joint}, timestep=0.005, source="fit.json"), space)
+    arm = '<mujoco><worldbody><body><joint name="elbow"/><geom size="0.1" mass="1"/></body></worldbody></mujoco>'
+    configuration = entity.EntityCfg(
+        spec_fn=lambda: mujoco.MjSpec.from_string(arm),
+        articulation=entity.EntityArticulationInfoCfg(actuators=space["ACTUATORS"]),
+    )
+    model = entity.Entity(configuration).spec.compile()
+    assert model.actuator_gainprm[0, 0] == own.get("kp", 1.0)
+    found = model.dof_armature[0], model.dof_damping[0], model.dof_frictionloss[0]
+    assert found == (0.02, 0.3, 0.1)
+    assert model.actuator_forcerange[0, 1] == own.get("limit", 0.0 if "kp" in own else mujoco.mjMAXVAL)
