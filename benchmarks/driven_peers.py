@@ -1,9 +1,10 @@
-"""The same driven logs, fitted by mujoco.sysid and by this tool: held-out error, coverage, seconds, lines.
+"""Driven logs fitted by mujoco.sysid and by this tool: error, coverage, seconds, lines.
 
-    pip install 'mujoco[sysid]' colorama && python benchmarks/driven_peers.py --draws 4
+    pip install 'mujoco[sysid]' && python benchmarks/driven_peers.py --draws 4
 
-Joints and logs are those of `driven_coverage.py` without delay, bias and zero. Both fit armature, damping and friction to the first
-6 s. Their models then replay the whole log in plain MuJoCo; the last 4 s count. Draws with even numbers are nature, the others MuJoCo. Lines of mujoco.sysid are the body of `peer`.
+Draws are from `driven_coverage.py`. They have no delay, bias and zero. Even ones are nature, odd ones MuJoCo. Both tools fit
+armature, damping and friction to the first 6 s. Their models then replay the whole log in plain MuJoCo; the last 4 s count. Lines of
+mujoco.sysid are the body of `peer`.
 """
 
 import contextlib

@@ -37,9 +37,8 @@ def _joint(values: Mapping[str, float], fitted: Mapping[str, Any]) -> dict[str, 
         key = {"delay": "delay", "saturation": "limit"}.get(part.family)
         if key or part.sources:
             names |= {key or p.name: f"{part.name}.{p.name}" for p in part.parameters}
-    names |= {
-        "friction": name for name in values if name.endswith(".torque") and name.split(".")[0] not in drives()
-    }
+    rubs = (n for n in values if n.endswith(".torque") and n.split(".")[0] not in drives())
+    names["friction"] = next(rubs, "")
     found = {key: float(values[name]) for key, name in names.items() if name in values}
     ranges = {
         key: [low if found[key] < 0 else max(0.0, low), high]

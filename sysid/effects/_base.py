@@ -142,7 +142,7 @@ class Parameter:
         """Take the size that the unit has.
 
         Raises:
-            SysidError: The unit has none, and none is given.
+            SysidError: The unit has no usual size.
         """
         if self.size is _by_unit:
             found = usual_size(self.unit)
@@ -407,12 +407,9 @@ class TorqueEffect(Effect):
         )
 
     def dragged_stiffness(self, tilt: float, stiffness: float, parameters: Numbers) -> float:
-        """Return the torque of its internal states after a drag from rest, over that tilt [rad], in N*m/rad.
+        """Return the torque of its internal states after a drag from rest to a tilt [rad], over that tilt [N*m/rad].
 
-        Args:
-            tilt: Tilt after the drag [rad].
-            stiffness: The joint's own [N*m/rad].
-            parameters: Of this effect.
+        `stiffness` is the joint's own [N*m/rad].
         """
         if not self.states:
             return 0.0
