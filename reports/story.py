@@ -218,7 +218,7 @@ def _missing(
 ) -> tuple[Missing | None, Missing | None]:
     """Return the torque that the motion demands beside spring and damper, and that of some effects, over rate and over angle."""
     law = after.law
-    torques = [name for name in law.structure.effects if effect(name).role == "torque"]
+    torques = [part.name for part in law.structure.torques]  # the known weight of a model among them
     named = tuple(name for name in torques if name in effects)
     others = [name for name in torques if name not in named]
     try:

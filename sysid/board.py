@@ -126,20 +126,11 @@ class Board(Shown):
             for part in self.effects
             for fitted in [[(name, q) for name, q in part.parameters.items() if q.value]]
         ]
-        state = (
-            "passed"
-            if self.passed
-            else "out of date"
-            if self.check_is_stale
-            else "not passed"
-            if self.last_check
-            else "not run"
-        )
         lines = [
             f"{type(self).__name__} {self.name}: {self.description}",
             f"  {', '.join(numbers)}",
             *(f"  + {part}" for part in parts[:MOST_SHOWN]),
-            f"  check: {state}",
+            f"  check: {self.check_state}",
         ]
         return "\n".join(lines)
 
@@ -173,6 +164,13 @@ class Board(Shown):
     def passed(self) -> bool:
         """Whether `check` accepted the current record."""
         return bool(self.last_check.get("passed", False)) and not self.check_is_stale
+
+    @property
+    def check_state(self) -> str:
+        """The last check in words."""
+        if not self.last_check:
+            return "not run"
+        return "out of date" if self.check_is_stale else "passed" if self.passed else "failed"
 
     @property
     def check_is_stale(self) -> bool:
@@ -233,11 +231,11 @@ class Board(Shown):
         """Whether the joint is prismatic: its units are then m, N/m and kg."""
         return self.inertia.unit == "kg"
 
-    def experiment(self, name: str, widest: float = math.inf) -> str:
-        """Return the experiment that distinguishes an effect, with releases in the joint's unit up to `widest` [rad]."""
+    def experiment(self, name: str) -> str:
+        """Return the experiment that distinguishes an effect, with releases in the joint's unit and range."""
         from sysid.effects import effect
 
-        return effect(name).experiment_on(slides=self.slides, widest=min(widest, self.tilt["range"].value))
+        return effect(name).experiment_on(slides=self.slides, widest=self.tilt["range"].value)
 
     @property
     def error_unit(self) -> str:

@@ -200,7 +200,7 @@ def _misfit(joint: JointFit) -> list[str]:
 def fit(
     data: Data,
     board: Board,
-    effects: Sequence[str] = (),
+    effects: str | Sequence[str] = (),
     *,
     plain: bool = False,
     fixed: Mapping[str, float] | None = None,
@@ -215,7 +215,7 @@ def fit(
     Args:
         data: Free decays of one board: a recording, several, or releases.
         board: The record.
-        effects: Effects to add to those of the record.
+        effects: Effect, or effects, to add to those of the record.
         plain: Drop the effects of the record.
         fixed: Parameters held at a value, by 'stiffness', 'damping', 'rest_angle' or 'effect.parameter'.
         bounds: Lowest and highest value of parameters, by the same names.
@@ -227,6 +227,7 @@ def fit(
     """
     recordings, releases, weak = unpack(data)
     require_record(board)
+    effects = (effects,) if isinstance(effects, str) else effects
     check_effects(effects, [part.name for part in board.effects])
     kept = tuple(part.name for part in board.effects if not plain or effect(part.name).is_known)
     options = FitOptions(fixed=fixed or {}, bounds=bounds or {}, priors=tuple(priors), **signal_of(releases))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
 import numpy as np
 import numpy.typing as npt
 
-from sysid.errors import SysidError
+from sysid.errors import SysidError, did_you_mean
 from sysid.files import sha256
 from sysid.logs.memory import table_of_arrays, table_of_frame
 from sysid.logs.read import read_roll, roll_of_table
@@ -136,6 +136,8 @@ class Recording(Shown):
     @classmethod
     def _found(cls, read: Callable[[LogOptions], Roll], options: Mapping[str, Any]) -> Self:
         """Return what a reader makes of a log, with its releases."""
+        for name in options.keys() - ReadOptions.__annotations__.keys():
+            raise SysidError(f"there is no option '{name}'.{did_you_mean(name, ReadOptions.__annotations__)}")
         of_log = {name: value for name, value in options.items() if name not in ("release", "keep_zero")}
         of_part = {
             name: options[name] for name in ("start", "stop", "release", "keep_zero") if name in options
@@ -174,11 +176,8 @@ class Recording(Shown):
             for given, one in zip(sorted(release), found, strict=False)
             if one.hold and one.start - given > EARLY_RELEASE_SHARE * one.hold
         )
-        driven = tuple(
-            f"something drives it until {shown(one.driven_until)}: free from then on"
-            for one in found
-            if one.driven_until
-        )
+        ends = dict.fromkeys(shown(one.driven_until) for one in found if one.driven_until)
+        driven = [f"something drives it until {end}: free from then on" for end in ends]
         recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held, *driven)), releases=found)
         turn = 0.0 if roll.slides else math.tau * round((rest - recording._rest) / math.tau)
         recording = recording._shifted(turn) if turn else recording
@@ -190,8 +189,9 @@ class Recording(Shown):
 
     def _shifted(self, by: float, **changes: Any) -> Self:
         """Return the recording with every roll larger by a constant [rad or m]."""
-        releases = tuple(_moved(release, by, **changes) for release in self.releases)
-        return replace(self, roll=replace(self.roll, roll=self.roll.roll + by, **changes), releases=releases)
+        moved = (replace(one, roll=one.roll + by, rest=one.rest + by, **changes) for one in self.releases)
+        roll = replace(self.roll, roll=self.roll.roll + by, **changes)
+        return replace(self, roll=roll, releases=tuple(moved))
 
     def _about(self, rest: float) -> Self:
         """Return the recording with roll counted from the joint's rest, if the log's zero is not the joint's."""
@@ -262,10 +262,6 @@ class Recording(Shown):
         return pd.DataFrame(
             {"time_s": self.roll.time, "roll_rad": self.roll.roll, "roll_std_rad": self.roll.std}
         )
-
-
-def _moved(release: Release, by: float, **changes: Any) -> Release:
-    return replace(release, roll=release.roll + by, rest=release.rest + by, **changes)
 
 
 Data = Recording | Release | str | Path | Iterable[Recording | Release | str | Path]

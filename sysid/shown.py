@@ -5,7 +5,7 @@ backend of pandas.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -14,18 +14,6 @@ BACKEND = "reports.plots"
 """Module that draws results."""
 MOST_SHOWN = 8
 """Items of a list in `repr`: a choice that keeps a result with a table below 2,000 characters."""
-
-
-class Backend(Protocol):
-    """Draws any public result."""
-
-    def plot(self, result: object, axes: "Axes | None" = None) -> "Axes":
-        """Draw a result into axes, new ones if None, and return them."""
-        ...
-
-    def html(self, result: object) -> str:
-        """Return a result as HTML: its text and its picture."""
-        ...
 
 
 class Shown:
@@ -50,12 +38,8 @@ class Shown:
         Returns:
             The axes.
         """
-        return _backend().plot(self, axes)
+        return import_module(BACKEND).plot(self, axes)
 
     def _repr_html_(self) -> str:
         """Return the HTML for a notebook."""
-        return _backend().html(self)
-
-
-def _backend() -> Backend:
-    return cast(Backend, import_module(BACKEND))
+        return import_module(BACKEND).html(self)

@@ -177,7 +177,7 @@ def test_results_become_tables_and_texts(tmp_path):
     decay = sysid.fit_decay(log)
     assert decay.board is None
     assert decay.to_json()["stiffness"]["value"] is None
-    assert "k and d need the roll inertia" in decay.report()
+    assert "k and d need the inertia" in decay.report()
     assert decay.to_dataframe().loc["omega_n", "low"] < 41.1 < decay.to_dataframe().loc["omega_n", "high"]
     assert len(log.to_dataframe()) == len(log.roll.time)
     assert {phase.kind for phase in log.phases} >= {"held", "free", "rest"}
@@ -232,6 +232,8 @@ def test_wrong_arguments_are_told(swing):
         (lambda: sysid.Joint.from_mjcf("nowhere.xml", "knee"), "there is no such model"),
         (lambda: record.check(log, tolerance=2), "between 0 and 1"),
         (lambda: sysid.report(log, record), "a Recording is no joint"),
+        (lambda: sysid.Recording.read("a.csv", colum="x"), "Did you mean 'column'"),
+        (lambda: sysid.fit(log, record, "friction"), "Did you mean 'coulomb'"),
     ):
         with pytest.raises(sysid.SysidError, match=said):
             wrong()

@@ -35,8 +35,8 @@ def test_a_command_reads_logs_as_they_were_read():
     )  # fmt: skip
     space = Measurement(reading=given, common=Common(workspace=Path("w"))).space
     assert space.command("fit", logs=["a.csv"]) == (
-        "husky-sysid fit a.csv --column 'tilt 2' --unit deg --lever-arm 0.1 -0.2 0.0 --from 1.5 --release 2.0 --release 4.5 "
-        "--roi 1 2 3 4 --no-shake --workspace w"
+        "husky-sysid fit a.csv --column 'tilt 2' --unit deg --lever-arm 0.1 -0.2 0.0 --from 1.5 --roi 1 2 3 4 --no-shake "
+        "--release 2.0 --release 4.5 --workspace w"
     )
     assert space.command("mjcf", "--board", "pink") == "husky-sysid mjcf --board pink --workspace w"
 

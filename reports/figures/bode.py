@@ -7,7 +7,6 @@ import numpy as np
 from reports.figures.palette import SIM
 from sysid.board import Board
 from sysid.fitting.bootstrap import FEWEST_DRAWS
-from sysid.joint import JointLaw
 from sysid.text import display
 
 if TYPE_CHECKING:
@@ -20,12 +19,11 @@ def bode_figure(board: Board, width: float) -> "Figure":
     from matplotlib.figure import Figure
     from matplotlib.ticker import StrMethodFormatter
 
-    hangs = 0.0 if board.stiffness > 0 else max(JointLaw.from_board(board).stiffness_of_effects, 1e-9)
-    natural = np.sqrt((board.stiffness + hangs) / board.inertia.value)
+    natural = np.sqrt(board.stiffness / board.inertia.value)
     omega = np.geomspace(natural / 30, natural * 10, 200)
     rng = np.random.default_rng(0)
     parts = (board.inertia, board.tilt["damping"], board.tilt["stiffness"])
-    nominal = np.add([part.value for part in parts], [0.0, 0.0, hangs])
+    nominal = np.array([part.value for part in parts])
     spread = np.array([part.std if np.isfinite(part.std) else 0.0 for part in parts])
     draws = np.vstack([nominal, np.abs(nominal + spread * rng.standard_normal((2 * FEWEST_DRAWS, 3)))])
     responses = np.array(

@@ -1,6 +1,7 @@
 """The picture of a comparison: decays, residuals, the missing torque against rate and tilt, and the backbone."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from reports.figures.palette import NOISE, REAL, SIM
@@ -8,7 +9,7 @@ from reports.figures.style import MOST_ROWS, styled
 from reports.figures.svg import thin
 from reports.story import release_name
 from sysid.comparison.compare import Comparison
-from sysid.diagnosis.demand import Demand, TorqueProfile
+from sysid.diagnosis.demand import TorqueProfile
 from sysid.quantity import Z95
 from sysid.roll import Array
 from sysid.text import Display, display, effort
@@ -71,23 +72,15 @@ def _lower_panels(result: Comparison) -> "list[Callable[[Axes], None]]":
     """Return the non-empty panels below the decays."""
     panels: list[Callable[[Axes], None]] = []
     if result.missing is not None:
-        missing, only_noise = result.missing, "" if result.where else "; the error is at the noise"
-        titles = (f"{effort(slides=result.slides).split(' [')[0]} that the model lacks{only_noise}", "")
-        for (profile, show), title in zip(profiles(missing, slides=result.slides), titles, strict=True):
-            panels.append(
-                lambda axes, p=profile, s=show, t=title: draw_profile(axes, p, s, t, slides=result.slides)
-            )
+        missing, slides = result.missing, result.slides
+        only_noise = "" if result.where else "; the error is at the noise"
+        title = f"{effort(slides=slides).split(' [')[0]} that the model lacks{only_noise}"
+        for at, is_rate, said in ((missing.rate, True, title), (missing.angle, False, "")):
+            show, seen = display(is_rate=is_rate, slides=slides), missing.over(at)
+            panels.append(partial(draw_profile, profile=seen, show=show, title=said, slides=slides))
     if len(result.measured_backbone.amplitude):
-        panels += [lambda axes, w=what: draw_backbone(axes, result, w) for what in BACKBONE]
+        panels += [partial(draw_backbone, result=result, what=what) for what in BACKBONE]
     return panels
-
-
-def profiles(missing: Demand, *, slides: bool) -> list[tuple[TorqueProfile, Display]]:
-    """Return a missing torque over rate and over tilt, and how each of these is shown."""
-    return [
-        (missing.over(missing.rate), display(is_rate=True, slides=slides)),
-        (missing.over(missing.angle), display(is_rate=False, slides=slides)),
-    ]
 
 
 def draw_profile(

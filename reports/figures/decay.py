@@ -54,8 +54,8 @@ def draw_log(axes: "Axes", roll: Roll, decay: FreeDecay) -> "Axes":
         axes.axvspan(release.start, float(release.time[-1]), color=SIM, alpha=0.08, lw=0)
         if len(mine) <= MOST_MARKED:
             corner: Any = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
-            label, at = f"{release.number} {release.side}", (release.start, 1.0)
-            axes.annotate(label, at, (2, 2), **corner, fontsize=7.5, color=SIM)
+            at = (release.start, 1.0)
+            axes.annotate(str(release.number), at, (2, 2), **corner, fontsize=7.5, color=SIM)
         at = [peak.time for peak in group]
         level = decay.position.scale * np.interp(at, roll.time, roll.roll)
         axes.plot(at, level, "o", ms=3.8, mfc="white", mec=REAL, mew=0.9)

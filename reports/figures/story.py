@@ -50,7 +50,7 @@ def panels(story: Story) -> list[Panel]:
             continue
         show = display(is_rate=is_rate, slides=slides)
         caption = (
-            f"{push.capitalize()} beyond spring and damper. Orange: the torque that the motion demands, averaged by "
+            f"{push.capitalize()} beyond spring and damper. Orange: the {push} that the motion demands, averaged by "
             f"{show.name}, with its 95 % band.{f' Blue: the law of {named}.' if named else ''}"
         )
         draw = partial(draw_missing, missing=missing, show=show, named=named, slides=slides)

@@ -1,6 +1,6 @@
 """The look that all pictures share."""
 
-from collections.abc import Generator, Mapping
+from collections.abc import Generator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -28,12 +28,10 @@ STYLE: dict[Any, Any] = PLAIN | {
 
 
 @contextmanager
-def styled(
-    width: float, height: float, *, layout: str | None = "constrained", style: Mapping[Any, Any] | None = None
-) -> "Generator[Figure]":
-    """Yield an empty figure of a size [inch], to be drawn on in this style and what `style` has besides."""
+def styled(width: float, height: float, *, layout: str | None = "constrained") -> "Generator[Figure]":
+    """Yield an empty figure of a size [inch], to be drawn on in this style."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    with mpl.rc_context(STYLE | dict(style or {})):
+    with mpl.rc_context(STYLE):
         yield Figure(figsize=(width, height), layout=layout)  # pyright: ignore[reportArgumentType]

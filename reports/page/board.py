@@ -80,7 +80,7 @@ def board_report(
         unfitted = "The record holds no fit yet: its numbers come from its source."
         page.section("Fits so far", table(*history_table(board)) if board.history else paragraph(unfitted))
         page.section("Frequency response", _frequency_response(board))
-        page.section("Check in the training scene", _check(board, files, provenance.space))
+        page.section("Check in MuJoCo", _check(board, files, provenance.space))
         page.section("Provenance", *_provenance(board, files, provenance))
     return page.render()
 
@@ -99,7 +99,7 @@ def _lead(
         parts.append(paragraph(remark + "Nothing on this page was measured on a real board.", "note"))
     play = None if evidence is None else playground(evidence, diagnosis)
     if play is not None:
-        remark = "Each effect's slider multiplies its fitted strength; angle and rate at each release are fitted again at once."
+        remark = "Each effect's slider multiplies its fitted strength; the start of each release is fitted again at once."
         if play.left_out:
             remark += f" Not on a slider: {', '.join(play.left_out)}."
         parts.append(sliders(play, remark))
@@ -121,11 +121,11 @@ def _warnings(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]
     if evidence is not None:
         warnings += map(pretty, evidence.warnings)
     if not board.last_check:
-        warnings.append("not checked in the training scene yet (see the check below)")
+        warnings.append("not checked in MuJoCo yet (see the check below)")
     elif board.check_is_stale:
         warnings.append("the record was changed since it was checked: check it again")
     elif not board.passed:
-        warnings.append("the training scene does not decay like the board (see the check below)")
+        warnings.append("the MuJoCo scene does not decay as measured (see the check below)")
     return warning_list(warnings, "No warnings.")
 
 
@@ -140,7 +140,7 @@ def _inertia_share(board: Board) -> list[str]:
     if not (inertia.std > 0 and stiffness.std > 0):
         return []
     share = inertia_share(inertia, stiffness)
-    text = f"Roll inertia: {inertia.method}. A free decay fixes only k/I, d/I and torque/I"
+    text = f"Inertia: {inertia.method}. A free decay fixes only k/I, d/I and torque/I"
     if share >= 0.01:
         text += f"; {100 * min(share, 1):.0f} % of the variance of the stiffness comes from the inertia"
     return [paragraph(text + ".")]

@@ -32,8 +32,13 @@ def title(board: Board) -> str:
 
 def parameters(board: Board) -> dict[str, Quantity]:
     """Return inertia, stiffness, damping, rest angle and all effects' parameters."""
-    own = {"roll inertia": board.inertia}
-    own |= {name.replace("_", " "): board.tilt[name] for name in ("stiffness", "damping", "rest_angle")}
+    own = {"mass" if board.slides else "inertia": board.inertia}
+    rest = "rest position" if board.slides else "rest angle"
+    own |= {
+        "stiffness": board.tilt["stiffness"],
+        "damping": board.tilt["damping"],
+        rest: board.tilt["rest_angle"],
+    }
     for part in board.effects:
         own |= {
             f"{part.name}: {name.replace('_', ' ')}": value

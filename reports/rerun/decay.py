@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from reports.figures.palette import NOISE, REAL, SIM
+from reports.figures.svg import MOST_POINTS
 from reports.rerun.stream import (
     TIMELINE,
     Look,
@@ -26,16 +26,13 @@ from reports.rerun.stream import (
 from sysid.board import Board
 from sysid.comparison.compare import ComparedRelease, Comparison
 from sysid.recording import Recording
-from sysid.releases.clear import CLEAR_AMPLITUDE
-from sysid.roll import Array, Roll
+from sysid.roll import Roll
 from sysid.shown import MOST_SHOWN
 
 if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
 
-POSES = 50.0
-"""Poses a second of the slow tail; while the deck moves, all samples are kept [Hz]."""
 MEASURED, SIMULATED = Look("real", REAL, 3.5), Look("sim", SIM, 1.4)
 PHASES = {"rest": "#555555", "held": REAL, "free": SIM, "caught": "#CC79A7"}
 
@@ -48,12 +45,9 @@ def comparison_recording(
 
     many = len(recordings) > 1
     tabs: list[rrb.View | rrb.Container] = []
-    last = 0.0
     for i, release in enumerate(result.releases):
-        span = _shown(release, result)
-        last = max(last, span[1])
         name = f"{Path(release.log).stem} {release.number}" if many else f"release {release.number}"
-        tabs.append(_release_tab(f"release{i + 1}", name, span, release, result))
+        tabs.append(_release_tab(f"release{i + 1}", name, release, result))
     right: list[rrb.View | rrb.Container] = [rrb.TextDocumentView(origin="summary", name="summary")]
     for i, one in enumerate(recordings):
         views = _log_views(f"log{i + 1}", one.roll, one.releases[0].start)
@@ -65,6 +59,7 @@ def comparison_recording(
             origin="world", name="simulated (solid), measured (ghost)", eye_controls=eye
         )
         beside = rrb.Vertical(scene, beside, row_shares=[1, 1])
+    last = max(float(release.time[-1]) for release in result.releases)
     blueprint = _blueprint(rrb.Tabs(*tabs, name="releases"), beside, last)
     # Another recording when its numbers are others.
     digest = hashlib.sha256(summary.encode()).hexdigest()[:8]
@@ -112,7 +107,7 @@ def _log_boards(stream: "rr.RecordingStream", board: Board, result: Comparison, 
     rest[2] = board.geometry["truck_height"].value + board.geometry["wheel_radius"].value
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for i, release in enumerate(result.releases[:MOST_SHOWN]):
-        kept = _moving(release, result)
+        kept = np.arange(0, len(release.time), -(-len(release.time) // MOST_POINTS))
         measured = release.roll if result.is_rate else release.measured
         for root, roll, tint, alpha in (
             (f"world/simulated{i + 1}", release.roll, SIM, 1.0),
@@ -132,21 +127,12 @@ def _log_boards(stream: "rr.RecordingStream", board: Board, result: Comparison, 
         stream.log(f"world/name{i + 1}", rr.Points3D([label], labels=[name], radii=[0.0]), static=True)
 
 
-def _moving(release: ComparedRelease, result: Comparison) -> npt.NDArray[np.int64]:
-    """Return the samples whose poses are logged: all while the deck moves, few of the rest."""
-    step = float(np.median(np.diff(release.time)))
-    end = int(np.searchsorted(release.time, _shown(release, result)[1]))
-    stride = max(1, round(1 / POSES / step))
-    return np.unique(np.r_[0:end, end : len(release.time) : stride]).astype(np.int64)
-
-
-def _release_tab(
-    root: str, name: str, span: tuple[float, float], release: ComparedRelease, result: Comparison
-) -> "rrb.Vertical":
+def _release_tab(root: str, name: str, release: ComparedRelease, result: Comparison) -> "rrb.Vertical":
     """Return one release's overlay over its residual; ranges are given, since found ones drift while drawing."""
     import rerun.blueprint as rrb
 
     kind, unit = ("rate", "rad/s") if result.is_rate else ("roll", "rad")
+    span = float(release.time[0]), float(release.time[-1])
     low, high = float(release.measured.min()), float(release.measured.max())
     pad = 0.08 * (high - low)
     reach = 1.15 * 1e3 * float(np.abs(release.residual).max())
@@ -214,18 +200,3 @@ def _eye(releases: int, board: Board) -> "rrb.EyeControls3D":
 
 def _spacing(board: Board) -> float:
     return 1.9 * board.geometry["width"].value
-
-
-def _shown(release: ComparedRelease, result: Comparison) -> tuple[float, float]:
-    """Return the times between which the measured or the simulated deck moves [s]: a wrong law may rest long before."""
-    begin, end = _window(release.time, release.simulated)
-    return begin, max(end, _window(release.time, release.measured, CLEAR_AMPLITUDE * result.noise.std)[1])
-
-
-def _window(time: Array, motion: Array, least: float = 0.0) -> tuple[float, float]:
-    """Return the times between which there is something to see [s]: a motion about rest of at least that size."""
-    rest = float(np.median(motion[len(motion) * 3 // 4 :]))
-    size = np.abs(motion - rest)
-    moving = np.flatnonzero(size > max(0.01 * float(size.max()), least))
-    end = float(time[moving[-1]]) if len(moving) else float(time[-1])
-    return -0.03 * end, min(1.6 * end, float(time[-1]))

@@ -118,13 +118,11 @@ def provenance(board: Board) -> str:
 
 def verdict(board: Board) -> str:
     """Return the state of the check in words."""
-    if not board.last_check:
-        return "not run"
+    if board.check_is_stale:
+        return f"{board.check_state}: the record was changed since; run the check again"
     nrmse = board.last_check.get("nrmse")
     error = f" (nrmse {100 * nrmse:.2g} %)" if isinstance(nrmse, int | float) else ""
-    if board.check_is_stale:
-        return "out of date: the record was changed since; run the check again"
-    return ("passed" if board.passed else "failed") + error
+    return board.check_state + error
 
 
 def summary(space: Workspace, board: Board) -> dict[str, Any]:

@@ -38,11 +38,14 @@ def decay(
     result = fit_decay(recordings, board=record)
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width))
-    if not result.linear:
-        options = ("--board", "NAME") if record is None else record.options
-        made = " (`new NAME` writes the record for it)" if record is None else ""
-        command = measurement.space.command("diagnose", *options, logs=logs)
-        printer.say(f"next: find the missing effect: {command}{made}")
+    why, verb = (
+        ("compare the model with it", "compare") if result.linear else ("find the missing effect", "diagnose")
+    )
+    if result.linear and (record is None or record.is_unmeasured):
+        why, verb = "save it in a record", "fit"
+    options = ("--board", "NAME") if record is None else record.options
+    made = " (`new NAME` writes the record for it)" if record is None else ""
+    printer.say(f"next: {why}: {measurement.space.command(verb, *options, logs=logs)}{made}")
     written: list[Path] = []
     if folder is not None:
         written.append(folder / "decay.json")

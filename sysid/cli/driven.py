@@ -341,6 +341,10 @@ def driven_fit(
     from sysid.effects import coulomb, delay
     from sysid.fitting.result import TOLERANCE
 
+    if model.prior or model.profile or model.bootstrap:
+        raise UsageError(
+            "--prior, --profile and --bootstrap are for free swings. A driven joint takes --fix and --bound."
+        )
     path = output or copy_path(driven.setup, driven.name, printer.common.space.outputs(driven.name))
     require_writable(path)
     stated = driven.stated

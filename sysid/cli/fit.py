@@ -86,14 +86,15 @@ def fit(
     new, text = _described(result, found, printer)
     printer.say(text)
     intervals = _intervals(result.joint, found.record, model, printer)
-    missing = result.joint.excess > TOLERANCE
-    why, verb = ("find the missing effect", "diagnose") if missing else ("check it in MuJoCo", "check")
-    printer.say(found.next_step(why, verb))
     written = _drawn(common, result, printer)
     unwritten: SysidError | None = None
     if copy is not None:
         new, copies, unwritten = _patched(new, copy, printer)
         written += copies
+    if result.joint.excess > TOLERANCE:
+        printer.say(found.next_step("find the missing effect", "diagnose"))
+    else:
+        printer.say(replace(found, record=new).next_step("check it in MuJoCo", "check"))
     # The record is saved last: a failure before leaves it unchanged.
     printer.written(measurement.subject.save(new, found.record, common), *written)
     printer.result({**result.to_json(), **intervals})

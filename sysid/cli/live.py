@@ -11,6 +11,7 @@ from cyclopts import Parameter, validators
 from sysid.cli.console import Printer
 from sysid.cli.log_options import LogArguments, recording_of
 from sysid.cli.measurement import Measurement
+from sysid.decay.report import verdict
 from sysid.errors import SysidError
 from sysid.live.phyphox import Phone
 from sysid.live.rest import Rest
@@ -77,11 +78,11 @@ def _say(session: Session, new: Mapping[int, Release], printer: Printer) -> None
     *others, where = (f"release {n}: {show(r.amplitude, 2)} from the {r.side}" for n, r in new.items())
     for line in others:
         printer.say(line)
-    if session.trouble or not session.history:
+    if session.trouble or session.decay is None:
         printer.warn(f"{where}: {session.trouble}")
     else:
-        numbers = session.history[-1]
-        printer.say(f"{where}   k = {numbers.stiffness}   d = {numbers.damping}   {numbers.verdict}")
+        numbers = session.decay.numbers
+        printer.say(f"{where}   k = {numbers.stiffness}   d = {numbers.damping}   {verdict(session.decay)}")
     printer.say(f"  {session.next_step}")
 
 

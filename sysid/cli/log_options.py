@@ -1,8 +1,7 @@
 """Options of every command that takes a log."""
 
 import math
-from collections.abc import Generator, Iterable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_type_hints
@@ -60,25 +59,16 @@ else:
 
 @Parameter(name="*", group=LOG)
 @dataclass(frozen=True, kw_only=True)
-class LogArguments:
+class LogArguments(LogOptions):
     """Options for reading a log, and the part of it to use."""
 
-    column: str | None = None
-    """Column with the roll angle or rate: its name, or its number counted from 1."""
-    unit: str | None = None
-    """Its unit (rad, deg, rad/s, deg/s, ...), or the size of one count in rad or rad/s."""
     axis: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
     """Sensor axis that points forward (x, -y, ...), or the angle to take (roll, -pitch, ...)."""
-    rate: float | None = None
-    """Sampling or film frame rate in Hz, if that of the file is missing or wrong (slow motion)."""
-    time_column: str | None = None
-    """Column with the time: its name, or its number counted from 1."""
     source: _Source = "auto"
     """Sensor to use, if the log holds several."""
     lever_arm: Annotated[tuple[float, float, float] | None, Parameter(allow_leading_hyphen=True)] = None
     """From the tilt axis to the accelerometer, along the sensor's x y z, in m; estimated if left out."""
-    keep_outliers: bool = False
-    """Keep isolated outliers, which are left out by default."""
+    also: Annotated[tuple[str, ...], Parameter(parse=False)] = ()
     start: Annotated[float | None, Parameter(name="--from")] = None
     """Ignore the log before this time in s."""
     stop: Annotated[float | None, Parameter(name="--to")] = None
@@ -92,8 +82,8 @@ class LogArguments:
     @property
     def options(self) -> LogOptions:
         """The options of the reader."""
-        given: dict[str, Any] = vars(self) | {"video": self.video.options}
-        del given["release"], given["keep_zero"]
+        given: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(LogOptions)}
+        given["video"] = self.video.options
         return LogOptions(**given)
 
     def part(self, roll: Roll) -> Roll:
@@ -153,20 +143,17 @@ def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
     if unused := [name for name in names if getattr(given, name) != getattr(usual, name)]:
         words = ", ".join("--" + name.replace("_", "-") for name in unused)
         printer.warn(f"{log}: not used: {words}; this is {kind}")
-    with _with_bar(arguments, printer) if is_film(log) else nullcontext(arguments.options) as options:
+    options = arguments.options
+    if is_film(log):
+        from sysid.cli.bars import told_bar
+
+        with told_bar(printer) as progress:
+            video = replace(arguments.video.options, progress=progress)
+            roll = read_roll(log, replace(options, video=video))
+    else:
         roll = read_roll(log, options)
     say_notes(log, roll, printer)
     return roll
-
-
-@contextmanager
-def _with_bar(arguments: LogArguments, printer: Printer) -> Generator[LogOptions]:
-    """Yield the reading options of a film, with a bar on stderr."""
-    from sysid.cli.bars import told_bar
-
-    options = arguments.options
-    with told_bar(printer) as progress:
-        yield replace(options, video=replace(options.video or VideoOptions(), progress=progress))
 
 
 def say_notes(log: Path, roll: Roll, printer: Printer) -> None:

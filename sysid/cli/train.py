@@ -92,7 +92,11 @@ def train(
         )
     record = _record(board, resume, common)
     printer.require_passed(record, force=force)
-    _require_mjlab()
+    missing = [name for name in ("torch", "mjlab", "rsl_rl") if find_spec(name) is None]
+    if missing:
+        raise SysidError(
+            f"training needs {', '.join(missing)}, which is not installed: {install_extra('train')}."
+        )
     if resume is not None:
         folder = _resume(resume, record, options, effort, printer)
     else:
@@ -120,14 +124,6 @@ def _record(board: str | None, resume: Path | None, common: Common) -> Board:
     folder = RunFolder(resume)
     folder.read_config()  # refuses a folder without a run
     return load_board(folder.board)
-
-
-def _require_mjlab() -> None:
-    missing = [name for name in ("torch", "mjlab", "rsl_rl") if find_spec(name) is None]
-    if missing:
-        raise SysidError(
-            f"training needs {', '.join(missing)}, which is not installed: {install_extra('train')}."
-        )
 
 
 def _begin(

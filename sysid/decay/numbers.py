@@ -26,7 +26,7 @@ NUMBERS = {
     "period": ("period T", "s"),
     "omega_d": ("damped frequency ω_d", "rad/s"),
     "omega_n": ("natural frequency ω_n", "rad/s"),
-    "inertia": ("roll inertia I", "kg*m^2"),
+    "inertia": ("inertia I", "kg*m^2"),
     "stiffness": ("stiffness k = I ω_n²", "N*m/rad"),
     "damping": ("damping d = 2 ζ ω_n I", "N*m*s/rad"),
 }

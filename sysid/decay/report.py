@@ -34,7 +34,7 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
     rows: list[tuple[str, ...]] = []
     for one, peaks in zip(decay.releases, decay.peaks, strict=True):
         name = f"{Path(one.log).name} {one.number}" if several else str(one.number)
-        size = f"{decay.position(one.amplitude)} {one.side}"
+        size = f"{decay.position.scale * (one.roll[0] - one.rest):+.4g}{decay.position.unit}"
         hold = f"{one.hold:.2f} s" if one.hold else "moving"
         rows.append(
             (name, f"{one.start:.3f}", size, hold, f"{one.time[-1]:.3f}", ENDS[one.end], str(len(peaks)))
@@ -58,7 +58,7 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
         lines.append(
             "k and d need the mass m that slides: k = m ω_n², d = 2 ζ ω_n m"
             if decay.slides
-            else "k and d need the roll inertia I: k = I ω_n², d = 2 ζ ω_n I (husky-sysid inertia)"
+            else "k and d need the inertia I: k = I ω_n², d = 2 ζ ω_n I (husky-sysid inertia)"
         )
     narrow = (
         line if "\n" in line else fill(line, width, break_long_words=False, break_on_hyphens=False)

@@ -78,10 +78,16 @@ def _hint(hint: Any) -> str:
 
 def size_in_words(size: "Size") -> str:
     """Return the size of a family with its 95 % intervals; a spring takes no energy."""
-    peak = f"{percent(size.torque_share)} ± {percent(Z95 * size.torque_std)} of the peak torque"
+    peak = f"{_share(size.torque_share, size.torque_std)} of the peak torque"
     if round(100 * size.energy_share) == 0:
         return peak
-    return f"{peak}, {percent(size.energy_share)} ± {percent(Z95 * size.energy_std)} of the energy lost"
+    return f"{peak}, {_share(size.energy_share, size.energy_std)} of the energy lost"
+
+
+def _share(share: float, std: float) -> str:
+    """Return a share in whole percents with its 95 % interval; without one where the log sets no limit."""
+    half = f" ± {100 * Z95 * std:.0f} %" if Z95 * std < 1 else ""
+    return f"{100 * share:.0f} %{half}"
 
 
 def _listed(names: Sequence[str]) -> str:

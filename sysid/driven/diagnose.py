@@ -1,7 +1,7 @@
 """Which effect a driven model is missing: output-error fits of the likeliest sets, judged by correlated residuals."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -10,7 +10,7 @@ from sysid.driven.joint import Simulator, Structure
 from sysid.driven.log import DrivenLog
 from sysid.driven.problem import Problem
 from sysid.effects import catalogue, drives, effect
-from sysid.effects._base import DriveEffect, Effect, TorqueEffect
+from sysid.effects._base import DriveEffect, TorqueEffect
 from sysid.errors import SysidError
 
 SCORE_TOLERANCE = 12.0
@@ -38,33 +38,28 @@ class DrivenVerdict:
     @property
     def families(self) -> tuple[str, ...]:
         """Their families."""
-        return tuple(sorted({effect(name).family for name in self.effects}))
+        return tuple(sorted(_families(self.effects)))
+
+    @cached_property
+    def _scores(self) -> dict[tuple[str, ...], float]:
+        """Score of each set, by its effects beyond the model's."""
+        own = {*self.base.structure.effects}
+        return {tuple(sorted({*key} - own)): one.score for key, one in self.fits.items()}
 
     @cached_property
     def alike(self) -> list[tuple[str, ...]]:
         """Sets of other families that fit as well."""
-        own = set(self.base.structure.effects)
-        found = {tuple(sorted(set(key) - own)): one.score for key, one in self.fits.items()}
-        near = sorted(
-            (score, key) for key, score in found.items() if score < self.best.score + SCORE_TOLERANCE
-        )
-        mine = {effect(name).family for name in self.effects}
-        return [
-            key
-            for _, key in near
-            if {effect(name).family for name in key} != mine
-            and not mine < {effect(name).family for name in key}
-        ]
+        mine, worst = _families(self.effects), self.best.score + SCORE_TOLERANCE
+        near = sorted((score, key) for key, score in self._scores.items() if score < worst)
+        return [key for _, key in near if not mine <= _families(key)]
 
     @property
     def confidence(self) -> float:
         """Probability of the families among all sets that were fitted."""
-        own = set(self.base.structure.effects)
         best: dict[frozenset[str], float] = {}
-        for key, one in self.fits.items():
-            families = frozenset(effect(name).family for name in set(key) - own)
-            best[families] = min(best.get(families, math.inf), one.score)
-        mine = frozenset(effect(name).family for name in self.effects)
+        for key, score in self._scores.items():
+            best[_families(key)] = min(best.get(_families(key), math.inf), score)
+        mine = _families(self.effects)
         weights = {
             key: math.exp(-0.5 * min(score - self.best.score, 1400.0))
             for key, score in best.items()
@@ -208,17 +203,22 @@ class _Search:
     def simplest(self) -> DrivenFit:
         """Return the set with the fewest parameters that ties with the best, without effects that matter to nothing.
 
-        A smaller set is fitted from the larger one too: it may have stopped in another valley.
+        A smaller set is fitted from the larger one too: it may have stopped in another valley. A simpler effect of the same
+        family may stand in for one.
         """
         best = min(self.fits.values(), key=lambda one: one.score)
         tied = [one for one in self.fits.values() if one.score < best.score + SCORE_TOLERANCE]
         best = min(tied, key=lambda one: (len(one.quantities), one.score))
         while True:
-            smaller = [
-                self.again(tuple(n for n in best.structure.effects if n != name), [best.values])
-                for name in best.structure.effects
-                if name not in self.plain.structure.effects
-            ]
+            smaller: list[DrivenFit | None] = []
+            for name in set(best.structure.effects) - set(self.plain.structure.effects):
+                rest = tuple(other for other in best.structure.effects if other != name)
+                smaller.append(self.again(rest, [best.values]))
+                for other in candidates(self.plain.structure):
+                    simpler = len(effect(other).parameters) < len(effect(name).parameters)
+                    if simpler and effect(other).family == effect(name).family:
+                        key = tuple(sorted((*rest, other)))
+                        smaller.append(self.again(key, self.begins(key, best)[0]))
             idle = [
                 one
                 for one in smaller
@@ -228,6 +228,12 @@ class _Search:
                 return best
             best = min(idle, key=lambda one: one.score)
 
+    def begins(self, key: tuple[str, ...], before: DrivenFit) -> tuple[list[dict[str, float]], float]:
+        """Return starts of a set from the fit of another, and the least torque that they leave missing [N*m]."""
+        posed = self.posed(key)
+        values = start_values(posed.structure, before.values, posed.log)
+        return starts(replace(posed, values=values), before.values)
+
     def grown_from(self, before: DrivenFit) -> list[DrivenFit]:
         """Fit the effect of each family that leaves the least missing torque; gears only if the residual stays correlated."""
         found: list[tuple[float, str, tuple[str, ...], list[dict[str, float]]]] = []
@@ -236,9 +242,7 @@ class _Search:
             if not _combines(name, before.structure.effects):
                 continue
             key = tuple(sorted((*before.structure.effects, name)))
-            posed = self.posed(key)
-            values = start_values(posed.structure, before.values, posed.log)
-            begins, left = starts(replace(posed, values=values), before.values)
+            begins, left = self.begins(key, before)
             if getattr(effect(name), "transmit", None):
                 gears.append((key, begins))
             else:
@@ -252,27 +256,25 @@ class _Search:
         return done + [one for key, begins in gears if (one := self.fitted(key, begins))]
 
 
+def _families(names: Iterable[str]) -> frozenset[str]:
+    return frozenset(effect(name).family for name in names)
+
+
 def _combines(name: str, others: Sequence[str]) -> bool:
     """Return whether an effect adds to others of other families that allow it."""
     part = effect(name)
-    return all(_apart(part, effect(other)) for other in others)
-
-
-def _apart(one: Effect, other: Effect) -> bool:
-    gears = [getattr(part, "transmit", None) is not None for part in (one, other)]
-    return (
-        one.family != other.family
-        and not all(gears)
-        and other.name not in one.excludes
-        and one.name not in other.excludes
-    )
+    for other in map(effect, others):
+        gears = getattr(part, "transmit", None) and getattr(other, "transmit", None)
+        if gears or part.family == other.family or other.name in part.excludes or name in other.excludes:
+            return False
+    return True
 
 
 def next_experiment(verdict: DrivenVerdict) -> str:
     """Return the experiment that tells the named effect from its look-alikes."""
     names = verdict.effects or (verdict.alike[0] if verdict.alike else ())
-    return (
-        effect(names[0]).experiment_on()
-        if names
-        else "Repeat with a larger or faster input, or on the robot's own motions."
-    )
+    if not names:
+        return "Repeat with a larger or faster input, or on the robot's own motions."
+    if isinstance(part := effect(names[0]), DriveEffect):
+        return part.experiment
+    return f"Play the motion that `fit --effect {part.name} --next-motion FILE` writes, and diagnose its log too."

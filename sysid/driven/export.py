@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from sysid.driven.joint import BASE
 from sysid.effects import drives
 from sysid.errors import SysidError
 
@@ -33,23 +32,16 @@ def handed_over(path: Path) -> dict[str, dict[str, Any]]:
 
 def _joint(values: Mapping[str, float], fitted: Mapping[str, Any]) -> dict[str, Any]:
     """Return friction, gains, limit and delay of one joint, and their ranges."""
-    families = {part.family: part for part in drives().values() if not part.sources}
-    gains = next(part for part in drives().values() if len(part.sources) == 1)
     names = {"armature": "armature", "damping": "damping"}
-    names |= {f"{p.name}": f"{gains.name}.{p.name}" for p in gains.parameters}
-    names |= {
-        key: f"{families[family].name}.{families[family].parameters[0].name}"
-        for key, family in (("delay", "delay"), ("limit", "saturation"))
-    }
-    rubs = [
-        name
-        for name in values
-        if name.endswith(".torque") and name.split(".")[0] not in drives() and name not in BASE
-    ]
-    names |= {"friction": rubs[0]} if rubs else {}
+    for part in drives().values():
+        key = {"delay": "delay", "saturation": "limit"}.get(part.family)
+        if key or part.sources:
+            names |= {key or p.name: f"{part.name}.{p.name}" for p in part.parameters}
+    rubs = (n for n in values if n.endswith(".torque") and n.split(".")[0] not in drives())
+    names["friction"] = next(rubs, "")
     found = {key: float(values[name]) for key, name in names.items() if name in values}
     ranges = {
-        key: [max(0.0, low), high]
+        key: [low if found[key] < 0 else max(0.0, low), high]
         for key, name in names.items()
         if name in fitted and None not in (ends := fitted[name]["ci95"])
         for low, high in [ends]
@@ -65,6 +57,8 @@ def mjlab_module(joints: Mapping[str, Mapping[str, Any]], *, timestep: float, so
         timestep: Of the physics [s]: mjlab counts delays in its steps.
         source: The fit's file, for the head of the module.
     """
+    import mujoco
+
     lines = [
         f'"""Actuators and domain randomisation identified by husky-sysid: {source}; SI, delays in steps of {timestep:g} s."""', "",
         "from mjlab.actuator import BuiltinMotorActuatorCfg, BuiltinPositionActuatorCfg", "from mjlab.envs.mdp import dr",
@@ -79,10 +73,7 @@ def mjlab_module(joints: Mapping[str, Mapping[str, Any]], *, timestep: float, so
             "frictionloss": one.get("friction", 0.0),
         }
         fields |= {"stiffness": one["kp"], "damping": one.get("kd", 0.0)} if servo else {}
-        if servo or "limit" in one:
-            fields["effort_limit"] = one.get("limit")
-        elif not servo:
-            fields["effort_limit"] = None
+        fields["effort_limit"] = one.get("limit", None if servo else mujoco.mjMAXVAL)  # mjlab needs a number
         low, high = one["ranges"].get("delay", [one.get("delay", 0.0)] * 2)
         fields |= {
             "delay_min_lag": max(0, round(low / timestep)),

@@ -361,7 +361,7 @@ def _result(chain: Chain, *, quick: bool) -> DrivenFit:
 
 
 def _shorter(one: Fitted) -> list[tuple[Problem, Minimum, Array]]:
-    """Return fits over more and more windows, with their covariances, the one given last: until intervals stop narrowing."""
+    """Return fits over more and more windows, down to `SHORTEST` samples, with their covariances; the one given is last."""
     found = [(*one, one[0].covariance(one[1]))]
     while len(one[0].log.time) >= SHORTEST * FEWER * one[0].windows:
         problem = replace(one[0], values=_values(one), windows=FEWER * one[0].windows)
@@ -369,8 +369,6 @@ def _shorter(one: Fitted) -> list[tuple[Problem, Minimum, Array]]:
         if not np.isfinite(one[1].normal.cost):
             break
         found.insert(0, (*one, problem.covariance(one[1])))
-        if _sharpness(found[0][2], found[1][2]) > 0:
-            break
     return found
 
 

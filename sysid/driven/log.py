@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, Self, get_args
+from typing import Literal, Self
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from sysid.roll import Array, Roll
 
 InputKind = Literal["torque", "force", "current", "voltage", "command"]
 """Kind of the input."""
-KINDS: tuple[str, ...] = get_args(InputKind)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

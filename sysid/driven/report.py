@@ -7,7 +7,7 @@ from pathlib import Path
 from sysid.driven.diagnose import DrivenVerdict, next_experiment
 from sysid.driven.fit import DrivenFit
 from sysid.driven.runs import Agreement
-from sysid.effects import effect
+from sysid.effects import DriveEffect, effect
 from sysid.text import table
 
 
@@ -28,7 +28,9 @@ def verdict_text(verdict: DrivenVerdict, joint: str) -> str:
     if verdict.alike:
         lines.append(f"  fits as well: {'; '.join(' and '.join(one) or 'nothing' for one in verdict.alike)}")
     if verdict.effects:
-        lines += [f"  {name}: {effect(name).does}" for name in verdict.effects]
+        for part in map(effect, verdict.effects):
+            own = part.does if isinstance(part, DriveEffect) else f"{part.title}, {part.law}"
+            lines.append(f"  {part.name}: {own}")
         lines.append(f"  to be sure: {next_experiment(verdict)}")
     return "\n".join(lines)
 
@@ -36,13 +38,8 @@ def verdict_text(verdict: DrivenVerdict, joint: str) -> str:
 def fit_text(joint: str, fits: Sequence[DrivenFit], merged: Agreement, before: Mapping[str, float]) -> str:
     """Return the fit of a joint as a table, and how its logs agree."""
     several = len(fits) > 1
-    head = (
-        "parameter",
-        "model",
-        "value ± 95 %",
-        *((Path(one.log.name).name for one in fits) if several else ()),
-        *(("agree",) if several else ()),
-    )
+    head = ["parameter", "model", "value ± 95 %"]
+    head += [*(Path(one.log.name).name for one in fits), "agree"] if several else []
     rows: list[list[str]] = []
     for name, quantity in merged.combined.quantities.items():
         old = before.get(name)
@@ -54,13 +51,8 @@ def fit_text(joint: str, fits: Sequence[DrivenFit], merged: Agreement, before: M
         if several:
             row += [str(one.quantities[name].number) for one in fits]
             cause = merged.causes.get(name, "")
-            row.append(
-                "open"
-                if name in merged.loose
-                else f"no{f', goes with {cause}' if cause else ''}"
-                if name in merged.differs
-                else "yes"
-            )
+            differs = f"no, goes with {cause}" if cause else "no"
+            row.append("open" if name in merged.loose else differs if name in merged.differs else "yes")
         rows.append(row)
     lines = [
         table(head, rows, f"{joint}: driven by a {fits[0].log.kind}, {fits[0].log.between} between samples")

@@ -1,6 +1,6 @@
 """The functions that a law may use, so that it runs on CasADi expressions and on plain numpy."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -11,6 +11,8 @@ Value = Any
 """A CasADi expression or a numpy array: laws are written once for both."""
 Values = Mapping[str, Value]
 """An effect's parameters by name."""
+States = Sequence[Value]
+"""An effect's internal states, in their order."""
 Numbers = Mapping[str, float]
 """The same as plain numbers."""
 

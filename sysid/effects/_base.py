@@ -16,7 +16,8 @@ from typing import Any, Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from sysid.effects._algebra import NUMPY, Algebra, Numbers, Value, Values
+from sysid.effects._algebra import NUMPY, Algebra, Numbers, States, Value, Values
+from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.text import display
 
@@ -97,14 +98,28 @@ class Scales:
         return self.stiffness * self.amplitude
 
 
+def usual_size(unit: str) -> Callable[[Scales], float] | None:
+    """Return the size of a parameter that its unit decides; None for other units."""
+    return {
+        "rad": lambda s: s.amplitude, "rad/s": lambda s: s.rate, "s": lambda s: 1.0 / s.frequency, "N*m": lambda s: s.torque,
+        "N*m/rad": lambda s: s.stiffness, "N*m*s/rad": lambda s: s.stiffness / s.frequency, "kg*m^2": lambda s: s.inertia,
+        "1": lambda s: 1.0, "": lambda s: 1.0,
+    }.get(unit)  # fmt: skip
+
+
+def _by_unit(scales: Scales) -> float:
+    """Stand for `usual_size` until the unit is known."""
+    raise NotImplementedError
+
+
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """One number of an effect: its unit, its size for a given problem, and its range."""
 
     name: str
     unit: str
-    size: Callable[[Scales], float]
-    """A value that clearly shows in the decay; the fit's unit."""
+    size: Callable[[Scales], float] = _by_unit
+    """A value that clearly shows in the decay; the fit's unit. It follows from the unit if left out."""
     _: KW_ONLY
     low: float
     """Lower bound in units of `size`."""
@@ -122,6 +137,20 @@ class Parameter:
     """Whether it is known from another source: a fit holds it at the record's value, unless the user bounds it."""
     assumed: float = 0.0
     """Relative standard deviation of a held parameter if the record has none; 0 if it is exact."""
+
+    def __post_init__(self) -> None:
+        """Take the size that the unit has.
+
+        Raises:
+            SysidError: The unit has no usual size.
+        """
+        if self.size is _by_unit:
+            found = usual_size(self.unit)
+            if found is None:
+                raise SysidError(
+                    f"parameter '{self.name}': '{self.unit}' has no usual size. Give one: size=lambda s: s.torque / ..."
+                )
+            object.__setattr__(self, "size", found)
 
 
 def at_zero(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
@@ -146,7 +175,7 @@ class State:
     """Its typical size, to scale a fit."""
     most: float = 10.0
     """Its largest size at a release, after any motion before, in units of `size`."""
-    rate: Callable[[Algebra, JointState, Sequence[Value], Values], Value] | None = None
+    rate: Callable[[Algebra, JointState, States, Values], Value] | None = None
     """`rate(m, motion, states, parameters)`: its time derivative, from all states of its effect."""
     sensed: Callable[[Algebra, Value, Value, Value, LinearJoint, Values], Value] | None = None
     """Of a sensor, where a fit begins: `sensed(m, roll, rate, hold, joint, parameters)`, with that roll and rate of the joint."""
@@ -203,7 +232,7 @@ def in_no_attribute(joint: MjsJoint) -> Sequence[float]:
     return ()
 
 
-def unchanged(m: Algebra, reading: Reading, parameters: Values, states: Sequence[Value]) -> Reading:
+def unchanged(m: Algebra, reading: Reading, parameters: Values, states: States) -> Reading:
     """Return the reading itself."""
     return reading
 
@@ -333,7 +362,7 @@ class Smoothness:
         return self.roughness * np.array(weights)[self.part]
 
 
-def no_torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+def no_torque(m: Algebra, motion: JointState, parameters: Values, states: States) -> Value:
     """Return zero torque."""
     return 0.0
 
@@ -343,7 +372,7 @@ class TorqueEffect(Effect):
     """An effect of the joint itself: a torque, dry friction, or another number of the linear law."""
 
     role: Role = "torque"
-    torque: Callable[[Algebra, JointState, Values, Sequence[Value]], Value] = no_torque
+    torque: Callable[[Algebra, JointState, Values, States], Value] = no_torque
     """`torque(m, motion, parameters, states)` [N*m], without dry friction."""
     friction: Callable[[Algebra, Value, Value, Values], Value] | None = None
     """`friction(m, tilt, speed, parameters)` [N*m] ≥ 0: dry friction at x and |v|; at speed 0, the breakaway torque."""
@@ -378,12 +407,9 @@ class TorqueEffect(Effect):
         )
 
     def dragged_stiffness(self, tilt: float, stiffness: float, parameters: Numbers) -> float:
-        """Return the torque of its internal states after a drag from rest, over that tilt [rad], in N*m/rad.
+        """Return the torque of its internal states after a drag from rest to a tilt [rad], over that tilt [N*m/rad].
 
-        Args:
-            tilt: Tilt after the drag [rad].
-            stiffness: The joint's own [N*m/rad].
-            parameters: Of this effect.
+        `stiffness` is the joint's own [N*m/rad].
         """
         if not self.states:
             return 0.0
@@ -402,7 +428,7 @@ class SensorEffect(Effect):
     role: Role = "measurement"
     to_mjcf: ToMjcf = BELONGS_TO_LOG
     mujoco: MujocoSupport = MujocoSupport(means="nothing: it belongs to the log")
-    observe: Callable[[Algebra, Reading, Values, Sequence[Value]], Reading] = unchanged
+    observe: Callable[[Algebra, Reading, Values, States], Reading] = unchanged
     """`observe(m, reading, parameters, states)`: the reading after this effect."""
     clock_ratio: str = ""
     """Parameter that is the ratio of the log's time to true time, if the effect is a clock; else ''."""
@@ -452,5 +478,3 @@ class DriveEffect(Effect):
     """Parameter that is the delay of the input [s]."""
     transmit: Callable[[Algebra, Value, Value, Values], Value] | None = None
     """`transmit(m, twist, rate, parameters)`: torque of a gear between rotor and joint [N*m]; None if they are one body."""
-    gear: tuple[str, ...] = ()
-    """Parameters that make the gear's stiffness [N*m/rad] and damping [N*m*s/rad]: they limit the step."""

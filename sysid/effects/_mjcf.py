@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._algebra import Algebra, Numbers, States, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, Scales, ToMjcf
 from sysid.errors import SysidError
 
@@ -67,7 +67,7 @@ def polynomial(effect: str, of: Literal["stiffness", "damping"], power: int, **l
     unit = f"N*m/rad^{power}" if of == "stiffness" else f"N*m*s^{power}/rad^{power}"
     place = ("first", "second", "third")[power - 1]
 
-    def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+    def torque(m: Algebra, motion: JointState, parameters: Values, states: States) -> Value:
         x, v = motion.tilt, motion.rate
         powers = (x, x**2, x**3) if of == "stiffness" else (v, v * m.abs(v), v**3)
         return -parameters["coefficient"] * powers[power - 1]
@@ -136,7 +136,8 @@ def on_actuators(change: Callable[[Any, Numbers], str]) -> ToMjcf:
     def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
         found = actuators_of(spec, joint)
         if not found:
-            return (f"joint '{joint.name}' has no actuator in the model: {dict(parameters)} is not written",)
+            values = ", ".join(f"{name} {value:.6g}" for name, value in parameters.items())
+            return (f"joint '{joint.name}' has no actuator in the model, so {values} is not written",)
         return tuple(f"actuator '{one.name}': {change(one, parameters)}" for one in found)
 
     return write

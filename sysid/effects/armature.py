@@ -23,7 +23,7 @@ EFFECT = TorqueEffect(
     family="inertia",
     also_called=("rotor inertia", "reflected inertia"),
     role="record",
-    parameters=(Parameter("inertia", "kg*m^2", lambda s: s.inertia, low=-0.95, high=20.0, starts=(0.3,)),),
+    parameters=(Parameter("inertia", "kg*m^2", low=-0.95, high=20.0, starts=(0.3,)),),
     law="I → I + A; A = N² J of a rotor of inertia J behind a gear of ratio N",
     formula="{inertia} φ̈",
     source="only k/I, d/I and τ/I show in a free decay; a known weight gives them a scale",

@@ -23,9 +23,9 @@ EFFECT = replace(
     title="play of the gear under load",
     family="backlash",
     parameters=(
-        Parameter("half_width", "rad", lambda s: s.amplitude, low=0.0, high=0.5, starts=(0.01, 0.05)),
-        Parameter("stiffness", "N*m/rad", lambda s: s.stiffness, low=3.0, high=1000.0, starts=(60.0,), neutral=None),
-        Parameter("damping", "N*m*s/rad", lambda s: s.stiffness / s.frequency, low=0.0, high=50.0, starts=(1.0,)),
+        Parameter("half_width", "rad", low=0.0, high=0.5, starts=(0.01, 0.05)),
+        Parameter("stiffness", "N*m/rad", low=3.0, high=1000.0, starts=(60.0,), neutral=None),
+        Parameter("damping", "N*m*s/rad", low=0.0, high=50.0, starts=(1.0,)),
     ),
     law="τ = K (θ - q ∓ w) + D (θ̇ - q̇) beyond the gap ±w between rotor θ and joint q, else 0",
     source="Nordin and Gutman, Automatica 38 (2002): controlling mechanical systems with backlash",

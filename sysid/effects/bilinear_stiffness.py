@@ -1,13 +1,11 @@
 """A spring that is stiffer on one side."""
 
-from collections.abc import Sequence
-
-from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._algebra import Algebra, Numbers, States, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 from sysid.effects._mjcf import UNREACHABLE_TILT, add_tendon, rest_of
 
 
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: States) -> Value:
     """Return -b |x| [N*m]: the stiffness is k + b with the right edge down, k - b with the left."""
     return -parameters["difference"] * m.abs(motion.tilt)
 
@@ -28,9 +26,7 @@ EFFECT = TorqueEffect(
     name="bilinear-stiffness",
     title="one side stiffer than the other",
     family="asymmetry",
-    parameters=(
-        Parameter("difference", "N*m/rad", lambda s: s.stiffness, low=-0.95, high=0.95, starts=(0.1, -0.1)),
-    ),
+    parameters=(Parameter("difference", "N*m/rad", low=-0.95, high=0.95, starts=(0.1, -0.1)),),
     law="τ = -b |x|; the stiffness is k + b at positive angles and k - b at negative ones",
     formula="{difference} |φ|",
     source="piecewise linear oscillator, Shaw and Holmes, J. Sound and Vibration 90 (1983)",

@@ -1,20 +1,18 @@
 """Hysteresis with round corners: a loss that depends on the path and starts gradually."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._algebra import Algebra, Numbers, States, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
 from sysid.effects.dahl import write_bristles
 
 
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: States) -> Value:
     """Return -T z [N*m]; z between -1 and 1 is the current share of the yield torque."""
     return -parameters["torque"] * states[0]
 
 
-def share_rate(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
+def share_rate(m: Algebra, motion: JointState, states: States, parameters: Values) -> Value:
     """Return (v - u |v| z - (1 - u) v |z|) / a [1/s]: steep after a turn, flat after yielding."""
     (z,), rate, u = states, motion.rate, parameters["unloading"]
     return (rate - u * m.abs(rate) * z - (1 - u) * rate * m.abs(z)) / parameters["reach"]
@@ -47,10 +45,10 @@ EFFECT = TorqueEffect(
     title="hysteresis with round corners (Bouc–Wen)",
     family="hysteresis",
     parameters=(
-        Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=2.0, starts=(0.05, 0.2)),
-        Parameter("reach", "rad", lambda s: s.amplitude, low=0.01, high=5.0, starts=(0.1, 0.5), neutral=None),
+        Parameter("torque", "N*m", low=0.0, high=2.0, starts=(0.05, 0.2)),
+        Parameter("reach", "rad", low=0.01, high=5.0, starts=(0.1, 0.5), neutral=None),
         # At 0 it unloads along its loading line without a loss: a bent spring.
-        Parameter("unloading", "", lambda s: 1.0, low=0.1, high=1.0, starts=(0.6,), neutral=None, default=0.5),
+        Parameter("unloading", "", low=0.1, high=1.0, starts=(0.6,), neutral=None, default=0.5),
     ),
     law="τ = -T z, ż = (v - u |v| z - (1 - u) v |z|) / a",
     source="Bouc 1967; Wen, J. Engineering Mechanics 102 (1976), with exponent 1",

@@ -7,7 +7,7 @@ EFFECT = SensorEffect(
     title="the log's clock runs fast or slow",
     family="clock",
     also_called=("time scale", "slow motion"),
-    parameters=(Parameter("ratio", "1", lambda s: 1.0, low=0.5, high=2.0, starts=(1.0,), neutral=1.0),),
+    parameters=(Parameter("ratio", "1", low=0.5, high=2.0, starts=(1.0,), neutral=1.0),),
     law="measured time = r × true time",
     source="definition",
     does="Every time is stretched: period and decay time change in the same proportion, ζ stays.",

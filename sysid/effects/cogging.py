@@ -15,8 +15,8 @@ EFFECT = DriveEffect(
     title="cogging torque",
     family="cogging",
     parameters=(
-        Parameter("sine", "N*m", lambda s: s.torque, low=-1.0, high=1.0, starts=(0.05,)),
-        Parameter("cosine", "N*m", lambda s: s.torque, low=-1.0, high=1.0, starts=(0.05,)),
+        Parameter("sine", "N*m", low=-1.0, high=1.0, starts=(0.05,)),
+        Parameter("cosine", "N*m", low=-1.0, high=1.0, starts=(0.05,)),
         Parameter("teeth", "1/rad", lambda s: 1.0, low=2.0, high=300.0, starts=tuple(range(3, 61)), neutral=None),
     ),
     law="τ = S sin n q + C cos n q",

@@ -14,8 +14,8 @@ EFFECT = DriveEffect(
     title="compliant gear",
     family="compliance",
     parameters=(
-        Parameter("stiffness", "N*m/rad", lambda s: s.stiffness, low=0.3, high=300.0, starts=(2.0, 8.0, 30.0), neutral=None),
-        Parameter("damping", "N*m*s/rad", lambda s: s.stiffness / s.frequency, low=0.0, high=10.0, starts=(0.05,)),
+        Parameter("stiffness", "N*m/rad", low=0.3, high=300.0, starts=(2.0, 8.0, 30.0), neutral=None),
+        Parameter("damping", "N*m*s/rad", low=0.0, high=10.0, starts=(0.05,)),
     ),
     law="τ = K (θ - q) + D (θ̇ - q̇) between rotor θ and joint q; armature, damping and friction are the rotor's",
     source="Spong, J. Dyn. Sys. Meas. Control 109 (1987): elastic joint robots",
@@ -29,5 +29,4 @@ EFFECT = DriveEffect(
     example=(200.0, 0.5),
     stage=3,
     transmit=transmit,
-    gear=("stiffness", "damping"),
 )  # fmt: skip

@@ -31,9 +31,7 @@ EFFECT = TorqueEffect(
     title="dry friction",
     family="friction",
     also_called=("friction", "dry friction", "stiction"),
-    parameters=(
-        Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.01, 0.06), rough=True),
-    ),
+    parameters=(Parameter("torque", "N*m", low=0.0, high=1.0, starts=(0.01, 0.06), rough=True),),
     law="τ = -F sgn v; sticks while the other torques stay within ±F",
     formula="{torque} sgn φ̇",
     source="Coulomb 1785; Feeny and Liang, J. Sound and Vibration 195 (1996): decrement of dry friction",

@@ -25,7 +25,7 @@ EFFECT = DriveEffect(
     title="torque limit of the actuator",
     family="saturation",
     parameters=(
-        Parameter("torque", "N*m", lambda s: s.torque, low=0.02, high=1.0, starts=(0.3, 0.5, 0.7, 0.85, 0.95), neutral=None),
+        Parameter("torque", "N*m", low=0.02, high=1.0, starts=(0.3, 0.5, 0.7, 0.85, 0.95), neutral=None),
     ),
     law="τ → clip(τ, ±L)",
     source="current limit of a driver",

@@ -4,15 +4,13 @@ A free decay can identify the two parameters of this bristle model, torque and r
 small rates, which a swing passes within a few samples.
 """
 
-from collections.abc import Sequence
-
-from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._algebra import Algebra, Numbers, States, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
 from sysid.effects._mjcf import add_passive_motor
 from sysid.effects.stribeck import bristle_stiffness
 
 
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: States) -> Value:
     """Return -F z [N*m]; z between -1 and 1 is the current share of the sliding torque."""
     return -parameters["torque"] * states[0]
 
@@ -53,8 +51,8 @@ EFFECT = TorqueEffect(
     family="friction",
     also_called=("presliding",),
     parameters=(
-        Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.01, 0.06)),
-        Parameter("reach", "rad", lambda s: s.amplitude, low=0.002, high=0.2, starts=(0.03,), neutral=None),
+        Parameter("torque", "N*m", low=0.0, high=1.0, starts=(0.01, 0.06)),
+        Parameter("reach", "rad", low=0.002, high=0.2, starts=(0.03,), neutral=None),
     ),
     law="τ = -F z, ż = (v - |v| z) / a",
     source="Dahl, A Solid Friction Model (1968), with exponent 1",

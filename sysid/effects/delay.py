@@ -25,7 +25,7 @@ EFFECT = DriveEffect(
     name="delay",
     title="delay of the command",
     family="delay",
-    parameters=(Parameter("time", "s", lambda s: 1.0 / s.frequency, low=0.0, high=3.0, starts=(0.02, 0.1, 0.3)),),
+    parameters=(Parameter("time", "s", low=0.0, high=3.0, starts=(0.02, 0.1, 0.3)),),
     law="u(t) → u(t - T)",
     source="bus, control period and driver",
     does="The joint follows late by the same time at every speed; under feedback it also rings.",

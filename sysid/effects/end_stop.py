@@ -1,8 +1,6 @@
 """A bumper at a certain tilt."""
 
-from collections.abc import Sequence
-
-from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._algebra import Algebra, Numbers, States, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 from sysid.effects._mjcf import add_tendon, rest_of
 
@@ -11,7 +9,7 @@ RAMP = 0.1
 the spring, is then fitted to 1 %."""
 
 
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: States) -> Value:
     """Return -(k_s (|x| - a) sgn x + d_s v) beyond ±a, else 0 [N*m].
 
     The damper rises over `RAMP` about ±a, with the same impulse as a jump, which integrators and derivatives cannot follow.
@@ -45,26 +43,9 @@ EFFECT = TorqueEffect(
     family="stop",
     also_called=("stop", "bumper", "limit", "hard stop"),
     parameters=(
-        Parameter(
-            "angle",
-            "rad",
-            lambda s: s.amplitude,
-            low=0.1,
-            high=1.0,
-            starts=(0.3, 0.5, 0.7, 0.85),
-            neutral=1.0,
-        ),
-        Parameter(
-            "stiffness",
-            "N*m/rad",
-            lambda s: s.stiffness,
-            low=0.01,
-            high=60.0,
-            starts=(0.4, 6.0),
-        ),
-        Parameter(
-            "damping", "N*m*s/rad", lambda s: s.stiffness / s.frequency, low=0.0, high=5.0, default=0.0
-        ),
+        Parameter("angle", "rad", low=0.1, high=1.0, starts=(0.3, 0.5, 0.7, 0.85), neutral=1.0),
+        Parameter("stiffness", "N*m/rad", low=0.01, high=60.0, starts=(0.4, 6.0)),
+        Parameter("damping", "N*m*s/rad", low=0.0, high=5.0, default=0.0),
     ),
     law="τ = -k_s (|x| - a) sgn x - d_s v beyond ±a",
     source="piecewise linear stop, Shaw and Holmes, J. Sound and Vibration 90 (1983)",

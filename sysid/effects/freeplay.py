@@ -1,13 +1,11 @@
 """Play of a joint about its rest."""
 
-from collections.abc import Sequence
-
-from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._algebra import Algebra, Numbers, States, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 from sysid.effects._mjcf import add_tendon, rest_of
 
 
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: States) -> Value:
     """Return +k x within the gap and ±k w beyond it [N*m], which cancels the linear spring there."""
     gap = parameters["half_width"]
     return motion.stiffness * m.maximum(-gap, m.minimum(gap, motion.tilt))
@@ -27,9 +25,7 @@ EFFECT = TorqueEffect(
     title="freeplay, a dead band",
     family="freeplay",
     also_called=("backlash", "dead band", "deadband", "play", "slop"),
-    parameters=(
-        Parameter("half_width", "rad", lambda s: s.amplitude, low=0.0, high=0.8, starts=(0.02, 0.08, 0.2)),
-    ),
+    parameters=(Parameter("half_width", "rad", low=0.0, high=0.8, starts=(0.02, 0.08, 0.2)),),
     law="τ = -k (x - clip(x, ±w)): the linear spring acts beyond ±w only",
     source="Nordin and Gutman, Automatica 38 (2002): backlash",
     does="Small swings are slow and the joint may rest anywhere in the gap; wide ones are nearly normal.",

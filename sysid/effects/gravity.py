@@ -1,14 +1,13 @@
 """Weight of a deck with its centre of mass off the tilt axis."""
 
-from collections.abc import Sequence
 from math import isnan
 
-from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._algebra import Algebra, Numbers, States, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 from sysid.errors import SysidError
 
 
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: States) -> Value:
     """Return -M sin φ [N*m]."""
     return -parameters["moment"] * m.sin(motion.roll)
 

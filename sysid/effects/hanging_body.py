@@ -1,8 +1,6 @@
 """A body that hangs from the deck, or stands on it on a spring, and swings after it."""
 
-from collections.abc import Sequence
-
-from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._algebra import Algebra, Numbers, States, Value, Values
 from sysid.effects._base import (
     JointState,
     MjsJoint,
@@ -16,19 +14,19 @@ from sysid.effects._base import (
 from sysid.effects._mjcf import add_hinged_body
 
 
-def acceleration(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
+def acceleration(m: Algebra, motion: JointState, states: States, parameters: Values) -> Value:
     """Return the body's angular acceleration ω² (x - ψ) + 2 ζ ω (v - ψ̇) [rad/s^2]."""
     frequency = parameters["frequency"]
     behind, slower = motion.tilt - states[0], motion.rate - states[1]
     return frequency**2 * behind + 2 * parameters["damping_ratio"] * frequency * slower
 
 
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: States) -> Value:
     """Return the reaction of the body on the deck [N*m]."""
     return -parameters["inertia"] * acceleration(m, motion, states, parameters)
 
 
-def own_rate(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
+def own_rate(m: Algebra, motion: JointState, states: States, parameters: Values) -> Value:
     """Return ψ̇ [rad/s]."""
     return states[1]
 
@@ -51,7 +49,7 @@ EFFECT = TorqueEffect(
     title="hanging body",
     family="relaxation",
     parameters=(
-        Parameter("inertia", "kg*m^2", lambda s: s.inertia, low=0.0, high=5.0, starts=(0.05, 0.3)),
+        Parameter("inertia", "kg*m^2", low=0.0, high=5.0, starts=(0.05, 0.3)),
         Parameter(
             "frequency",
             "rad/s",
@@ -61,9 +59,7 @@ EFFECT = TorqueEffect(
             starts=(0.6, 1.0, 1.8),
             neutral=None,
         ),
-        Parameter(
-            "damping_ratio", "1", lambda s: 1.0, low=0.0, high=1.0, starts=(0.05,), neutral=None, default=0.0
-        ),
+        Parameter("damping_ratio", "1", low=0.0, high=1.0, starts=(0.05,), neutral=None, default=0.0),
     ),
     law="τ = -J ψ̈, ψ̈ = ω² (x - ψ) + 2 ζ ω (v - ψ̇)",
     source="tuned mass damper, den Hartog, Mechanical Vibrations (1934); a mass m hung a beside the axis has J = m a²",

@@ -1,21 +1,11 @@
 """Dry friction behind a spring: loss that depends on the path, not on the rate."""
 
-from collections.abc import Sequence
-
-from sysid.effects._algebra import Algebra, Numbers, Value, Values
-from sysid.effects._base import (
-    JointState,
-    MjsJoint,
-    MjSpec,
-    MujocoSupport,
-    Parameter,
-    State,
-    TorqueEffect,
-)
+from sysid.effects._algebra import Algebra, Numbers, States, Value, Values
+from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
 from sysid.effects._mjcf import add_hinged_body, add_tendon, rest_of, set_friction
 
 
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: States) -> Value:
     """Return -k₁ z, with z the stretch of the slider's spring [N*m]."""
     return -parameters["stiffness"] * states[0]
 
@@ -63,8 +53,8 @@ EFFECT = TorqueEffect(
     family="hysteresis",
     also_called=("bushing",),
     parameters=(
-        Parameter("stiffness", "N*m/rad", lambda s: s.stiffness, low=0.0, high=30.0, starts=(0.3, 2.0)),
-        Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.04, 0.3), rough=True),
+        Parameter("stiffness", "N*m/rad", low=0.0, high=30.0, starts=(0.3, 2.0)),
+        Parameter("torque", "N*m", low=0.0, high=1.0, starts=(0.04, 0.3), rough=True),
     ),
     law="τ = -k₁ z, z follows x and slips at ±T/k₁",
     source="Jenkin 1922; Iwan, J. Applied Mechanics 33 (1966)",

@@ -23,7 +23,7 @@ EFFECT = TorqueEffect(
     title="the record's roll inertia is wrong",
     family="inertia",
     role="record",
-    parameters=(Parameter("ratio", "1", lambda s: 1.0, low=0.1, high=10.0, starts=(1.0,), neutral=1.0),),
+    parameters=(Parameter("ratio", "1", low=0.1, high=10.0, starts=(1.0,), neutral=1.0),),
     law="I → r I",
     source="only k/I, d/I and τ/I show in a free decay",
     does="Period and damping both change as if stiffness and damping were divided by the same number.",

@@ -95,7 +95,8 @@ def smoothness() -> Smoothness:
         for sign in (-1.0, 1.0):
             free = _range_of(np.eye(len(form)) + sign * mirror)
             if held is not None and sign < 0:  # spring and damper are odd
-                free = free @ _range_of(np.eye(free.shape[1]) - _onto(free.T @ held))
+                along = free.T @ held / np.linalg.norm(free.T @ held)
+                free = free @ _range_of(np.eye(free.shape[1]) - np.outer(along, along))
             roughness, turn = np.linalg.eigh(free.T @ form @ free)
             own.append(free @ turn)
             values.append(roughness)
@@ -113,10 +114,6 @@ def _range_of(symmetric: Array) -> Array:
     """Return an orthonormal basis of the range of a symmetric matrix."""
     values, vectors = np.linalg.eigh(symmetric)
     return vectors[:, values > 0.5 * values[-1]]
-
-
-def _onto(direction: Array) -> Array:
-    return np.outer(direction, direction) / float(direction @ direction)
 
 
 NUMERIC = "_learned_torque"

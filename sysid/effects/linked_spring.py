@@ -1,13 +1,11 @@
 """Springs of a model that act on the joint through tendons and carried joints: known, hence not fitted."""
 
-from collections.abc import Sequence
-
-from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._algebra import Algebra, Numbers, States, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 from sysid.effects._mjcf import add_tendon
 
 
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: States) -> Value:
     """Return -k (φ - high) above high, -k (φ - low) below low, else 0 [N*m]."""
     above, below = motion.roll - parameters["high"], parameters["low"] - motion.roll
     return -parameters["stiffness"] * (m.maximum(above, 0.0) - m.maximum(below, 0.0))
@@ -31,11 +29,8 @@ EFFECT = TorqueEffect(
     family="hardening",
     role="record",
     parameters=(
-        Parameter("stiffness", "N*m/rad", lambda s: s.stiffness, low=-1e3, high=1e3, held=True),
-        *(
-            Parameter(name, "rad", lambda s: s.amplitude, low=-1e3, high=1e3, held=True)
-            for name in ("low", "high")
-        ),
+        Parameter("stiffness", "N*m/rad", low=-1e3, high=1e3, held=True),
+        *(Parameter(name, "rad", low=-1e3, high=1e3, held=True) for name in ("low", "high")),
     ),
     law="τ = -k (φ - high) above high, -k (φ - low) below low, else 0, from a model",
     source="MuJoCo's passive spring forces along the arc of the joint",

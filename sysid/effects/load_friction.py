@@ -46,9 +46,9 @@ EFFECT = TorqueEffect(
     family="friction",
     parameters=(
         Parameter(
-            "torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.01, 0.06), rough=True, default=0.0
+            "torque", "N*m", low=0.0, high=1.0, starts=(0.01, 0.06), rough=True, default=0.0
         ),
-        Parameter("growth", "N*m/rad", lambda s: s.stiffness, low=0.0, high=0.8, starts=(0.05,)),
+        Parameter("growth", "N*m/rad", low=0.0, high=0.8, starts=(0.05,)),
     ),
     law="τ = -(F + b |x|) sgn v; sticks while the other torques stay within ±(F + b |x|)",
     formula="({torque} + {growth} |φ|) sgn φ̇",

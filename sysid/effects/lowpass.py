@@ -1,17 +1,15 @@
 """A first-order low-pass filter between deck and log."""
 
-from collections.abc import Sequence
-
-from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._algebra import Algebra, Numbers, States, Value, Values
 from sysid.effects._base import JointState, LinearJoint, Parameter, Reading, SensorEffect, State, at_tilt
 
 
-def reading_rate(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
+def reading_rate(m: Algebra, motion: JointState, states: States, parameters: Values) -> Value:
     """Return (φ - reading)/T [rad/s]."""
     return (motion.roll - states[0]) / m.maximum(parameters["time_constant"], 1e-6)
 
 
-def observe(m: Algebra, reading: Reading, parameters: Values, states: Sequence[Value]) -> Reading:
+def observe(m: Algebra, reading: Reading, parameters: Values, states: States) -> Reading:
     """Return the filter's output and its rate."""
     time_constant = m.maximum(parameters["time_constant"], 1e-6)
     return Reading(states[0], (reading.angle - states[0]) / time_constant, reading.time)
@@ -47,9 +45,7 @@ EFFECT = SensorEffect(
     title="a filter in the sensor",
     family="lowpass",
     also_called=("filter", "low-pass"),
-    parameters=(
-        Parameter("time_constant", "s", lambda s: 1.0 / s.frequency, low=0.0, high=3.0, starts=(0.1, 0.5)),
-    ),
+    parameters=(Parameter("time_constant", "s", low=0.0, high=3.0, starts=(0.1, 0.5)),),
     law="T ṁ = φ - m, and m is measured",
     source="first-order lag",
     does="The start is rounded off; afterwards the decay is only late and a little smaller.",

@@ -24,7 +24,7 @@ EFFECT = TorqueEffect(
     family="rest",
     also_called=("zero", "rest angle"),
     role="shift",
-    parameters=(Parameter("angle", "rad", lambda s: s.amplitude, low=-100.0, high=100.0, starts=(0.01,)),),
+    parameters=(Parameter("angle", "rad", low=-100.0, high=100.0, starts=(0.01,)),),
     law="x = φ - rest angle - δ",
     source="definition of the tilt",
     does="The whole decay moves up or down by a constant; its shape stays.",

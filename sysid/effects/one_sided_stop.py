@@ -1,10 +1,9 @@
 """A bumper on one side."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from sysid.effects import end_stop
-from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._algebra import Algebra, Numbers, States, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 from sysid.effects._mjcf import UNREACHABLE_TILT
 
@@ -12,7 +11,7 @@ NEAREST = 1e-6
 """Least angle of a stop [rad]: the ramp of the damper is a share of it."""
 
 
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: States) -> Value:
     """Return -k_s (x - a) - d_s v beyond a, else 0 [N*m].
 
     It is the torque of the two-sided stop for a deck that stays on the side of a.

@@ -1,8 +1,6 @@
 """A constant torque, e.g. bushings tightened unevenly."""
 
-from collections.abc import Sequence
-
-from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._algebra import Algebra, Numbers, States, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 from sysid.effects._mjcf import add_tendon
 
@@ -10,7 +8,7 @@ SOFT = 1e-6
 """Stiffness of the tendon [N*m/rad]: its torque changes by this much per radian."""
 
 
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: States) -> Value:
     """Return T [N*m]."""
     return parameters["torque"] + 0 * motion.tilt
 
@@ -28,7 +26,7 @@ EFFECT = TorqueEffect(
     family="rest",
     also_called=("bias torque", "static torque"),
     role="shift",
-    parameters=(Parameter("torque", "N*m", lambda s: s.torque, low=-100.0, high=100.0, starts=(0.01,)),),
+    parameters=(Parameter("torque", "N*m", low=-100.0, high=100.0, starts=(0.01,)),),
     law="τ = +T",
     source="statics",
     does="The joint rests at T/k instead of at zero; with a linear spring the decay only moves.",

@@ -44,21 +44,9 @@ EFFECT = SupportEffect(
     family="relaxation",
     also_called=("compliance", "flexibility", "resonance"),
     parameters=(
-        Parameter(
-            "inertia", "kg*m^2", lambda s: s.inertia, low=0.003, high=20.0, starts=(0.1, 1.0), neutral=None
-        ),
-        Parameter(
-            "stiffness", "N*m/rad", lambda s: s.stiffness, low=0.3, high=60.0, starts=(4.0,), neutral=None
-        ),
-        Parameter(
-            "damping",
-            "N*m*s/rad",
-            lambda s: s.stiffness / s.frequency,
-            low=0.0,
-            high=10.0,
-            starts=(0.03, 0.3),
-            default=0.0,
-        ),
+        Parameter("inertia", "kg*m^2", low=0.003, high=20.0, starts=(0.1, 1.0), neutral=None),
+        Parameter("stiffness", "N*m/rad", low=0.3, high=60.0, starts=(4.0,), neutral=None),
+        Parameter("damping", "N*m*s/rad", low=0.0, high=10.0, starts=(0.03, 0.3), default=0.0),
     ),
     law="J s̈ = -k_s s - d_s ṡ + k x + d v - Σ τ, with x = φ - s - rest angle",
     source="two-degree-of-freedom oscillator, den Hartog, Mechanical Vibrations (1934)",

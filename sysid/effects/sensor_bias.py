@@ -1,13 +1,12 @@
 """A sensor with a constant bias."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
-from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._algebra import Algebra, States, Values
 from sysid.effects._base import Parameter, Reading, SensorEffect
 
 
-def observe(m: Algebra, reading: Reading, parameters: Values, states: Sequence[Value]) -> Reading:
+def observe(m: Algebra, reading: Reading, parameters: Values, states: States) -> Reading:
     """Return φ + b."""
     return replace(reading, angle=reading.angle + parameters["angle"])
 
@@ -17,7 +16,7 @@ EFFECT = SensorEffect(
     title="angle sensor off by a constant",
     family="rest",
     also_called=("bias", "gyro bias"),
-    parameters=(Parameter("angle", "rad", lambda s: s.amplitude, low=-100.0, high=100.0, starts=(0.01,)),),
+    parameters=(Parameter("angle", "rad", low=-100.0, high=100.0, starts=(0.01,)),),
     law="measured = φ + b",
     source="definition",
     does="The whole decay moves up or down by a constant; its shape stays.",

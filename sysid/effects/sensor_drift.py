@@ -1,12 +1,10 @@
 """A sensor whose zero moves, e.g. the integral of a gyro with a bias."""
 
-from collections.abc import Sequence
-
-from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._algebra import Algebra, States, Values
 from sysid.effects._base import Parameter, Reading, SensorEffect
 
 
-def observe(m: Algebra, reading: Reading, parameters: Values, states: Sequence[Value]) -> Reading:
+def observe(m: Algebra, reading: Reading, parameters: Values, states: States) -> Reading:
     """Return φ + r t, and v + r."""
     drift = parameters["rate"]
     return Reading(reading.angle + drift * reading.time, reading.rate + drift, reading.time)

@@ -26,8 +26,8 @@ EFFECT = DriveEffect(
     title="gains of the servo",
     family="gains",
     parameters=(
-        Parameter("kp", "N*m/rad", lambda s: s.stiffness, low=0.0, high=50.0, starts=(1.0,), neutral=None),
-        Parameter("kd", "N*m*s/rad", lambda s: s.stiffness / s.frequency, low=0.0, high=50.0, default=0.0, held=True),
+        Parameter("kp", "N*m/rad", low=0.0, high=50.0, starts=(1.0,), neutral=None),
+        Parameter("kd", "N*m*s/rad", low=0.0, high=50.0, default=0.0, held=True),
     ),
     law="τ = kp (u - q) - kd q̇",
     source="PD control",

@@ -73,9 +73,7 @@ def part_again(parameters: Numbers) -> list[dict[str, float]]:
     ]
 
 
-_VELOCITY = Parameter(
-    "velocity", "rad/s", lambda s: s.rate, low=0.003, high=2.0, starts=(0.1, 0.4), neutral=None
-)
+_VELOCITY = Parameter("velocity", "rad/s", low=0.003, high=2.0, starts=(0.1, 0.4), neutral=None)
 
 EFFECT = TorqueEffect(
     name="stribeck",
@@ -83,18 +81,8 @@ EFFECT = TorqueEffect(
     family="friction",
     also_called=("friction", "stiction"),
     parameters=(
-        Parameter(
-            "torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.02,), rough=True, default=0.0
-        ),
-        Parameter(
-            "static_torque",
-            "N*m",
-            lambda s: s.torque,
-            low=0.0,
-            high=1.0,
-            starts=(0.06,),
-            neutral=None,
-        ),
+        Parameter("torque", "N*m", low=0.0, high=1.0, starts=(0.02,), rough=True, default=0.0),
+        Parameter("static_torque", "N*m", low=0.0, high=1.0, starts=(0.06,), neutral=None),
         _VELOCITY,
     ),
     law="τ = -(Fc + (Fs - Fc) exp(-(v/vs)²)) sgn v; sticks while the other torques stay within ±Fs",

@@ -1,18 +1,16 @@
 """A rubber that creeps: a spring and a damper in series, beside the main spring."""
 
-from collections.abc import Sequence
-
-from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._algebra import Algebra, Numbers, States, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
 from sysid.effects._mjcf import add_passive_motor
 
 
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: States) -> Value:
     """Return -k₁ z, with z the stretch of the arm's spring [N*m]."""
     return -parameters["stiffness"] * states[0]
 
 
-def stretch_rate(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
+def stretch_rate(m: Algebra, motion: JointState, states: States, parameters: Values) -> Value:
     """Return v - z/T: the arm's damper lets its spring relax [rad/s]."""
     return motion.rate - states[0] / parameters["time_constant"]
 
@@ -40,16 +38,8 @@ EFFECT = TorqueEffect(
     family="relaxation",
     also_called=("rubber", "creep", "relaxation", "maxwell"),
     parameters=(
-        Parameter("stiffness", "N*m/rad", lambda s: s.stiffness, low=0.0, high=5.0, starts=(0.15,)),
-        Parameter(
-            "time_constant",
-            "s",
-            lambda s: 1.0 / s.frequency,
-            low=0.1,
-            high=300.0,
-            starts=(0.6, 3.0, 12.0),
-            neutral=None,
-        ),
+        Parameter("stiffness", "N*m/rad", low=0.0, high=5.0, starts=(0.15,)),
+        Parameter("time_constant", "s", low=0.1, high=300.0, starts=(0.6, 3.0, 12.0), neutral=None),
     ),
     law="τ = -k₁ z, ż = v - z/T",
     source="Maxwell 1867; Zener, Elasticity and Anelasticity of Metals (1948)",

@@ -1,9 +1,8 @@
 """Weight on a joint along its whole path, from the masses of a model: known, hence not fitted."""
 
 import math
-from collections.abc import Sequence
 
-from sysid.effects._algebra import NUMPY, Algebra, Numbers, Value, Values
+from sysid.effects._algebra import NUMPY, Algebra, Numbers, States, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 from sysid.effects._harmonics import FORMULA, HARMONICS, held, slope_of, value_of
 from sysid.errors import SysidError
@@ -13,7 +12,7 @@ ASSUMED = 0.01
 varies by 0.5 %."""
 
 
-def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: States) -> Value:
     """Return s times the sum of harmonics [N*m]; s is 1 where it is no parameter."""
     return parameters.get("scale", 1.0) * value_of(m, motion.roll, parameters)
 
@@ -55,17 +54,7 @@ EFFECT = TorqueEffect(
     family="hardening",
     role="record",
     parameters=(
-        Parameter(
-            "scale",
-            "1",
-            lambda s: 1.0,
-            low=0.1,
-            high=10.0,
-            starts=(1.0,),
-            neutral=1.0,
-            held=True,
-            assumed=ASSUMED,
-        ),
+        Parameter("scale", "1", low=0.1, high=10.0, starts=(1.0,), neutral=1.0, held=True, assumed=ASSUMED),
         *held("N*m"),
     ),
     law=f"τ = s ({FORMULA}), all but s from the masses of a model",

@@ -46,9 +46,7 @@ class TiltTest:
         return propagate(lambda k, w: k / w**2, inputs, UNIT, "static tilt test and a decay")
 
 
-def static_tilt(
-    readings: Sequence[Weighing], height: Quantity = ON_AXIS, gravity: Quantity = GRAVITY
-) -> TiltTest:
+def static_tilt(readings: Sequence[Weighing], height: Quantity = ON_AXIS) -> TiltTest:
     """Return the stiffness from known weights at known offsets, by a weighted line φ = φ₀ + τ/k.
 
     The torque is τ = m g (r cos φ + z sin φ). Every reading has the deviation of its angle and, through the slope, of its torque.
@@ -57,14 +55,13 @@ def static_tilt(
     Args:
         readings: At least three, best to both sides.
         height: z of the weights above the tilt axis [m].
-        gravity: g [m/s^2]; common to all readings.
 
     Raises:
         SysidError: The readings are too few or at one torque, or show no spring.
     """
     if len(readings) < 3:
         raise SysidError(f"{len(readings)} readings; a line with a check needs at least 3.")
-    torques = [_torque(reading, height, gravity) for reading in readings]
+    torques = [_torque(reading, height) for reading in readings]
     x = np.array([torque.value for torque in torques])
     y = np.array([reading.roll.value for reading in readings])
     if np.ptp(x) <= 1e-9:
@@ -90,7 +87,7 @@ def static_tilt(
         )
     t = t95(freedom) if not given or scatter > 1 else t95(math.inf)
     relative = math.sqrt(covariance[1, 1]) / slope
-    common = gravity.std / gravity.value
+    common = GRAVITY.std / GRAVITY.value
     k, total = 1 / slope, math.hypot(relative, common)
     half = math.hypot(t * relative, t95(math.inf) * common) * k
     method = f"static tilt, {len(y)} readings"
@@ -103,8 +100,8 @@ def static_tilt(
     )
 
 
-def _torque(reading: Weighing, height: Quantity, gravity: Quantity) -> Quantity:
-    phi, g = reading.roll.value, gravity.value
+def _torque(reading: Weighing, height: Quantity) -> Quantity:
+    phi, g = reading.roll.value, GRAVITY.value
 
     def about_axis(m: float, r: float, z: float) -> float:
         return m * g * (r * math.cos(phi) + z * math.sin(phi))

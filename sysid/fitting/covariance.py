@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from sysid.board import Board
 from sysid.effects import effect
@@ -184,15 +183,10 @@ def sensitivity_of(problem: Problem, minimum: Minimum) -> Sensitivity:
         own.append(mine)
     square = sum((row.T @ row for row in rows), np.zeros((shared, shared)))
     prior = problem.records[0].std ** 2 * problem.prior
-    root, lent = _free_root(square + prior, squares + prior.diagonal(), free[:shared])
+    root, lent, moving = np.zeros_like(square), np.zeros(shared), free[:shared]
+    block, diagonal = (square + prior)[np.ix_(moving, moving)], (squares + prior.diagonal())[moving]
+    root[np.ix_(moving, moving)], lent[moving] = _root(block, diagonal)
     return Sensitivity(tuple(rows), tuple(own), root, lent)
-
-
-def _free_root(matrix: Array, sizes: Array, free: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Return `_root` of a matrix, shape (n, n), in which only some rows and columns are free; zero in all others."""
-    root, lent = np.zeros_like(matrix), np.zeros(len(matrix))
-    root[np.ix_(free, free)], lent[free] = _root(matrix[np.ix_(free, free)], sizes[free])
-    return root, lent
 
 
 def known_together(problem: Problem, minimum: Minimum) -> dict[str, tuple[float, float]]:

@@ -42,37 +42,32 @@ def _agreement(
     name: str, quantity: Quantity, shape: Profile | None, bootstrap: Bootstrap | None
 ) -> Agreement:
     trust: Trusted = "Jacobian"
-    interval, words = quantity.ci95, ""
-    if shape is not None:
-        bend = _bend(quantity, shape)
-        if bend:
-            trust, interval, words = "profile", shape.interval, bend
-    drawn = bootstrap.intervals.get(name) if bootstrap else None
-    if bootstrap is None or drawn is None:
-        return Agreement(name, trust, interval, words or "the cost is a parabola there: both are the same")
+    interval, notes = quantity.ci95, list[str]()
+    if shape is not None and (bend := _bend(quantity, shape)):
+        trust, interval, notes = "profile", shape.interval, [bend]
+    if bootstrap is None or name not in bootstrap.intervals:
+        return Agreement(
+            name, trust, interval, "; ".join(notes) or "the cost is a parabola there: both are the same"
+        )
+    drawn = bootstrap.intervals[name]
     ratio = (drawn[1] - drawn[0]) / (interval[1] - interval[0])
     limit = max(_BENT, 1 + 3 * bootstrap.roughness)
-    others = "the others" if shape is not None else "the Jacobian"
     if ratio > limit:
+        others = "the others" if shape is not None else "the Jacobian"
         cause = (
             "releases differ from one another by more than the noise within them"
             if bootstrap.drawn == "releases"
-            else f"the residuals are not the steady noise that {others} take them for; ask diagnose "
-            "what the model lacks"
+            else f"the residuals are not the steady noise that {others} take them for; ask diagnose what the model lacks"
         )
-        return Agreement(
-            name,
-            "bootstrap",
-            drawn,
-            _joined(words, f"the bootstrap scatters {ratio:.1f} times as far: {cause}"),
-        )
-    if ratio < 1 / limit:
-        narrow = (
-            f"the bootstrap is narrower (by {1 / ratio:.1f}): it sees few independent stretches of residual"
-        )
-        return Agreement(name, trust, interval, _joined(words, narrow))
-    agree = f"the bootstrap agrees (width {ratio:.2f} of it, good to {100 * bootstrap.roughness:.0f} %)"
-    return Agreement(name, trust, interval, _joined(words, agree))
+        trust, interval = "bootstrap", drawn
+        notes.append(f"the bootstrap scatters {ratio:.1f} times as far: {cause}")
+    elif ratio < 1 / limit:
+        few = "it sees few independent stretches of residual"
+        notes.append(f"the bootstrap is narrower (by {1 / ratio:.1f}): {few}")
+    else:
+        good = f"good to {100 * bootstrap.roughness:.0f} %"
+        notes.append(f"the bootstrap agrees (width {ratio:.2f} of it, {good})")
+    return Agreement(name, trust, interval, "; ".join(notes))
 
 
 def _bend(quantity: Quantity, shape: Profile) -> str:
@@ -98,7 +93,3 @@ def _bend(quantity: Quantity, shape: Profile) -> str:
     if max((below + above) / 2 / half, 2 * half / (below + above)) > _BENT:
         return f"the cost is no parabola: the profile is {(below + above) / 2 / half:.2f} times as wide"
     return ""
-
-
-def _joined(*texts: str) -> str:
-    return "; ".join(text for text in texts if text)

@@ -1,6 +1,6 @@
 """Fit one joint to releases: the search, then removal of parameters that the data do not need, then outliers."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -118,7 +118,7 @@ def held_parameters(structure: Structure, board: Board, options: FitOptions) -> 
     """Return the parameters that a fit holds, by the structure's names, and whose zero the sensor has.
 
     The user holds some of them. The record holds others: known parameters, the spring of a joint without one, and the rest angle where
-    the sensor's zero replaces it. The weight of a joint without a spring has a prior instead (`record_priors`).
+    the sensor's zero replaces it. The weight of a joint without a spring has a prior instead (`known_priors`).
     """
     values, fixed, bias = record_values(board), dict(options.fixed), options.bias
     for part in structure.parts:
@@ -131,8 +131,12 @@ def held_parameters(structure: Structure, board: Board, options: FitOptions) -> 
         fixed = {**{name: values[name] for name in names if name not in options.bounds}, **fixed}
     if board.stiffness == 0 and "stiffness" not in options.bounds and pulls_back(structure, board):
         fixed.setdefault("stiffness", 0.0)
-    uncertain = {*_uncertain(structure)} - {*options.fixed} if fixed.get("stiffness") == 0 else set[str]()
-    fixed = {name: value for name, value in fixed.items() if name not in uncertain}
+    if fixed.get("stiffness") == 0 and not any(part.adds_inertia for part in structure.torques):
+        # A fitted inertia absorbs the record's errors.
+        uncertain = {
+            f"{part.name}.{p.name}" for part in structure.parts for p in part.parameters if p.assumed
+        }
+        fixed = {n: value for n, value in fixed.items() if n not in uncertain or n in options.fixed}
     zeros = any("rest_angle" in part.same_as for part in structure.parts)
     if fixed.get("stiffness") == 0 and not (zeros or options.use_rate):
         bias = "per-release"  # without a spring no rest angle can stand for the sensor's zero
@@ -141,28 +145,11 @@ def held_parameters(structure: Structure, board: Board, options: FitOptions) -> 
     return fixed, bias
 
 
-def _uncertain(structure: Structure) -> Iterator[str]:
-    """Yield parameters that a record knows with an error; none if the inertia is fitted, which absorbs the error."""
-    if not any(part.adds_inertia for part in structure.torques):
-        yield from (f"{part.name}.{p.name}" for part in structure.parts for p in part.parameters if p.assumed)
-
-
-def record_priors(
-    structure: Structure, board: Board, options: FitOptions, fixed: Mapping[str, float]
-) -> dict[str, tuple[float, float]]:
-    """Return what the record knows of parameters from elsewhere that are not held: value and standard deviation, in their units.
+def known_priors(board: Board) -> dict[str, tuple[float, float]]:
+    """Return what a record knows from elsewhere, but not exactly: value and standard deviation by 'effect.parameter', in their units.
 
     Only their ratio to the inertia shows in a decay, so it is that which is known so well.
-
-    Args:
-        fixed: What is held.
     """
-    free = {*structure.parameters} - {*fixed, *options.bounds}
-    return {name: prior for name, prior in known_priors(board).items() if name in free}
-
-
-def known_priors(board: Board) -> dict[str, tuple[float, float]]:
-    """Return what a record knows from elsewhere, but not exactly: value and standard deviation by 'effect.parameter', in their units."""
     return {
         f"{part.name}.{p.name}": (q.value, q.std or abs(q.value) * p.assumed)
         for part in board.effects for p in effect(part.name).parameters
@@ -235,10 +222,7 @@ def fit_joint(
     """Fit stiffness, damping, rest angle and the parameters of some effects to releases.
 
     Args:
-        releases: Free decays.
-        board: The record.
         effects: All effects of the joint.
-        options: Options of the fit.
         scales: Sizes of the problem, where another fit of these releases knows them.
         start: A place near the minimum, which then needs no search.
 
@@ -285,10 +269,11 @@ def _problem(
         steps: Of the integrator a period.
     """
     fixed, bias = held_parameters(structure, board, options)
+    free = {*structure.parameters} - {*fixed, *options.bounds}
+    known = {name: prior for name, prior in known_priors(board).items() if name in free}
     return Problem(
         structure, records, scales, bias=bias, fixed=fixed, bounded=options.bounds, steps_per_period=steps,
-        priors={**record_priors(structure, board, options, fixed), **priors_of(board, options)},
-        free_states=starts_unknown(structure, records),
+        priors={**known, **priors_of(board, options)}, free_states=starts_unknown(structure, records),
     )  # fmt: skip
 
 
@@ -305,10 +290,7 @@ def trial_fit(fit: JointFit, board: Board, effects: Sequence[str], options: FitO
     """Fit the records of another fit with some effects from one start: no search, no uncertainty.
 
     Args:
-        fit: A fit of the same records.
-        board: The record.
         effects: All effects of the joint.
-        options: Options of the fit.
         start: A place near the minimum.
 
     Raises:

@@ -46,7 +46,7 @@ class _Shooting:
     """The sensor's effect on samples; None without one."""
 
     def read(self, vector: Array, own: Array, step: float) -> Array:
-        """Return values and sensitivities, shape (n, 1 + columns of the stepper), in SI, as the parameters are, shape (p,).
+        """Return values and sensitivities, shape (n, 1 + fitted parameters + unknowns), in SI, as the parameters are, shape (p,).
 
         Each record's own, shape (u,), is roll, rate and free internal states at release; the step is the integration's [s].
         """
@@ -489,16 +489,13 @@ class Problem:
         The unknowns are in units of their sizes, shape (p,).
         """
         begin = self._starts[index]
-        free = begin.unsure == 0 or begin.pull == 0
-        return begin.inward, float("inf") if free else self._spread(begin, unknowns)
-
-    def _spread(self, begin: _Start, unknowns: Array) -> float:
-        """Return the deviation that a start faster than from rest may have [rad/s]: a filter hides the first of it."""
         late = begin.unsure
-        for part, delay in self._delays:
+        if late == 0 or begin.pull == 0:
+            return begin.inward, float("inf")
+        for part, delay in self._delays:  # a filter hides the first of a start
             own = part.of(self.parameters(unknowns))
             late = float(np.hypot(late, delay(begin.pull, begin.std, own)))
-        return late * begin.pull
+        return begin.inward, late * begin.pull
 
 
 def starts_unknown(structure: Structure, records: Sequence[Record]) -> bool:

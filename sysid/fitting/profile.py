@@ -84,7 +84,9 @@ def profile(
         high: Upper bounds, likewise, shape (p,).
         deviation: Its standard deviation in units of its size, correlation of the residuals included.
     """
-    plain = _variance(minimum.normal.hessian, ~minimum.at_bound, index)
+    free = np.flatnonzero(~minimum.at_bound)
+    inverse = np.linalg.pinv(minimum.normal.hessian[np.ix_(free, free)], rcond=1e-13, hermitian=True)
+    plain = float(inverse.diagonal()[np.searchsorted(free, index)])
     adjustment = deviation**2 / plain if plain > 0 else 1.0
 
     def rise(value: float, near: Minimum) -> tuple[float, Minimum]:
@@ -92,23 +94,16 @@ def profile(
         return 2 * (found.normal.cost - minimum.normal.cost) / adjustment, found
 
     here = float(minimum.point[index])
-    sides = [
+    below, above = (
         _walk(rise, minimum, here, float(bound), sign * deviation)
         for sign, bound in ((-1.0, low[index]), (1.0, high[index]))
-    ]
-    points = sorted([*sides[0].points, (here, 0.0), *sides[1].points])
+    )
+    points = sorted([*below[0], (here, 0.0), *above[0]])
     values, rises = (np.array(column) for column in zip(*points, strict=True))
     return Profile(
-        best=float(values[np.argmin(rises)]), values=values, rise=rises, interval=(sides[0].end, sides[1].end),
-        at_bound=(sides[0].at_bound, sides[1].at_bound), deeper=float(max(0.0, -rises.min())),
+        best=float(values[np.argmin(rises)]), values=values, rise=rises, interval=(below[1], above[1]),
+        at_bound=(below[2], above[2]), deeper=float(max(0.0, -rises.min())),
     )  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class _Side:
-    points: list[tuple[float, float]]
-    end: float
-    at_bound: bool
 
 
 def _walk(
@@ -117,8 +112,12 @@ def _walk(
     best: float,
     bound: float,
     step: float,
-) -> _Side:
-    """Find where the deviance has risen to 1.96² on one side, and look at some points more for the picture."""
+) -> tuple[list[tuple[float, float]], float, bool]:
+    """Find where the deviance has risen to 1.96² on one side, and look at some points more for the picture.
+
+    Returns:
+        Values and deviances of the points, the end of the interval, and whether it is the bound.
+    """
     from scipy.optimize import brentq
 
     limit = float(np.clip(bound, best - _FARTHEST * abs(step), best + _FARTHEST * abs(step)))
@@ -146,10 +145,8 @@ def _walk(
             height(quarter * end / 4)
     points = [(best + where * step, deviance) for where, (deviance, _) in seen.items() if where]
     if not open_ended:
-        return _Side(points, best + end * step, at_bound=False)
-    return _Side(
-        points, bound if limit == bound else float(np.copysign(np.inf, step)), at_bound=limit == bound
-    )
+        return points, best + end * step, False
+    return points, bound if limit == bound else float(np.copysign(np.inf, step)), limit == bound
 
 
 def _refit(
@@ -171,10 +168,3 @@ def _refit(
     plain = last.point.copy()
     plain[index] = value
     return minimise(normal, plain, pinned_low, pinned_high, iterations=40, tolerance=1e-6)
-
-
-def _variance(hessian: Array, free: np.ndarray, index: int) -> float:
-    keep = np.flatnonzero(free)
-    inverse = np.linalg.pinv(hessian[np.ix_(keep, keep)], rcond=1e-13, hermitian=True)
-    where = int(np.searchsorted(keep, index))
-    return float(inverse[where, where])

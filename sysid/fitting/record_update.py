@@ -20,7 +20,7 @@ from sysid.joint.law import JointLaw
 from sysid.quantity import Quantity, slide_unit
 
 
-def require_usable(fit: JointFit, board: Board | None = None) -> None:
+def require_usable(fit: JointFit, board: Board) -> None:
     """Accept a fit that may be recorded.
 
     Raises:
@@ -57,8 +57,10 @@ def require_usable(fit: JointFit, board: Board | None = None) -> None:
                 f"unchanged. Ask diagnose what the logs do show, or hold it (--fix {name}=0)."
             )
     for name in _unfixed(fit):
+        part = name.split(".")[0]
+        advice = "Record more releases, to both sides." if part == name else board.experiment(part)
         raise SysidError(
-            f"{name} is {fit.quantities[name]}: these logs do not fix it; the record is unchanged. {_advice(board, name)}"
+            f"{name} is {fit.quantities[name]}: these logs do not fix it; the record is unchanged. {advice}"
         )
 
 
@@ -75,13 +77,6 @@ def _at_bound(fit: JointFit) -> list[str]:
 def _unfixed(fit: JointFit) -> list[str]:
     known = {*table_values(fit.problem.structure), "rest_angle"}
     return [n for n, q in fit.quantities.items() if n not in known and q.std > 3 * max(abs(q.value), 1e-9)]
-
-
-def _advice(board: Board | None, name: str) -> str:
-    if "." not in name:
-        return "Record more releases, to both sides."
-    part = name.split(".")[0]
-    return effect(part).experiment_on() if board is None else board.experiment(part)
 
 
 def updated_board(board: Board, fit: JointFit, logs: Mapping[str, Path], *, heldout: float) -> Board:

@@ -102,6 +102,8 @@ def to_json(fit: "Fit") -> dict[str, Any]:
     """Return the result of the command: SI, radians, each quantity with its interval."""
     # An error of a measured rate, as the amplitude of a swing at the joint's frequency that has that rate.
     per = 1.0 / fit.law.frequency if fit.is_rate else 1.0
+    bounds = {name: list(ends) for name, ends in fit.options.bounds.items()}
+    asked = {"fixed": dict(fit.options.fixed), "bounds": bounds}
     return {
         "board": fit.before.name,
         "effects": [name for name, _ in fit.law.effects],
@@ -121,12 +123,7 @@ def to_json(fit: "Fit") -> dict[str, Any]:
             {"model": r.label, "rmse_rad": per * r.rmse, "heldout_rmse_rad": per * r.heldout_rmse}
             for r in fit.ladder
         ],
-        **({"fixed": dict(fit.options.fixed)} if fit.options.fixed else {}),
-        **(
-            {"bounds": {name: list(ends) for name, ends in fit.options.bounds.items()}}
-            if fit.options.bounds
-            else {}
-        ),
+        **{name: values for name, values in asked.items() if values},
         **({"learned": _learned_json(fit)} if fit.joint.problem.smoothing else {}),
         "status": fit.status,
         "warnings": list(fit.warnings),

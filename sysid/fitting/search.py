@@ -12,7 +12,7 @@ from sysid.errors import SysidError
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Record, measured_rest
 from sysid.joint.structure import Structure
-from sysid.least_squares import Minimum, Normal, minimise
+from sysid.least_squares import Minimum, minimise
 from sysid.progress import stage, steps
 from sysid.roll import Array
 
@@ -147,10 +147,6 @@ def search(fine: Problem, starts: Sequence[Mapping[str, float]]) -> tuple[Minimu
     Dry friction makes the cost rough, because it decides in which half swing the joint stops. So the search begins with the first
     swings, and the rest follows when the parameters are nearly right.
 
-    Args:
-        fine: The problem.
-        starts: Parameters from which the search sets out.
-
     Returns:
         The minimum, and the number of evaluations.
     """
@@ -172,9 +168,17 @@ def search(fine: Problem, starts: Sequence[Mapping[str, float]]) -> tuple[Minimu
         found[0] = scan_rough_parameters(coarse, _restarted(coarse, found[0]))
     # On the coarse grid a kink falls between two points, so its costs rank neighbours only roughly.
     most, near = (4, 3.0) if structure.nonsmooth else (2, 1.2)
+
+    def expanded(point: Array) -> Array:
+        """Return the unknowns of all records, with those of the searched ones in their place."""
+        shared = len(fine.names)
+        start = np.r_[point[:shared], fine.start(coarse.parameters(point))[shared:]]
+        fine.own(start)[kept] = coarse.own(point)
+        return start
+
     with stage(0.7, 1.0):
         ends = [
-            fine.fitted(followed(fine, fine.start(coarse.parameters(point)), kept, point), tolerance=1e-7)
+            fine.fitted(expanded(point), tolerance=1e-7)
             for cost, point in steps(found[:most])
             if cost <= near * found[0][0] or cost == found[0][0]
         ]
@@ -211,14 +215,10 @@ def _apart(ends: Sequence[Minimum]) -> list[Minimum]:
     """Return where searches ended, the best first, without those that the cost does not tell from a better one: from there all goes the same way."""
     kept: list[Minimum] = []
     for end in sorted(ends, key=lambda m: m.normal.cost):
-        if not any(_met(end.point - other.point, other.normal) for other in kept):
+        away = [(end.point - other.point, other.normal) for other in kept]
+        if not any(0.5 * float(off @ there.hessian @ off) <= _MET * there.cost for off, there in away):
             kept.append(end)
     return kept
-
-
-def _met(off: Array, there: Normal) -> bool:
-    """Return whether a search that ended so far off, shape (p,), has met the one that ended there."""
-    return 0.5 * float(off @ there.hessian @ off) <= _MET * there.cost
 
 
 _STRIDE = 1.2
@@ -302,21 +302,6 @@ def scouts(records: Sequence[Record]) -> list[int]:
     order = np.argsort([-float(np.ptp(record.signal)) for record in records], kind="stable")
     picked = np.linspace(0, len(records) - 1, min(_SCOUTS, len(records))).astype(int)
     return sorted(int(i) for i in order[picked])
-
-
-def followed(problem: Problem, whole: Array, kept: Sequence[int], point: Array) -> Array:
-    """Return the unknowns of all records with those of some records replaced, in units of their sizes, shape (p,).
-
-    Args:
-        problem: All records.
-        whole: Their unknowns, shape (p,).
-        kept: Numbers of the searched records.
-        point: The unknowns of these, shape (q,).
-    """
-    shared = len(problem.names)
-    start = np.r_[point[:shared], whole[shared:]]
-    problem.own(start)[kept] = point[shared:].reshape(len(kept), problem.n_local)
-    return start
 
 
 def first_swings(record: Record, scales: Scales, periods: float) -> Record:

@@ -20,23 +20,10 @@ BLOCK = 8
 class Stepper:
     """CasADi functions of one structure."""
 
-    structure: Structure
-    free_states: bool
-    sensitivities: bool
     initial: Any
     """(parameters, unknowns, hold) → state and sensitivities at release."""
     step: Any
     """(state and sensitivities, parameters and step) → the same one step later; output at its start."""
-
-    @property
-    def unknowns(self) -> int:
-        """Number of local unknowns of each release: roll, rate and free internal states."""
-        return 2 + (len(self.structure.internal_states) if self.free_states else 0)
-
-    @property
-    def columns(self) -> int:
-        """Columns of the sensitivities: the parameters that a fit may free, then the unknowns."""
-        return len(self.structure.fitted) + self.unknowns if self.sensitivities else 0
 
 
 @cache
@@ -104,7 +91,7 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
         whole, by_state, by_fitted, _ = stepped
         moved = ca.veccat(whole, by_column(by_state, by_fitted))
         step = ca.Function("step", [accumulated, given], ca.cse([moved, output]))
-        return Stepper(structure, free_states, sensitivities, initial, step)
+        return Stepper(initial, step)
 
     sliding = ca.Function("sliding", [y, given, slide], stepped)
     direction = equations.sliding(y)
@@ -129,7 +116,7 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     met = ca.if_else(turned, cut(state, numbers, slid), slid, True)
     turn = ca.Function("turn", [turned, state, numbers, slid], [met], {"never_inline": True})
     step = ca.Function("step", [accumulated, given], [turn(turns, accumulated, given, moved), output])
-    return Stepper(structure, free_states, sensitivities, initial, step)
+    return Stepper(initial, step)
 
 
 def _rk4_slopes(
@@ -261,7 +248,7 @@ class Rollout:
             given: Parameters and step, shape (p + 1,).
 
         Returns:
-            Shape (2 steps, 1 + columns of the stepper); the next call overwrites it.
+            Shape (2 steps, 1 + fitted parameters + unknowns); the next call overwrites it.
         """
         run, (here, numbers), (there, read) = self._block.run, self._block.inputs, self._block.outputs
         here[:], numbers[:] = start, given

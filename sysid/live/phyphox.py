@@ -49,7 +49,6 @@ class Phone:
     """As the app shows it, such as 192.168.0.42:8080."""
     folder: Path
     """Folder of its log, one table a sensor."""
-    samples: int = 0
     _sensors: list[_Sensor] = field(default_factory=list["_Sensor"])
 
     def connect(self) -> None:
@@ -117,7 +116,6 @@ class Phone:
             with (self.folder / f"{sensor.name}.csv").open("a", encoding="utf-8") as table:
                 np.savetxt(table, rows, "%.9E", ",")
             sensor.last = float(rows[:, 0].max())
-            self.samples += len(rows)
         return rows
 
     def _get(self, path: str) -> dict[str, Any]:

@@ -6,10 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sysid.board import Board
-from sysid.decay.report import verdict
 from sysid.errors import SysidError
 from sysid.free_decay import FreeDecay, fit_decay
-from sysid.quantity import Quantity
 from sysid.recording import Recording
 from sysid.roll import Release
 from sysid.text import DEGREES, display
@@ -27,17 +25,6 @@ DEFAULT_ANGLE = np.radians(10.0)
 _NUMBERS = ("no", "one", "two", "three")
 
 
-@dataclass(frozen=True, slots=True)
-class Numbers:
-    """Stiffness and damping after some releases."""
-
-    releases: int
-    stiffness: Quantity
-    damping: Quantity
-    verdict: str
-    """Whether the law is linear, as `decay` says it."""
-
-
 @dataclass(slots=True)
 class Session:
     """A measurement that grows."""
@@ -49,7 +36,6 @@ class Session:
     """Of all of them."""
     trouble: str = ""
     """Why they have no numbers."""
-    history: list[Numbers] = field(default_factory=list[Numbers])
 
     def take(self, recordings: Sequence[Recording]) -> dict[int, Release]:
         """Take all logs read so far, and return the releases that have ended since, by their numbers."""
@@ -64,13 +50,9 @@ class Session:
             return new
         self.releases = found
         try:
-            self.decay = fit_decay(found, board=self.board)
+            self.decay, self.trouble = fit_decay(found, board=self.board), ""
         except SysidError as error:
             self.trouble = str(error)
-        else:
-            self.trouble = ""
-            numbers = self.decay.numbers
-            self.history.append(Numbers(len(found), numbers.stiffness, numbers.damping, verdict(self.decay)))
         return new
 
     @property

@@ -12,6 +12,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.logs.formats.own_clock import with_own_clocks, with_whole_clock
 from sysid.logs.formats.registry import open_log
+from sysid.logs.gates import refuse_with_numbers
 from sysid.logs.sources.registry import Reading, choose_source
 from sysid.logs.table.choose import Choice, columns_of, find_column
 from sysid.logs.table.clock import MIN_SAMPLES, Clock, even_clock, repair_clock, usual_step
@@ -57,6 +58,8 @@ def roll_of_table(table: LogFile, options: LogOptions) -> Roll:
         SysidError: They hold no roll, or too little to be a measurement.
     """
     path, log = table.path, with_own_clocks(with_whole_clock(table))
+    if options.column is None:
+        refuse_with_numbers(log)
     time, columns = columns_of(log, options)
     source, choice = choose_source(log, columns, time, options)
     also = [find_column(log, name, columns, "--input").name for name in options.also]

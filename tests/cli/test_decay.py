@@ -39,10 +39,11 @@ def test_prints_releases_table_law_verdict_and_paths(log, tmp_path, capsys):
         "stiffness k = I ω_n²",
         "\n8.70e-3 φ̈ + 0.",
         "✓ linear",
+        f"next: compare the model with it: husky-sysid compare {log} --board pink",
     )
     for text in (*said, "0.0087000 ± 0.0000057", str(tmp_path / "reports" / "pink" / "decay.json")):
         assert text in out
-    assert "  roll     from 'roll_rad'\n" in err  # what was inferred
+    assert "  signal   from 'roll_rad'\n" in err  # what was inferred
     picture = tmp_path / "reports" / "pink" / "decay.png"
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert not list(picture.parent.glob(".*"))

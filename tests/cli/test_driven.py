@@ -54,6 +54,12 @@ def test_a_motor_without_gains_follows_no_command(tmp_path, command):
         called(command, LOG, "--model", tmp_path / "motor.xml", *COMMAND, "--workspace", tmp_path)
 
 
+@pytest.mark.parametrize("option", [("--prior", "damping"), ("--profile",), ("--bootstrap", 400)])
+def test_options_of_free_swings_are_refused(tmp_path, option):
+    with pytest.raises(SysidError, match="--fix and --bound"):
+        called("fit", LOG, "--model", MODEL, *COMMAND, "--to", 4, "--workspace", tmp_path, *option)
+
+
 def test_an_input_that_is_missing_is_named_with_its_option(tmp_path):
     with pytest.raises(SysidError, match="--input 'torque': there is no such column"):
         called("fit", LOG, "--model", MODEL, "--joint", "shoulder", "--input", "torque", "--input-is", "torque",

@@ -8,6 +8,8 @@ import pytest
 
 from sysid.board import load_board
 from sysid.diagnosis.demand import demand_of
+from sysid.diagnosis.posterior import Size
+from sysid.diagnosis.report import size_in_words
 from sysid.joint import JointLaw
 from sysid.noise.floor import noise_floor
 from sysid.quantity import Quantity
@@ -53,3 +55,9 @@ def test_a_linear_joint_demands_nothing():
         profile = demand.over(at)
         assert np.abs(profile.torque / profile.std).mean() < 2
         assert np.abs(profile.torque).max() < 0.1 * unit
+
+
+def test_a_share_without_a_limit_has_no_interval():
+    """Friction that stops each release after half a swing has no largest value."""
+    sizes = Size(torque_share=0.063, torque_std=190.0, energy_share=1.15, energy_std=0.01)
+    assert size_in_words(sizes) == "6 % of the peak torque, 115 % ± 2 % of the energy lost"

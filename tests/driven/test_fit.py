@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from driven_truths import Truth, make, simulate
 
-from sysid.driven.fit import fit, free_of, start_values, with_likelier_input
+from sysid.driven.diagnose import diagnose
+from sysid.driven.fit import _shorter, fit, free_of, start_values, with_likelier_input
 from sysid.driven.joint import Simulator, Structure
 from sysid.driven.log import DrivenLog, Load, log_of
 from sysid.driven.problem import Problem
@@ -90,6 +91,21 @@ def test_a_torque_gives_inertia_and_an_unknown_gain_needs_a_known_load():
     free = fit(posed(log, structure, {}, "torque-constant"))
     assert free.values["torque-constant.gain"] == pytest.approx(1.0, abs=0.02)
     assert free.quantities["torque-constant.gain"].std > 0
+
+
+def test_windows_shorten_to_the_end_though_intervals_widen_in_between():
+    """Else the result depends on the number of windows of the first fit, and so on the model's share of the inertia."""
+    truth = Truth((), "torque", 0.02, 0.01, 0.15, 0.8)
+    problem = posed(driven(truth, waves(8, 100, 0.5), 100, 4e-4), Structure("torque"), {})
+    problem = replace(problem, values=start_values(problem.structure, {"armature": 0.01}, problem.log))
+    assert [one.windows for one, *_ in _shorter((problem, problem.fitted()))] == [64, 16, 4, 1]
+
+
+def test_dry_friction_is_named_by_its_simplest_law():
+    truth = Truth(("friction",), "torque", 0.02, 0.01, 0.15, 0.8, own={"friction": 0.15})
+    found = diagnose(driven(truth, waves(6, 100, 0.8), 100, 4e-4), {})
+    assert found.effects == ("coulomb",)  # the friction of `stribeck` holds it
+    assert found.status == "missing"
 
 
 def test_friction_turns_within_a_step():

@@ -2,7 +2,9 @@
 
 import ast
 import json
+from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from driven_truths import Truth, simulate
@@ -13,8 +15,10 @@ from sysid.driven.joint import Structure
 from sysid.driven.log import DrivenLog, Load
 from sysid.driven.next_motion import next_motion
 from sysid.driven.problem import Problem
+from sysid.driven.report import fit_text
 from sysid.driven.runs import agreement
 from sysid.errors import SysidError
+from sysid.quantity import Quantity
 
 GAINS = {"servo-gains.kp": 20.0, "servo-gains.kd": 0.3}
 
@@ -48,6 +52,24 @@ def test_a_parameter_that_differs_between_logs_is_named(fits):
     quantity = same.combined.quantities["coulomb.torque"]
     assert abs(quantity.value - 0.2) < 4 * quantity.std
     assert quantity.std < min(one.quantities["coulomb.torque"].std for one in fits[:2])
+
+
+def test_a_parameter_that_varies_in_order_is_said_to_warm_up(fits):
+    falling = [
+        replace(
+            one,
+            quantities={
+                **one.quantities,
+                "damping": Quantity(0.15 - 0.02 * i, 1e-3, "N*m*s/rad"),
+                "bias": Quantity(0.0, 1.0, "N*m"),
+            },
+        )
+        for i, one in enumerate(fits)
+    ]
+    found = agreement(falling)
+    assert "warms up" in found.causes["damping"]
+    assert "bias" in found.loose
+    assert "goes with the order" in fit_text("elbow", falling, found, {})
 
 
 def test_the_next_motion_narrows_the_worst_interval_and_stays_in_range(fits):
@@ -97,3 +119,23 @@ def test_mjlab_reads_the_module(json_of_fit):
     term = space["EVENTS"]["elbow armature"]
     assert list(term.params["ranges"]) == joints["elbow"]["ranges"]["armature"]
     assert term.func.__name__ == "joint_armature"
+
+
+@pytest.mark.train
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("own", [{"kp": 20.0, "kd": 0.3}, {"gain": 1.2}, {"limit": 3.0}])
+def test_mjlab_builds_the_actuator_on_the_joint(own):
+    entity = pytest.importorskip("mjlab.entity")
+    joint = {"armature": 0.02, "damping": 0.3, "friction": 0.1, "ranges": {}, **own}
+    space: dict = {}
+    exec(mjlab_module({"elbow": joint}, timestep=0.005, source="fit.json"), space)
+    arm = '<mujoco><worldbody><body><joint name="elbow"/><geom size="0.1" mass="1"/></body></worldbody></mujoco>'
+    configuration = entity.EntityCfg(
+        spec_fn=lambda: mujoco.MjSpec.from_string(arm),
+        articulation=entity.EntityArticulationInfoCfg(actuators=space["ACTUATORS"]),
+    )
+    model = entity.Entity(configuration).spec.compile()
+    assert model.actuator_gainprm[0, 0] == own.get("kp", 1.0)
+    found = model.dof_armature[0], model.dof_damping[0], model.dof_frictionloss[0]
+    assert found == (0.02, 0.3, 0.1)
+    assert model.actuator_forcerange[0, 1] == own.get("limit", 0.0 if "kp" in own else mujoco.mjMAXVAL)

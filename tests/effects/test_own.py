@@ -8,6 +8,7 @@ from light_board import BOARD, NOISE, releases
 import sysid.effects
 from sysid.board import load_board, save_board
 from sysid.effects import _own, catalogue, effect, effect_file, origin, use_file
+from sysid.effects._base import Scales
 from sysid.errors import SysidError
 from sysid.fitting.joint import fit_joint
 from sysid.fitting.record_update import updated_board
@@ -112,3 +113,10 @@ def test_effects_are_listed_shown_and_begun(tmp_path, monkeypatch):
     assert "x⁵" in shown.stdout
     assert (tmp_path / "my-effect.png").is_file()
     assert effect("my-effect").law == "τ = -c x⁵"
+
+
+def test_a_parameter_of_an_unusual_unit_needs_a_size():
+    with pytest.raises(SysidError, match=r"'lumen': 'lm' has no usual size.*size=lambda"):
+        sysid.effects.Parameter("lumen", "lm", low=0.0, high=1.0)
+    scales = Scales(inertia=2.0, stiffness=8.0, damping=0.1, amplitude=0.5)
+    assert sysid.effects.Parameter("rest", "N*m", low=0.0, high=1.0).size(scales) == 4.0

@@ -27,14 +27,14 @@ def until(roll, time):
 def test_numbers_come_with_each_release_and_their_intervals_shrink(pink, roll):
     session = Session(pink)
     starts = [release.start for release in find_releases(roll)]
+    seen = []
     for number, start in enumerate(starts, start=1):
         assert session.take([until(roll, start + 0.6)])
         assert not session.take([until(roll, start + 0.8)])  # the same releases again
         assert len(session.releases) == number
-    assert [numbers.releases for numbers in session.history] == [1, 2, 3]
-    widths = [np.ptp(numbers.stiffness.ci95) for numbers in session.history]
-    assert widths[2] < widths[1] < widths[0]
-    low, high = session.history[-1].stiffness.ci95
+        seen.append(session.decay.numbers.stiffness.ci95)
+    first, second, (low, high) = seen
+    assert high - low < np.ptp(second) < np.ptp(first)
     assert low < 14.68 < high
 
 

@@ -307,6 +307,35 @@ def test_vectors_at_several_rates_beside_a_longer_one(tmp_path):
             read_roll(path, LogOptions(column="audio", unit="rad"))
 
 
+def test_the_clock_of_a_group_is_known_by_its_last_word(tmp_path):
+    with pytest.importorskip("h5py").File(tmp_path / "log.h5", "w") as file:
+        for group, time in (("cam", TIME + 0.003), ("enc", TIME)):
+            file[f"{group}/t"] = time
+        file["cam/brightness"], file["enc/q"] = np.cos(TIME), ROLL
+    assert right(tmp_path / "log.h5").time[0] == TIME[0]
+
+
+def test_notes_and_stray_cells_in_a_sheet(tmp_path):
+    pytest.importorskip("python_calamine")
+    with pytest.importorskip("xlsxwriter").Workbook(tmp_path / "log.xlsx") as book:
+        sheet = book.add_worksheet()
+        sheet.write(0, 0, "my experiment")
+        for row, cells in enumerate([("time_s", "roll_rad"), *zip(TIME, ROLL, strict=True)], 4):
+            sheet.write_row(row, 3, cells)
+        sheet.write(6, 7, "checked by hand")
+        sheet.write(900, 12, 42.0)
+    right(tmp_path / "log.xlsx")
+
+
+def test_the_rows_left_of_a_frame_are_no_clock(tmp_path):
+    pd, _ = pytest.importorskip("pandas"), pytest.importorskip("pyarrow")
+    frame = pd.DataFrame({"episode": 0, "timestamp": TIME, "roll_rad": ROLL})
+    pd.concat([frame.assign(episode=1), frame])[lambda rows: rows.episode == 0].to_parquet(
+        tmp_path / "log.parquet"
+    )
+    right(tmp_path / "log.parquet")
+
+
 def test_a_lerobot_data_set_is_one_log_of_its_episodes(tmp_path):
     """One file an episode, the state as a list, element names in info.json."""
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")

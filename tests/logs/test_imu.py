@@ -319,3 +319,16 @@ def test_an_accelerometer_alone_gives_the_decay_of_a_swing(tmp_path, height, giv
         rocking(roll.time, release=2.0, zeta=0.02)[0][roll.time > 2.1]
     )
     assert abs(size - 1) < 3 * roll.scale_std + 0.02
+
+
+def test_a_wide_swing_keeps_its_damping_without_a_gyro(tmp_path):
+    """The sine of a wide angle is not the angle, and the lever arm takes off a part of it."""
+    from sysid.free_decay import fit_decay
+    from sysid.releases import find_releases
+
+    time = np.arange(0, 30, 0.01)
+    _, accel = imu(time, *rocking(time, omega=5.0, zeta=0.02, amplitude=0.6), arm=(0.0, 0.0, -0.15))
+    accel = accel + np.random.default_rng(3).normal(0, 0.02, accel.shape)
+    path = write_csv(tmp_path / "log.csv", ("t_s", "ax", "ay", "az"), time, *accel.T)
+    ratio = fit_decay(find_releases(read_roll(path))).numbers.damping_ratio
+    assert abs(ratio.value - 0.02) < 4 * ratio.std

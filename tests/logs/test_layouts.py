@@ -157,6 +157,7 @@ def test_encodings(tmp_path, encoding):
         ("tempo", "angolo [°]"), ("время", "угол [°]"), ("Zeit", "Winkel (Grad)"), ("temps", "angle (degrés)"),
         ("tiempo", "ángulo_deg"), ("czas", "kąt [°]"), ("时间", "角度(°)"), ("時間", "角度_deg"), ("시간", "각도 (deg)"),
         ("tijd", "hoek_deg"), ("süre", "açı (°)"), ("čas", "úhel [°]"), ("χρόνος", "γωνία [°]"), ("tid", "vinkel_deg"),
+        ("thời gian", "góc [°]"), ("समय", "कोण_deg"),
     ],
 )  # fmt: skip
 def test_time_and_angle_in_other_languages(tmp_path, time, angle):
@@ -167,6 +168,11 @@ def test_time_and_angle_in_other_languages(tmp_path, time, angle):
 def test_the_only_column_that_moves_is_the_motion(tmp_path, names):
     roll = right(text(tmp_path, [names, *rows("{:.4f},{:.6f}", TIME, ROLL)]))
     assert any("only column that moves" in said for said in roll.warnings)
+
+
+def test_noise_is_no_motion(tmp_path):
+    held = 0.4 + np.random.default_rng(6).normal(0, 2e-3, N)
+    right(text(tmp_path, ["Timestamp,shoulder,ankle", *rows("{:.4f},{:.6f},{:.6f}", TIME, held, ROLL)]))
 
 
 @pytest.mark.parametrize("name", ["log.zip", "log.parquet", "log"])
@@ -269,6 +275,25 @@ def test_shapes_of_json(tmp_path, shape):
     assert right(path).origin == ("imu" if "ensor" in shape else "gyro" if "clock" in shape else "angle")
 
 
+def test_signals_with_a_clock_each(tmp_path):
+    """Of an angle beside an accelerometer; and of a gyro too fast for rad/s."""
+    path, time = tmp_path / "log.json", (1e3 * TIME).tolist()
+    path.write_text(
+        json.dumps(
+            {
+                name: {"time": time, "data": list(data)}
+                for name, data in (("accel.x", 0 * TIME), ("angle_deg", DEG))
+            }
+        )
+    )
+    assert right(path).origin == "angle"
+    rates = {
+        axis: np.degrees(data).tolist() for axis, data in (("x", MOTION[1]), ("y", 0 * TIME), ("z", 0 * TIME))
+    }
+    path.write_text(json.dumps({"gyroscope": {"timestamp_ms": time, **rates}}))
+    assert right(path).origin == "gyro"
+
+
 def test_lines_of_json_may_be_cut_at_their_end(tmp_path):
     lines, torn = [json.dumps(record) for record in RECORDS], '{"time_s": 6.0, "ro'
     right(text(tmp_path, [*lines, torn], "log.jsonl"))
@@ -298,7 +323,7 @@ def test_json_without_a_table_is_refused(tmp_path, content):
         ("omega_degs", "rate", "", "deg/s"), ("gyro_rad[0]", "rate", "x", "rad/s"), ("q[0]", "quaternion", "w", None),
         ("q[3]", "quaternion", "z", None), ("imu.rpy[0]", "angle", "x", None), ("joint.position[1]", "angle", "", None),
         ("qpos0", "angle", "", None), ("field.position0", "angle", "", None), ("SampleTimeFine", "time", "", "100 us"),
-        ("X_Value", "time", "", "s"), ("vel_estimate [turns/s]", "rate", "", "turn/s"), ("roll_rads", "angle", "x", "rad"),
+        ("X_Value", "time", "", "s"), ("enc/t", "time", "", None), ("encoder/time_s", "time", "", "s"), ("encoder.ticks", "angle", "", None), ("roll_time", "time", "", None), ("vel_estimate [turns/s]", "rate", "", "turn/s"), ("roll_rads", "angle", "x", "rad"),
     ],
 )  # fmt: skip
 def test_names_tell_quantity_axis_and_unit(name, kind, axis, unit):
@@ -336,6 +361,16 @@ def test_a_bob_turns_about_the_centre_of_its_circle(tmp_path, pixels):
     roll = right(bob(tmp_path, pixels=pixels, header=header))
     assert roll.scale_std > 0
     assert np.corrcoef(roll.roll, MOTION[0])[0, 1] > 0.99
+
+
+def test_a_point_beside_its_likelihood(tmp_path):
+    """Three rows of names above, as pose trackers write them, and no time."""
+    x, y = 640 + 300 * np.sin(ROLL), 300 + 300 * np.cos(ROLL)
+    names = ["scorer,a,a,a", "bodyparts,bob,bob,bob", "coords,x,y,likelihood"]
+    sure = np.random.default_rng(2).uniform(0.9, 1, N)
+    right(
+        text(tmp_path, [*names, *rows("{:.0f},{:.3f},{:.3f},{:.3f}", np.arange(N), x, y, sure)]), rate=100.0
+    )
 
 
 def test_a_pivot_may_be_given(tmp_path):

@@ -58,3 +58,11 @@ def test_the_angle_that_moves_wins_over_the_one_called_roll(tmp_path):
     roll = read(tmp_path, data)
     assert frequency(roll) == pytest.approx(OMEGA, rel=2e-3)
     assert any("'sensPitch' does" in text for text in roll.warnings)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3])
+def test_of_two_rates_the_livelier_is_taken(tmp_path, share):
+    noise = np.random.default_rng(1).normal(0, 0.01, (2, len(TIME)))
+    slow = share * rocking(TIME, omega=0.5 * OMEGA)[1]
+    data = {"t_s": TIME, "j1_vel": slow + noise[0], "j2_vel": rocking(TIME)[1] + noise[1]}
+    assert frequency(read(tmp_path, data)) == pytest.approx(OMEGA, rel=2e-3)

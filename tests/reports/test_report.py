@@ -268,6 +268,10 @@ def test_a_diagnosis_older_than_the_fit_is_not_shown_as_current(space, tmp_path)
     assert "✓ coulomb (dry friction) added; nothing is left" in text
     assert "husky-sysid check" in text
     assert "✗ coulomb" not in text
+    text = page_of(
+        {**diagnosed(board, effects=["coulomb", "offset"]), "record": "another"}
+    )  # fits find the rest
+    assert "offset (rest angle moved) added; nothing is left" in text
     text = page_of({**diagnosed(board, effects=["freeplay"]), "record": "another"})
     assert "Not asked since the record was last changed" in text
     text = page_of(diagnosed(board, effects=["freeplay"]))

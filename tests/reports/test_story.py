@@ -10,8 +10,11 @@ from decay_truth import Recipe, make_roll
 
 from reports.figures.story import panels, story_figure
 from reports.story import STOOD, Step, law_of_candidate, ranked, tell
+from sysid.board import BoardEffect
 from sysid.diagnosis.diagnose import diagnose
+from sysid.effects.weight import EFFECT as WEIGHT
 from sysid.joint import JointLaw
+from sysid.quantity import Quantity
 from sysid.releases import find_releases
 
 STIFF, DAMP, FRICTION = 14.68, 0.06, 0.15
@@ -65,6 +68,29 @@ def test_the_missing_torque_is_the_law_of_what_is_missing(story):
     moving = np.abs(seen.at) > 0.5
     # Logs with other noise give 0.135 to 0.165.
     assert -np.mean(seen.torque[moving] * np.sign(seen.at[moving])) == pytest.approx(FRICTION, rel=0.15)
+
+
+def test_the_known_weight_of_a_model_is_not_missing(pink):
+    """A pendulum with friction: only the friction is left beside its weight."""
+    weight, inertia = 0.5, pink.inertia.value
+
+    def swings(angle, rate):
+        return (-weight * np.sin(angle) - 0.01 * rate - 0.01 * np.tanh(rate / 1e-3)) / inertia
+
+    data = find_releases(make_roll(Recipe(law=swings, sampling=500, amplitudes=(0.6, -0.4, 0.5), noise=1e-3)))
+    law = JointLaw(inertia=inertia, stiffness=0.0, damping=0.01).with_effect(
+        "weight", 1, 0, -weight, 0, 0, 0, 0, 0
+    )
+    known = zip(WEIGHT.parameters, dict(law.effects)["weight"], strict=True)
+    own = BoardEffect("weight", {p.name: Quantity(value, 0.0, p.unit) for p, value in known})
+    told = tell(
+        data,
+        replace(pink, effects=(own,)),
+        laws=(law, law.with_effect("coulomb", 0.01)),
+        effects=("coulomb",),
+    )
+    seen = told.over_angle.seen
+    assert np.all(np.abs(seen.torque) < 0.02 + 1.96 * seen.std)  # the weight pulls with 0.28 N*m
 
 
 def test_the_residual_is_white_only_with_what_was_missing(story):

@@ -4,7 +4,6 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -146,32 +145,23 @@ def find_dialect(path: Path, lines: Sequence[str]) -> tuple[str, str, int]:
 
 def first_row(rows: Sequence[tuple[int, str]], delimiter: str, decimal: str, width: int) -> int:
     """Return the index of the first of `rows` that is like those below it: numbers and dates where they have some."""
-
-    @cache
-    def marked(index: int) -> tuple[list[str], list[bool]]:
-        row = split_line(rows[index][1], delimiter)
-        return row, [_is_date(cell) or is_number(cell, decimal) for cell in row]
-
-    last = range(max(0, len(rows) - 200), len(rows))
-    body = [marks for row, marks in map(marked, last) if len(row) == width and any(row)]
+    table = [split_line(line, delimiter) for _, line in rows]
+    marked = [[_is_date(cell) or is_number(cell, decimal) for cell in row] for row in table]
+    body = [
+        marks
+        for row, marks in zip(table[-200:], marked[-200:], strict=True)
+        if len(row) == width and any(row)
+    ]
     numeric = [sum(column) * 2 > len(body) for column in zip(*body, strict=True)]
-
-    @cache
-    def fits(index: int) -> bool:
-        row, marks = marked(index)
-        return (
-            len(row) == width
-            and all(mark or not wanted for mark, wanted in zip(marks, numeric, strict=True))
-            and any(cell and mark for cell, mark in zip(row, marks, strict=True))
-        )
-
+    fits = [
+        len(row) == width
+        and all(mark or not wanted for mark, wanted in zip(marks, numeric, strict=True))
+        and any(cell and mark for cell, mark in zip(row, marks, strict=True))
+        for row, marks in zip(table, marked, strict=True)
+    ]
     for index in range(len(rows)):
-        after = (
-            [fits(other) for other in range(index + 1, min(index + 11, len(rows)))]
-            if fits(index)
-            else [False]
-        )
-        if all(after[:1]) and sum(after) * 2 >= len(after):
+        after = fits[index + 1 : index + 11]
+        if fits[index] and all(after[:1]) and sum(after) * 2 >= len(after):
             return index
     return 0
 

@@ -10,7 +10,7 @@ from sysid.logs.formats.tables import sensor_tables
 from sysid.logs.table.clock import MIN_SAMPLES, rises, time_scale
 from sysid.logs.table.content import numbers_of
 from sysid.logs.table.file import LogFile
-from sysid.logs.table.names import TIME_UNITS, Column, parse_column, stem_of_clock
+from sysid.logs.table.names import TIME_UNITS, parse_column, stem_of_clock
 from sysid.roll import Array
 
 
@@ -45,11 +45,18 @@ def with_own_clocks(log: LogFile) -> LogFile:
 
 def with_whole_clock(log: LogFile) -> LogFile:
     """Return a log in which one column [s] stands for whole seconds and the fraction beside them; the log itself where it has none."""
-    columns = [parse_column(name, log.units.get(name)) for name in log.names]
-    pair = _pair(columns)
-    if pair is None:
+    times = [c for c in (parse_column(name, log.units.get(name)) for name in log.names) if c.kind == "time"]
+    pairs = (
+        (whole, part)
+        for whole in times
+        for part in times
+        if whole.unit == "s"
+        and part.unit in ("ms", "us", "ns")
+        and stem_of_clock(whole) == stem_of_clock(part)
+    )
+    whole, part = next(pairs, (None, None))
+    if whole is None or part is None:
         return log
-    whole, part = pair
     values = log.read([whole.name, part.name])
     seconds, fraction = values[whole.name], values[part.name] * TIME_UNITS[part.unit or "s"]
     if (
@@ -69,12 +76,3 @@ def with_whole_clock(log: LogFile) -> LogFile:
         joined if name == whole.name else name for name in log.names
     )  # users count them in the file
     return replace(log, names=names, units={**log.units, joined: "s"}, read=read)
-
-
-def _pair(columns: Sequence[Column]) -> tuple[Column, Column] | None:
-    """Return the columns of whole seconds and of the rest of each, by their names."""
-    times = [column for column in columns if column.kind == "time"]
-    whole = [column for column in times if column.unit == "s"]
-    parts = [column for column in times if column.unit in ("ms", "us", "ns")]
-    pairs = ((one, other) for one in whole for other in parts if stem_of_clock(one) == stem_of_clock(other))
-    return next(pairs, None)

@@ -34,11 +34,6 @@ class Format:
     """The file as named columns of numbers."""
 
 
-def starts_with(magic: bytes) -> Callable[[Path, bytes], bool]:
-    """Return the test for a format that is known by its first bytes."""
-    return lambda _, head: head.startswith(magic)
-
-
 def refuse_larger(path: Path, size: float) -> None:
     """Refuse a file that unpacks to too many bytes.
 

@@ -4,11 +4,14 @@ import csv
 import re
 import tempfile
 import zipfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from sysid.errors import SysidError, needs_extra
 from sysid.logs.formats.phone_exports import merge
 from sysid.logs.formats.registry import MAX_UNPACKED, Format, named_as, refuse_larger, undamaged
+from sysid.logs.table.clock import MIN_SAMPLES
 from sysid.logs.table.file import LogFile
 
 CELL = 64
@@ -35,10 +38,19 @@ def open_workbook(path: Path) -> LogFile:
             file = Path(folder) / str(number) / f"{name.replace('/', ' ')}.csv"
             file.parent.mkdir()
             with file.open("w", newline="", encoding="utf-8") as out:
-                csv.writer(out).writerows(rows)
+                csv.writer(out).writerows(_table(rows))
             files.append(file)
         with named_as(path, Path(folder)):
             return merge(path, [file for file in files if file.stat().st_size > 0])
+
+
+def _table(rows: Sequence[Sequence[Any]]) -> Iterator[list[Any]]:
+    """Yield the rows of a sheet without the columns that are too short for a log: notes and stray cells."""
+    filled = [sum(cell not in ("", None) for cell in column) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = [cell for cell, count in zip(row, filled, strict=True) if count >= MIN_SAMPLES]
+        if any(cell not in ("", None) for cell in cells):
+            yield cells
 
 
 def _refuse_bomb(path: Path) -> None:

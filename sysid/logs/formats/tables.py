@@ -10,7 +10,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.logs.table.clock import time_scale
 from sysid.logs.table.file import LogFile
-from sysid.logs.table.names import parse_column, sensor_of
+from sysid.logs.table.names import MAX_RATE, parse_column, sensor_of
 from sysid.roll import Array
 
 T = TypeVar("T")
@@ -21,7 +21,9 @@ VALUE = ("value", "val", "values", "data")
 """Names of the one quantity of a table whose own name says more."""
 GYRO = re.compile(r"gyr|angular.?(vel|rate)", re.I)
 """Names of the gyro's table: phones measure in rad/s."""
-MOTION = re.compile(rf"{GYRO.pattern}|acc|orient|attitude|grav|motion|raw|rotation", re.I)
+MOTION = re.compile(
+    rf"{GYRO.pattern}|acc|orient|attitude|grav|motion|raw|rotation|angle|roll|tilt|encod|joint", re.I
+)
 """Names of the tables of motion sensors; a GPS or a microphone beside them is left alone."""
 
 
@@ -80,9 +82,10 @@ def merge_logs(path: Path, logs: Mapping[str, LogFile], kind: str) -> LogFile:
         if np.count_nonzero(finite) < 2:
             continue
         scale, _ = time_scale(clock[finite], times[0].unit)
+        fast = any(np.nanmax(np.abs(column), initial=0.0) > MAX_RATE for column in values.values())
         tables[stem] = (
             clock[finite] * scale,
-            {_full_name(stem, name): column[finite] for name, column in values.items()},
+            {_full_name(stem, name, fast=fast): column[finite] for name, column in values.items()},
         )
     if not tables:
         raise SysidError(
@@ -94,8 +97,11 @@ def merge_logs(path: Path, logs: Mapping[str, LogFile], kind: str) -> LogFile:
     return sensor_tables(path, clocks, columns, f"table: {kind} with {', '.join(tables)}")
 
 
-def _full_name(stem: str, name: str) -> str:
-    """Put the sensor's name before a bare axis; what the phone fused itself counts as second-hand."""
+def _full_name(stem: str, name: str, *, fast: bool) -> str:
+    """Put the sensor's name before a bare axis; what the phone fused itself counts as second-hand.
+
+    Numbers that are too `fast` for rad/s are not a phone's.
+    """
     sensor, column = sensor_of(stem), parse_column(name)
     if name.lower() in VALUE:
         return stem
@@ -104,7 +110,7 @@ def _full_name(stem: str, name: str) -> str:
     if column.kind == "unknown" and column.axis:
         name = f"{sensor} {name}"
     bare = name.startswith(f"{sensor} ") and column.unit is None
-    return f"{name} (rad/s)" if bare and GYRO.search(stem) else name
+    return f"{name} (rad/s)" if bare and GYRO.search(stem) and not fast else name
 
 
 def motion_first(tables: Iterable[T], name: Callable[[T], str] = str) -> list[T]:

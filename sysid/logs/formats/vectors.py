@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sysid.errors import SysidError, needs_extra
-from sysid.logs.formats.registry import Format, refuse_larger, starts_with, undamaged
+from sysid.logs.formats.registry import Format, refuse_larger, undamaged
 from sysid.logs.formats.tables import sensor_tables
 from sysid.logs.table.clock import rises, time_scale
 from sysid.logs.table.file import LogFile
@@ -92,13 +92,13 @@ def log_of_vectors(path: Path, kind: str, content: Mapping[str, Any]) -> LogFile
         for clock in rising
         if clock in used
     }
-    return sensor_tables(path, clocks, columns, f"table: {kind} file with {', '.join(named)}")
+    signals = {name: column for name, column in columns.items() if name not in clocks}
+    return sensor_tables(path, clocks, signals, f"table: {kind} file with {', '.join(named)}")
 
 
-MATLAB = Format(name="MATLAB", order=5, sniff=starts_with(b"MATLAB 5.0"), open=open_mat)
+MATLAB = Format(
+    name="MATLAB", order=5, sniff=lambda path, head: head.startswith(b"MATLAB 5.0"), open=open_mat,
+)  # fmt: skip
 HDF5 = Format(
-    name="HDF5",
-    order=6,
-    sniff=lambda path, head: starts_with(b"\x89HDF")(path, head) or head.startswith(b"MATLAB 7.3"),
-    open=open_hdf5,
-)
+    name="HDF5", order=6, sniff=lambda path, head: head.startswith((b"\x89HDF", b"MATLAB 7.3")), open=open_hdf5,
+)  # fmt: skip

@@ -42,7 +42,7 @@ def find_angle(columns: Sequence[Column], axis: str, sign: float) -> list[Choice
     if len(angles) > 1:
         rivals = ", ".join(repr(column.name) for column in angles[1:5])
         alike = tuple(column.name for column in angles[1:] if odd(column) == odd(angles[0]))
-        rather = note("roll", f"from '{angles[0].name}' rather than {rivals}")
+        rather = note("signal", f"from '{angles[0].name}' rather than {rivals}")
         choices[0] = replace(choices[0], remarks=rather, rivals=alike)
     if angles and not axis and angles[0].axis in ("y", "z"):
         aside = f"'{angles[0].name}' is the only angle and taken as roll, though its name says otherwise"
@@ -91,16 +91,11 @@ def unwrap_angle(choice: Choice, angle: Array) -> tuple[Choice, Array]:
         told = f"'{choice.columns[0]}' names no unit; {unit}, because it jumps by {TURNS[unit]:.4g}"
         choice = replace(choice, unit=unit).with_remarks(note("unit", told))
     turn = 2 * np.pi / abs(choice.scale or ANGLE_UNITS[choice.unit or _likely_unit(_reach(angle))])
-    unwrapped, count = _unwrapped(angle, turn)
+    unwrapped = np.unwrap(angle, period=turn)
+    count = np.count_nonzero(np.diff(np.rint((unwrapped - angle) / turn)))
     if not count:
         return choice, angle
     return choice.with_remarks(note("angle", f"wrapped by a whole turn {count} times, unwrapped")), unwrapped
-
-
-def _unwrapped(angle: Array, turn: float) -> tuple[Array, int]:
-    """Return an angle without jumps by more than half a turn, shape (n,), and their number."""
-    unwrapped = np.unwrap(angle, period=turn)
-    return unwrapped, int(np.count_nonzero(np.diff(np.rint((unwrapped - angle) / turn))))
 
 
 def _unit_by_wraps(angle: Array) -> str | None:
@@ -129,9 +124,10 @@ def roll_from_angle(reading: Reading) -> Roll:
     roll = angle if factor == 1 else angle * factor
     slides = choice.unit in LENGTHS["angle"]
     show = display(is_rate=False, slides=slides)
-    if not slides:
-        roll, moved = _near_zero(roll)
-        remarks += moved
+    turns = 0.0 if slides else float(np.round(np.median(roll[:: max(1, roll.size // 100_000)]) / (2 * np.pi)))
+    if turns:
+        roll = roll - 2 * np.pi * turns
+        remarks += note("angle", f"{turns:+g} whole turns taken off")
     noise = noise_of(reading.time, roll)
     if reading.std is not None and np.all(reading.std > 0):
         std = reading.std * abs(scale)
@@ -148,15 +144,6 @@ def roll_from_angle(reading: Reading) -> Roll:
             f"{show(roll.max(), 3)}): they count for little, and amplitudes near there are lower bounds"
         )
     return reading.as_roll(roll, std, "position" if slides else "angle", remarks, unit_size=factor)
-
-
-def _near_zero(roll: Array) -> tuple[Array, Remarks]:
-    """Bring the middle of the record into ±half a turn."""
-    turn = 2 * np.pi
-    whole = float(np.round(np.median(roll[:: max(1, roll.size // 100_000)]) / turn))
-    if not whole:
-        return roll, Remarks()
-    return roll - whole * turn, note("angle", f"{whole:+g} whole turns taken off")
 
 
 SOURCE = Source(

@@ -7,10 +7,10 @@ import numpy as np
 
 from sysid.errors import SysidError
 from sysid.logs.sources.axis import find_roll_axis
-from sysid.logs.sources.registry import LENGTHS, MAX_RATE, Reading, Source, known_scale
+from sysid.logs.sources.registry import LENGTHS, Reading, Source, known_scale
 from sysid.logs.sources.swing_smoother import PER_SWING, ROUNDS, integral_of
 from sysid.logs.table.choose import Choice, chosen, triple
-from sysid.logs.table.names import RATE_UNITS, Column, unit_kind
+from sysid.logs.table.names import MAX_RATE, RATE_UNITS, Column, unit_kind
 from sysid.logs.table.noise import noise_of
 from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.noise.sensor import clipped_rows
@@ -19,15 +19,20 @@ from sysid.roll import Array, Roll
 
 
 def find_gyro(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
-    """Return the three rates of one gyro, or else the one rate whose name is the plainest."""
+    """Return the three rates of one gyro, or else single rates, the one whose name is the plainest first."""
     gyro = triple(columns, "rate", "xyz")
     if gyro is not None:
         return [chosen(gyro, axis, sign, f"from gyro '{gyro[0].name}'..., integrated")]
     rates = [c for c in columns if c.kind == "rate" and (not axis or (c.axis or "x") == axis)]
-    if not rates:
-        return []
-    rates.sort(key=lambda c: (c.doubt, c.axis in ("y", "z"), not c.is_roll, c.unit is None))
-    return [chosen(rates[:1], "", sign, f"from the rate '{rates[0].name}', integrated")]
+
+    def odd(column: Column) -> tuple[object, ...]:
+        return column.doubt, column.axis in ("y", "z"), not column.is_roll
+
+    rates.sort(key=lambda c: (*odd(c), c.unit is None))
+    alike = tuple(c.name for c in rates[1:] if odd(c) == odd(rates[0]))
+    return [
+        replace(chosen([c], "", sign, f"from the rate '{c.name}', integrated"), rivals=alike) for c in rates
+    ]
 
 
 def gyro_from(column: Column, columns: Sequence[Column], sign: float) -> Choice:

@@ -180,6 +180,8 @@ def roll_from_accelerometer(reading: Reading) -> Roll:
     Raises:
         SysidError: They hold no gravity, or the axis is upright.
     """
+    from scipy.interpolate import CubicSpline
+
     choice = reading.choice
     accel, remarks = accel_in_si(np.stack(reading.signals, axis=1), choice)
     mean = np.zeros(3) if accel is None else accel.mean(axis=0)
@@ -215,7 +217,8 @@ def roll_from_accelerometer(reading: Reading) -> Roll:
     shown = ", ".join(f"{value:.2f}" for value in axis * choice.sign)
     along = plane.of(accel).imag
     roll = along / tilt
-    roll = (along + swing.gravity * (roll - np.sin(roll))) / tilt
+    wide = roll if scale_std == 1 else CubicSpline(blocks.edges, swing.angle)(reading.time)
+    roll = (along + swing.gravity * (wide - np.sin(wide))) / tilt
     std = noise_of(reading.time, along).std / abs(tilt)
     remarks += note("axis", f"({shown}) of the sensor, taken as forward") + plane.zero
     remarks += note("noise", f"{np.rad2deg(std):.2g}° from the whole signal")

@@ -23,6 +23,7 @@ from sysid.logs.table.found import found_in
 from sysid.logs.table.names import (
     ANGLE_UNITS,
     LENGTH_UNITS,
+    MAX_RATE,
     RATE_UNITS,
     SPEED_UNITS,
     Column,
@@ -32,10 +33,9 @@ from sysid.logs.table.names import (
 from sysid.logs.table.options import LogOptions
 from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.logs.table.rows import LARGEST
+from sysid.noise.sensor import estimate_noise
 from sysid.roll import Array, Roll
 
-MAX_RATE = 35.0
-"""No common gyro measures more than 2000 °/s = 34.9 rad/s: larger numbers are degrees [rad/s]."""
 MIN_MOTION_SHARE = 0.2
 """A column that turns less than this share of another is not the deck's [1]."""
 DUPLICATE_CORRELATION = 0.9
@@ -178,7 +178,9 @@ def _only_motion(log: LogFile, columns: Sequence[Column], options: LogOptions) -
             if column.kind in kinds:
                 with suppress(SysidError):  # words
                     values = log.read([column.name])[column.name]
-                    if np.unique(values[np.isfinite(values)]).size > MIN_SAMPLES:
+                    values = values[np.isfinite(values)]
+                    noise = estimate_noise(values).std if values.size > MIN_SAMPLES else np.inf
+                    if np.unique(values).size > MIN_SAMPLES and noise < MIN_MOTION_SHARE * values.std():
                         moving.append(column)
         if (
             len({re.sub(r"\d", "", column.name) for column in moving}) == 1

@@ -44,10 +44,10 @@ class Choice:
 
 
 def chosen(columns: Sequence[Column], axis: str, sign: float, how: str, **more: Any) -> Choice:
-    """Return columns as a choice, of unit and doubt as the first of them; the note on roll says `how` it is made."""
+    """Return columns as a choice, of unit and doubt as the first of them; the note on the signal says `how` it is made."""
     return Choice(
         columns=tuple(column.name for column in columns), unit=columns[0].unit, doubt=columns[0].doubt, axis=axis,
-        sign=sign, remarks=note("roll", how), **more,
+        sign=sign, remarks=note("signal", how), **more,
     )  # fmt: skip
 
 

@@ -33,10 +33,13 @@ def told_by_content(log: LogFile, columns: Sequence[Column], *, clock_alone: boo
         if column.size < 2 or column.min() == column.max():
             continue
         if np.all(np.diff(column) > 0):  # what swings goes back
-            found[name] = "count" if _counts(column) else "time"
+            whole = bool(np.all(column == np.rint(column)))
+            counts = whole and float(np.median(np.diff(column))) == 1  # it skips the numbers of lost rows
+            found[name] = "count" if counts else "time"
         else:
             moving.append(name)
-    if not clock_alone:
+    point = {"x", "y"} <= {column.axis for column in columns if column.name in moving}
+    if not clock_alone and not point:
         if len(moving) != 1:
             raise SysidError(
                 f"{log.path}: nothing says which of the columns {', '.join(map(repr, log.names[:12]))} is roll. "
@@ -56,8 +59,3 @@ def numbers_of(log: LogFile) -> dict[str, Array]:
             with suppress(SysidError):
                 columns |= log.read([name])
         return columns
-
-
-def _counts(column: Array) -> bool:
-    """Return whether a column, numbers without unit of shape (n,), counts the rows; of some that were lost, it skips the numbers."""
-    return bool(np.all(column == np.rint(column))) and float(np.median(np.diff(column))) == 1

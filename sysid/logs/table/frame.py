@@ -11,14 +11,14 @@ from sysid.roll import Array
 def columns_of_frame(frame: Any) -> tuple[dict[str, Array], dict[str, str]]:
     """Return the columns that hold numbers or dates, shape (n,), and the units of the dates.
 
-    An index that is no plain count is a column too.
+    An index that does not merely count rows is a column too.
 
     Raises:
         SysidError: No column holds numbers.
     """
     import pandas as pd
 
-    if not isinstance(frame.index, pd.RangeIndex):
+    if frame.index.name is not None or not pd.api.types.is_integer_dtype(frame.index):
         frame = frame.reset_index(names=str(frame.index.name or "time"))
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -51,33 +52,25 @@ def free_rows(
         time: [s], shape (n,).
         motion: The joint's angle in the unit of the log, shape (n,).
     """
+    from scipy.ndimage import binary_opening, find_objects, label
+
     if kind == "switch":
         free = ~(np.nan_to_num(values) > 0.5)
     elif kind == "current":
-        free = _long_runs(np.abs(values) <= 5 * noise_of(time, np.nan_to_num(values)).std)
+        near = np.abs(values) <= 5 * noise_of(time, np.nan_to_num(values)).std
+        # One that changes its sign is near zero for a moment.
+        free = np.asarray(binary_opening(near, np.ones(MIN_SAMPLES)), np.bool_)
     else:
         free = _left_behind(values, motion)
     if free.all() or (kind != "switch" and not free.any()):
         return None, Remarks()
     if not free.any():
         return free, warning(f"'{name}' says that the joint is driven all the time: nothing swings freely")
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], free, [False])).astype(np.int8)))
-    spans = [
-        f"{shown(float(time[a]))} to {shown(float(time[b - 1]))}"
-        for a, b in zip(edges[::2], edges[1::2], strict=True)
-        if b - a >= MIN_SAMPLES
-    ]
+    numbered: Any = label(free)  # its stubs do not know that it returns two
+    stretches = [time[rows] for (rows,) in find_objects(numbered[0])]
+    spans = [f"{shown(float(s[0]))} to {shown(float(s[-1]))}" for s in stretches if s.size >= MIN_SAMPLES]
     listed = ", ".join(spans[:5]) + (f" and {len(spans) - 5} more" if len(spans) > 5 else "")
     return free, note("free", f"'{name}' reports a free joint from {listed}")
-
-
-def _long_runs(near: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Keep stretches of at least `MIN_SAMPLES` rows: a current that changes its sign is near zero for a moment."""
-    free = near.copy()
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], near, [False])).astype(np.int8)))
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        free[begin:end] = end - begin >= MIN_SAMPLES
-    return free
 
 
 def _left_behind(goal: Array, motion: Array) -> npt.NDArray[np.bool_]:

@@ -79,6 +79,8 @@ ANGLE_UNITS, RATE_UNITS, ACCEL_UNITS, LENGTH_UNITS, SPEED_UNITS, TIME_UNITS = (
     {unit: _size(unit) for unit in units} for units in _SPELLINGS.values()
 )
 """rad, rad/s, m/s², m, m/s and s in one of each unit."""
+MAX_RATE = 35.0
+"""No common gyro measures more than 2000 °/s = 34.9 rad/s: larger numbers are degrees [rad/s]."""
 _UNIT_KIND: dict[str, Kind] = {unit: kind for kind, units in _SPELLINGS.items() for unit in units}
 _UNITS = {
     alias: unit
@@ -90,7 +92,8 @@ _UNITS = {
 
 def _plain(text: str) -> str:
     """Return text without the marks above and below its letters: é is e."""
-    return unicodedata.normalize("NFC", re.sub("[\u0300-\u036f]", "", unicodedata.normalize("NFD", text)))
+    letters = (c for c in unicodedata.normalize("NFD", text) if not unicodedata.category(c).startswith("M"))
+    return unicodedata.normalize("NFC", "".join(letters))
 
 
 def _vocabulary(words: str) -> set[str]:
@@ -100,7 +103,7 @@ def _vocabulary(words: str) -> set[str]:
 _TIME_WORDS = _vocabulary(
     "t|time|times|timestamp|timestamps|stamp|elapsed|clock|ts|epoch|datetime|utc|millis|micros|arrival|"
     "tick|ticks|zeit|zeitpunkt|uhrzeit|tiempo|temps|tempo|czas|tid|tijd|aika|cas|ido|timp|zaman|sure|"
-    "vreme|vrijeme|tempus|waktu|masa|время|час|χρονος|時間|时间|時刻|时刻|시간|समय|เวลา|الزمن|الوقت|زمن|זמן"
+    "vreme|vrijeme|tempus|thoi|waktu|masa|время|час|χρονος|時間|时间|時刻|时刻|시간|समय|เวลา|الزمن|الوقت|زمن|זמן"
 )
 _RATE_WORDS = _vocabulary(
     "gyro|gyr|gyroscope|gyroscopes|gyroskop|giroscopio|gyroskopet|omega|rate|speed|velocity|vel|dot|qvel|"
@@ -154,7 +157,9 @@ _CLOCKS = {"sample time fine": "100 us", "x value": "s"}
 """Clocks of Xsens and LabVIEW."""
 _VECTORS = _QUATERNION_WORDS | _GYRO_WORDS | _vocabulary("acc|accel|accelerometer|angular|rpy|euler|xyz")
 """Words of vectors: an index behind them is an axis. The index of `position[0]` is a joint."""
-_GREEK = str.maketrans({"φ": "phi", "ϕ": "phi", "θ": "theta", "ω": "omega", "γ": "tilt", "ψ": "psi"})
+_GREEK = {"φ": "phi", "ϕ": "phi", "θ": "theta", "ω": "omega", "γ": "tilt", "ψ": "psi"}
+_SYMBOL = re.compile(rf"(?<![α-ω])[{''.join(_GREEK)}](?![α-ω])")
+"""Greek letters that stand alone, and so are symbols."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +207,12 @@ def parse_column(name: str, unit: str | None = None) -> Column:
         return Column(name, "time", "", clock, 0, "")
     if index := re.search(r"\[([0-3])\]", name):
         words = _indexed(words, int(index[1]))
-    kind = _kind(words, found)
+    leaf = _split_unit(_words(re.split(r"[/.]", label)[-1]))[
+        0
+    ]  # the group before it is no quantity: 'enc/t', 'roll_time'
+    clocks = _TIME_WORDS - _COUNT_WORDS
+    named = set(leaf) <= clocks or (leaf[-1:] and len(leaf[-1]) > 2 and leaf[-1] in clocks)
+    kind = "time" if named else _kind(words, found)
     if kind == "rate" and unit_kind(found) == "angle":
         found = f"{found}/s"  # 'gyro_x_rads' and 'gyro_deg'
     if found is not None and kind != "std" and unit_kind(found) != kind:
@@ -256,7 +266,11 @@ def _split_brackets(name: str) -> tuple[str, str]:
 
 
 def _words(label: str) -> list[str]:
-    label = re.sub(r"([^\W\d_\x00-\x7fµμ])(?=[A-Za-z]\b)", r"\1 ", _plain(label.translate(_GREEK)))  # 角速度x
+    label = re.sub(
+        r"([^\W\d_\x00-\x7fµμ])(?=[A-Za-z]\b)",
+        r"\1 ",
+        _SYMBOL.sub(lambda letter: _GREEK[letter[0]], _plain(label)),
+    )  # 角速度x
     label = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", label)
     words: list[str] = []
     for word in re.split(r"[^\w°²]+|_", label.lower()):

@@ -298,7 +298,7 @@ def _target(reel: Reel, dots: tuple[Dot, ...], other: Callable[[], Target | None
             why=f"two coloured dots ({size})",
             # Films hold colour at half the resolution of brightness.
             solve=partial(fit_angle, prior=BodyPrior(floor=2 * BODY_FLOOR, dead_zone=DEAD_ZONE)),
-            zero=_level_pair,
+            zero=lambda track: level_angle(track, complex(track.shape[1] - track.shape[0]), 2),
             joined=((0, 1),),
             zero_note="where the line between the dots is level in the picture",
         )
@@ -336,10 +336,6 @@ def _other_pair(reel: Reel, dots: tuple[Dot, ...]) -> Target | None:
     """Return a second pair that turns as one, if there is one."""
     other = find_dots(reel.look, dots)
     return _target(reel, other, None) if len(other) == 2 and _turn_as_one(other, reel.look) else None
-
-
-def _level_pair(track: AngleTrack) -> float:
-    return level_angle(track, complex(track.shape[1] - track.shape[0]), 2)
 
 
 def _level_arm(track: AngleTrack) -> float:

@@ -1,6 +1,7 @@
 """From a stranger's model to a mended one, by the commands; the truth is integrated by formulas of its own."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,8 @@ def test_fit_finds_the_truth_and_shows_the_change(mended):
     robots.assert_near(found, KNEE)
     assert "+++ " in done.stdout
     assert 'range="-150 150" damping="0.03' in done.stdout
+    (following,) = (line for line in done.stdout.splitlines() if line.startswith("next: check it in MuJoCo"))
+    assert f"--model {folder / 'mended.xml'}" in following
     assert "known from the model, not fitted" in done.stderr
 
 
@@ -93,6 +96,14 @@ def test_a_slide_is_fitted_in_metres_with_its_weight_known(tmp_path):
     assert checked.returncode == 0, checked.stderr
     assert "mrad" not in checked.stdout
     assert "° " not in done.stdout
+    own = ("--unit", "m", "--board", "slider_lift", "--workspace", tmp_path)
+    measured = husky("decay", log, *own).stdout
+    assert re.search(r"│ 1 +│ [\d.]+ +│ [-+][\d.]+ mm ", measured)
+    assert "roll" not in measured
+    assert husky("report", log, *own, "-o", tmp_path / "lift.html").returncode == 0
+    page = (tmp_path / "lift.html").read_text()
+    text = re.sub(r"<(script|style).*?</\1>|<[^>]*>", " ", page, flags=re.S).lower()
+    assert not re.search(r"\broll\b|\bangle\b|training", text)
     for command in (("boards",), ("history", "--board", "slider_lift")):
         listed = husky(*command, "--workspace", tmp_path).stdout
         assert "mrad" not in listed
