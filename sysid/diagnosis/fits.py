@@ -338,7 +338,7 @@ class Fits:
         errors = {names: rms(trial.residuals) for names, trial in trials.items()}
         best = min(errors, key=errors.__getitem__)
         measure = Yardstick.of(self.base, errors[best], trials[best].residuals)
-        plain = len(self.base.fit.problem.names)
+        plain = len(self.base.fit.minimum.point)
 
         def cost(names: tuple[str, ...]) -> float:
             count = plain + sum(len(effect(name).parameters) for name in names)
@@ -363,7 +363,7 @@ def _scored(rivals: Sequence[Candidate]) -> list[Candidate]:
     """Return candidates with their scores, the likeliest first."""
     best, base = min(rivals, key=lambda c: c.judged), next(c for c in rivals if not c.effects)
     measure = Yardstick.of(base, best.judged, best.fit.residuals)
-    logs = [measure.log_evidence(c.effects, c.judged, len(c.fit.problem.names)) for c in rivals]
+    logs = [measure.log_evidence(c.effects, c.judged, len(c.fit.minimum.point)) for c in rivals]
     scored = [replace(c, score=2 * (max(logs) - log)) for c, log in zip(rivals, logs, strict=True)]
     return sorted(scored, key=lambda c: c.score)
 

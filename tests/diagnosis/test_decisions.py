@@ -52,7 +52,7 @@ def candidate(error, *families, length=1, wave=None, is_rate=False):
         scales=SimpleNamespace(amplitude=np.sqrt(2) * RMS, frequency=2 * np.pi),
     )  # fmt: skip
     fit = SimpleNamespace(
-        rmse=error, noise=SimpleNamespace(std=1.0, highest=1.05, counts=False), problem=problem, minimum=SimpleNamespace(point=None),
+        rmse=error, noise=SimpleNamespace(std=1.0, highest=1.05, counts=False), problem=problem, minimum=SimpleNamespace(point=np.zeros(6 + len(families))),
         residuals=(residual,), measured_rms=RMS, law=SimpleNamespace(frequency=2 * np.pi),
         records=[SimpleNamespace(time=np.arange(2000) / SWING, is_rate=is_rate)],
     )  # fmt: skip
