@@ -56,7 +56,7 @@ def run(name: str, seed: int) -> Row:
     except SysidError as error:
         return {**row, "error": str(error)}
     try:
-        require_usable(fit)
+        require_usable(fit, board_of(truth))
         refused = ""
     except SysidError as error:
         refused = str(error)

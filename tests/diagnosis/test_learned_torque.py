@@ -116,7 +116,7 @@ def test_of_a_clean_log_nothing_is_learned(seed):
     assert np.abs(values).max() < 1e-6
     assert formula is None
     with pytest.raises(SysidError, match="nothing was learned"):
-        require_usable(fit)
+        require_usable(fit, BOARD)
 
 
 def test_a_joint_without_a_table_cannot_hold_one():

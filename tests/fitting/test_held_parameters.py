@@ -57,7 +57,7 @@ EFFECTS = ("gravity", "coulomb")
 def test_gravity_takes_the_place_of_a_spring_that_is_not_there(recorded):
     board = arm(recorded)
     fit = fit_joint(pendulum(0.0, zero=0.02), board, EFFECTS)
-    require_usable(fit)
+    require_usable(fit, board)
     assert fit.law.stiffness == 0.0
     moment = fit.quantities["gravity.moment"]
     assert abs(moment.value - 1.3) < 4 * moment.std < 0.05
@@ -91,7 +91,7 @@ def test_what_is_held_stays_and_the_rest_follows():
 def test_a_bound_is_kept_and_no_fault_of_the_logs():
     fit = fit_joint(pendulum(2.0), arm(), EFFECTS, FitOptions(bounds={"damping": (0.012, 0.05)}))
     assert fit.quantities["damping"].value == pytest.approx(0.012)
-    require_usable(fit)
+    require_usable(fit, arm())
     assert any("damping" in warning and "bound" in warning for warning in fit.warnings)
 
 
