@@ -57,7 +57,7 @@ EFFECTS = ("gravity", "coulomb")
 def test_gravity_takes_the_place_of_a_spring_that_is_not_there(recorded):
     board = arm(recorded)
     fit = fit_joint(pendulum(0.0, zero=0.02), board, EFFECTS)
-    require_usable(fit, arm())
+    require_usable(fit, board)
     assert fit.law.stiffness == 0.0
     moment = fit.quantities["gravity.moment"]
     assert abs(moment.value - 1.3) < 4 * moment.std < 0.05
