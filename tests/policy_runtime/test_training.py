@@ -18,7 +18,7 @@ from command_line import called
 from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder
 from sim.skate.cycle.start import Start
 from sim.skate.options import SkateOptions
-from sim.skate.world.posterior import Spread, board_draws, draw_boards
+from sim.skate.world.posterior import FIELDS, Spread, board_draws, draw_boards
 from sysid.board import BoardEffect, load_board
 from sysid.effects import effect
 from sysid.errors import QualityGateError, SysidError
@@ -112,8 +112,7 @@ def begun(tmp_path, monkeypatch):
 
     starts = []
     monkeypatch.setattr(curves, "draw_curves", lambda rows, picture, title: picture)
-    for name in ("_require_mjlab", "_iterations_of"):
-        monkeypatch.setattr(command, name, lambda *given: None)
+    monkeypatch.setattr(command, "_iterations_of", lambda *given: None)
     monkeypatch.setattr(command, "_run", lambda folder, machines, *given: starts.append(machines.gpus))
     folder = RunFolder(tmp_path / "run")
     folder.begin(RunConfig(learn=LearnOptions(environments=16, iterations=3)), PINK, gpus=0)
@@ -196,6 +195,11 @@ def test_a_run_that_goes_on_takes_no_other_options(begun):
     assert starts == []
 
 
+def drawn(draws, field, element):
+    """Return the numbers of one element, shape (m, ...)."""
+    return draws.fields[field][:, draws.elements[FIELDS[field]].index(element)]
+
+
 def test_boards_are_drawn_about_the_record_and_reach_the_simulator():
     cubic = BoardEffect("cubic-stiffness", {"coefficient": Quantity(50.0, 5.0, "N*m/rad^3")})
     board = replace(load_board(PINK), effects=(cubic,))
@@ -203,16 +207,16 @@ def test_boards_are_drawn_about_the_record_and_reach_the_simulator():
     boards = draw_boards(board, 200, spread, np.random.default_rng(1))
     draws = board_draws(boards[:20], 0.005)
     joint = "board_tilt_joint"
-    np.testing.assert_allclose(draws.of("jnt_stiffness", joint), [b.stiffness for b in boards[:20]])
-    steered = np.array([b.inertia.value for b in boards[:20]]) - draws.of("body_inertia", "deck")[:, 0]
+    np.testing.assert_allclose(drawn(draws, "jnt_stiffness", joint), [b.stiffness for b in boards[:20]])
+    steered = np.array([b.inertia.value for b in boards[:20]]) - drawn(draws, "body_inertia", "deck")[:, 0]
     slope = np.tan([b.geometry["rake"].value for b in boards[:20]])
     # The rest of the roll inertia is of the parts that steer, by tan² of the rake.
     assert np.ptp(steered / slope**2) < 1e-12
-    coupling = draws.of("eq_data", draws.elements["equality"][0])
+    coupling = drawn(draws, "eq_data", draws.elements["equality"][0])
     np.testing.assert_allclose(coupling[:, 1], slope, rtol=2e-3)  # σ ≈ tan λ · roll
     assert 0 <= steered[0] < 0.1 * board.inertia.value
     cubes = [b.effects[0].parameters["coefficient"].value for b in boards[:20]]
-    np.testing.assert_allclose(draws.of("jnt_stiffnesspoly", joint)[:, 1], cubes)
+    np.testing.assert_allclose(drawn(draws, "jnt_stiffnesspoly", joint)[:, 1], cubes)
     stiffness = np.log([b.stiffness / board.stiffness for b in boards])
     assert stiffness.mean() == pytest.approx(0.0, abs=0.01)
     assert stiffness.std() == pytest.approx(spread.relative, rel=0.2)
@@ -227,10 +231,10 @@ def test_friction_that_is_hardly_known_is_never_negative_and_a_stop_reaches_the_
     )
     boards = draw_boards(replace(load_board(PINK), effects=parts), 64, Spread(), np.random.default_rng(2))
     draws = board_draws(boards, 0.005)
-    assert (draws.of("dof_frictionloss", "board_tilt_joint") > 0).all()
+    assert (drawn(draws, "dof_frictionloss", "board_tilt_joint") > 0).all()
     (stop,) = draws.elements["tendon"]
-    assert (draws.of("tendon_stiffness", stop) > 0).all()
-    slack = draws.of("tendon_lengthspring", stop)
+    assert (drawn(draws, "tendon_stiffness", stop) > 0).all()
+    slack = drawn(draws, "tendon_lengthspring", stop)
     assert (slack[:, 1] > slack[:, 0]).all()
     assert np.ptp(slack[:, 1]) > 0.02
 
