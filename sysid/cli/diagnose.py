@@ -30,7 +30,7 @@ def diagnose(
     from reports.story import for_report, story_of_diagnosis
     from sysid.cli.bars import told_bar
     from sysid.diagnosis.diagnose import diagnose as search
-    from sysid.diagnosis.report import headline
+    from sysid.diagnosis.report import headline, without_hand
     from sysid.fitting.joint import prior_in_words
 
     printer, fixed = Printer(measurement.common), parse_fixed(fix)
@@ -47,7 +47,8 @@ def diagnose(
     printer.say(result.report(printer.width, found.space, found.paths))
     content = result.to_json()
     if content["verdict"]["status"] == "none-missing":
-        printer.say(found.next_step("check it in MuJoCo", "check"))
+        why, verb = ("check it in MuJoCo", "check") if record.fit else ("fit stiffness and damping", "fit")
+        printer.say(found.next_step(why, verb, *without_hand(result)))
     write_json(folder / "diagnose.json", {**content, **for_report(result, record)})
     picture = story_figure(story_of_diagnosis(result, record), f"{record.name}: {headline(result)}")
     write_figure(folder / "diagnose.png", picture, dpi=110)

@@ -68,9 +68,9 @@ class MeasuredLogs:
     space: Workspace
     """Workspace whose printed commands read the logs in the same way."""
 
-    def next_step(self, why: str, command: str) -> str:
-        """Return the line with the next command for these logs."""
-        return f"next: {why}: {self.space.command(command, *self.record.options, logs=self.paths)}"
+    def next_step(self, why: str, command: str, *options: str) -> str:
+        """Return the line with the next command for these logs, with some options."""
+        return f"next: {why}: {self.space.command(command, *self.record.options, *options, logs=self.paths)}"
 
 
 def read_logs(

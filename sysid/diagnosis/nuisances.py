@@ -61,22 +61,18 @@ def named_functions(x: Array, v: Array) -> Array:
     return np.column_stack([x, v, np.ones_like(x), x * x, x**3, v * np.abs(v), v**3, np.tanh(v / 0.02)])
 
 
-OPENING = 4
-"""Parts of a period in which a hand lets go, and hat functions of its torque."""
+OPENINGS = (4, 8, 16)
+"""How long a hand may take to let go, in sixteenths of a period: a quarter, a half, all of it."""
 
 
 def hand(motion: Motion) -> Array:
-    """Return torques of a hand that lets go slowly, or pushes [1], shape (n, h): hat functions over the first quarter of a period.
+    """Return torques of a hand that lets go slowly, or pushes [1], shape (n, h): hat functions over one period, the first of all rows first.
 
     A hand is as strong as the spring at the release.
     """
-    size = motion.nodes_a_period // OPENING
-    after = np.broadcast_to(np.arange(motion.reading.shape[1]), motion.reading.shape) / size * OPENING
-    rows = np.arange(len(after))[:, None]
-    hats = [
-        np.where(rows == row, motion.envelope[row, 0] * np.maximum(1 - np.abs(after - i), 0.0), 0.0)
-        for row in rows[:, 0] for i in range(OPENING)
-    ]  # fmt: skip
+    after = np.arange(motion.reading.shape[1]) / motion.nodes_a_period * OPENINGS[-1]
+    rows = np.eye(len(motion.length))[:, :, None] * motion.envelope[:, :1]
+    hats = [row * np.maximum(1 - np.abs(after - i), 0.0) for i in range(OPENINGS[-1]) for row in rows]
     return np.column_stack([hat[motion.inside] for hat in hats])
 
 

@@ -7,6 +7,7 @@ rate with a slow drift of stiffness and damping (O'Hagan and Kennedy, J. R. Stat
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -27,7 +28,7 @@ from sysid.diagnosis.evidence import (
 )
 from sysid.diagnosis.laws import SHOWS, Laws, Shape, Term
 from sysid.diagnosis.motion import CLEAR, QUIET, Motion
-from sysid.diagnosis.nuisances import BEND, BENDS, OPENING, bends, hand, nameless, sensor
+from sysid.diagnosis.nuisances import BEND, BENDS, OPENINGS, bends, hand, nameless, sensor
 from sysid.diagnosis.smoother import Smoothed, Smoother
 from sysid.effects._base import Effect, TorqueEffect
 from sysid.roll import Array
@@ -289,6 +290,11 @@ def found_sets(
     return sets, singles, inclusion, *best(ranked[0][1])
 
 
+def _likeliest(cells: Sequence[Cell]) -> float:
+    """Return the log evidence of the best set under the best hypothesis [1]."""
+    return max(float(cell.sets.log_evidence.max()) for cell in cells)
+
+
 class Pass:
     """One pass: columns, Gram matrices, evidence."""
 
@@ -315,7 +321,7 @@ class Pass:
         self.columns = np.column_stack([term.columns[inside] for term in self.terms])
         self.items = items_of(self.terms, 1 + self.base.shape[1])
         self.g = nameless(motion, smoothed, self.linear, state.damping)
-        self.hand, self.held = hand(motion), False
+        self.hand, self.held = hand(motion), 0
         self.sensed, self.loose = sensor(motion, smoothed)
         self.smoother = Smoother(motion, state.stiffness, state.damping, envelope)
         w = motion.frequency
@@ -325,15 +331,17 @@ class Pass:
     def run(self, *, bend: bool) -> Posterior:
         """Return the posterior; `bend` lets laws be off by a share of themselves.
 
-        A hand that lets go slowly or pushes is one more cause, with the prior of a seldom one. It acts or not, whatever the laws.
+        A hand that lets go slowly or pushes is one more cause, with the prior of a seldom one. It acts or not, whatever the laws. The
+        shortest one that explains the log is taken.
         """
         grams = self._grams()
-        free = self._cells(grams, search, 0.0)
-        self.held = True
-        cells = self._cells(grams, search, 0.0)
-        best, other = (max(float(cell.sets.log_evidence.max()) for cell in c) for c in (cells, free))
-        if best + log_odds("hand") < other:
-            self.held, cells = False, free
+        cells, prior = self._cells(grams, search, 0.0), log_odds("hand")
+        for shorter, self.held in pairwise((0, *OPENINGS)):
+            longer = self._cells(grams, search, 0.0)
+            if _likeliest(longer) + prior < _likeliest(cells):
+                self.held = shorter
+                break
+            cells, prior = longer, 0.0
         if bend:
             sets = self._bent(cells)
 
@@ -369,8 +377,8 @@ class Pass:
         for share, whole, spread in grams:
             whole = whole / self.state.excess
             own, extra = marginalised(whole, last + self.hand.shape[1], self.loose)
-            if self.held:
-                own, more = marginalised(own, last, np.ones(self.hand.shape[1]))
+            if acting := self.held * len(self.motion.length):
+                own, more = marginalised(own[: last + acting, : last + acting], last, np.ones(acting))
                 extra += more
             for tau in NAMELESS:
                 reduced, more = own[:named, :named], 0.0
@@ -424,7 +432,7 @@ class Pass:
         g = self.g @ c[named : named + self.g.shape[1]]
         free = self.motion.free.copy()
         if self.held:
-            free[:, 0] = self.motion.nodes_a_period // OPENING
+            free[:, 0] = self.motion.nodes_a_period * self.held // OPENINGS[-1]
         return Posterior(
             motion=replace(self.motion, free=free), damping=self.state.damping + float(c[1]), loss=self.state.damping, sets=sets, singles=singles,
             inclusion=inclusion, share=self.share, nameless=float(np.sqrt(np.mean((g - known @ (known.T @ g)) ** 2)) / self.linear),
@@ -443,7 +451,7 @@ class Pass:
         first = 1 + base + self.columns.shape[1]
         last = first + self.g.shape[1]
         of_g = range(first, last) if cell.tau else range(0)
-        of_hand = range(last, last + self.hand.shape[1]) if self.held else range(0)
+        of_hand = range(last, last + self.held * len(self.motion.length))
         sensed = range(last + self.hand.shape[1], len(gram))
         free = np.array([*range(1, 1 + base), *own, *loose, *of_g, *of_hand, *sensed], dtype=np.intp)
         bend = BEND * np.repeat(np.abs(solve(cell.problem, chosen).means[base:]), BENDS) if loose else []

@@ -63,9 +63,7 @@ def explanation(result: "Diagnosis") -> str:
             "Amplitude and phase of each cycle proposed the laws: the decay is light and the waveform is not exact."
         )
     if found.motion.free[:, 0].any():
-        parts.append(
-            "A hand still acted in the first quarter of a period of the releases: the fits leave it out."
-        )
+        parts.append("A hand acted when the releases began: the fits leave it out.")
     parts += [result.record_text] if result.record_text else []
     parts += [f"Hint: {_hint(hint)}." for hint in verdict.hints]
     return " ".join(parts)
@@ -127,7 +125,14 @@ def _fit(result: "Diagnosis", space: Workspace, logs: Sequence[Path], names: Seq
     added: list[str] = []
     for name in names:
         added += ["--effect-file", file] if (file := origin(name)).endswith(".py") else ["--effect", name]
-    return space.command("fit", *result.options, *added, logs=logs)
+    return space.command("fit", *result.options, *added, *without_hand(result), logs=logs)
+
+
+def without_hand(result: "Diagnosis") -> tuple[str, ...]:
+    """Return the options that begin the decays of a log where the hand had let go; none where no hand acted."""
+    if len(result.logs) > 1 or not result.posterior.motion.free[:, 0].any():
+        return ()
+    return tuple(word for one in result.releases for word in ("--release", f"{one.start:.3f}"))
 
 
 def to_json(result: "Diagnosis") -> dict[str, Any]:

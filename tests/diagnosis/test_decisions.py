@@ -165,8 +165,14 @@ def test_a_large_effect_is_named_with_its_probability():
     ],
 )
 def test_an_effect_is_named_if_its_absence_is_unlikely_and_the_error_matters(absence, before, after, status):
-    sets = posterior(found(1 - absence, "friction"), found(absence), sizes={"friction": LARGE})
+    sets = posterior(found(1 - absence, "friction"), found(absence), sizes={"friction": LARGE}, share=0.015)
     assert decide(sets, candidate(after, "friction"), candidate(before)).status == status
+
+
+def test_exact_equations_without_a_law_leave_the_errors_of_the_sensor():
+    for share, status in ((0.0015, "none-missing"), (0.015, "unexplained")):
+        sets = posterior(found(1.0), share=share)
+        assert decide(sets, candidate(20.0), candidate(20.0)).status == status
 
 
 def test_an_effect_that_is_certain_but_small_is_a_hint():
