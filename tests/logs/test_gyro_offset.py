@@ -28,13 +28,6 @@ def test_a_slow_swing_is_no_rest(tmp_path, phase):
     assert offset_of(path) == pytest.approx(OFFSET, abs=0.005)
 
 
-def test_a_rest_is_a_rest(tmp_path):
-    rate = np.where(TIME < 5, 0.0, np.exp(-0.5 * (TIME - 5)) * np.sin(SLOW * (TIME - 5)))
-    rate = rate + OFFSET + np.random.default_rng(0).normal(0, 0.003, len(TIME))
-    path = write_csv(tmp_path / "log.csv", ("t_s", "gyro_x_rad_s"), TIME, rate)
-    assert offset_of(path) == pytest.approx(OFFSET, abs=3e-4)
-
-
 def test_an_offset_that_stays_is_not_said_to_drift(tmp_path):
     for seed in range(10):
         path = write_csv(tmp_path / f"{seed}.csv", ("t_s", "gyro_x_rad_s"), TIME, slow_swing(0.0, seed))
