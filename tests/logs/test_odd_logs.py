@@ -1,4 +1,4 @@
-"""Logs must not pass for what they are not, as one given twice or in another unit of time; a record's are found from any folder."""
+"""Odd logs are refused or doubted: a pipe, one given twice, another unit of time. The logs of a record are found from any folder."""
 
 import os
 import shutil
