@@ -1,4 +1,4 @@
-"""The toys of CONTRIBUTING.md work as they are printed: an effect, a log format and a rule of `check`, each one file."""
+"""CONTRIBUTING.md: its toys work as printed, every package has a row, and folders of tests mirror the packages."""
 
 import importlib.util
 import re
@@ -14,7 +14,8 @@ from sysid.effects import _own
 from sysid.logs.formats import registry
 from sysid.synth import SynthOptions, synthesise
 
-TEXT = (Path(__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[1]
+TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 TOYS = {
     Path(toy["path"]).name: toy["code"]
     for toy in re.finditer(r"^<!-- toy: (?P<path>\S+) -->\n```python\n(?P<code>.*?)^```", TEXT, re.M | re.S)
@@ -79,3 +80,27 @@ def test_a_toy_rule(tmp_path, monkeypatch, timestep, speaks):
     log = sysid.Recording.from_arrays(made.time, angle=made.channels[:, 0])
     warnings = rig.check(log, timestep=timestep).warnings
     assert any("choose a smaller --timestep" in text for text in warnings) == speaks
+
+
+PACKAGES = ("sysid", "sim", "policy_runtime", "reports")
+OF_THEMSELVES = {"support", "data"}
+"""Folders of tests that belong to no package."""
+
+
+def packages():
+    files = (path for package in PACKAGES for path in (ROOT / package).rglob("__init__.py"))
+    return {path.parent.relative_to(ROOT).as_posix() for path in files}
+
+
+def test_every_package_has_its_row():
+    rows = re.findall(r"^\| `([\w/]+)/` \|", TEXT, re.M)
+    assert len(rows) == len(set(rows))
+    assert set(rows) == packages() | {"data"}
+
+
+def test_tests_mirror_the_packages():
+    folders = {
+        path.parent.relative_to(ROOT / "tests").as_posix() for path in (ROOT / "tests").rglob("test_*.py")
+    }
+    places = {package.removeprefix("sysid/") for package in packages()} | OF_THEMSELVES | {"."}
+    assert folders <= places

@@ -4,14 +4,12 @@ import re
 
 import pytest
 from command_line import husky
-from recorded_phone import recorded_phone
+from recorded_phone import export_of_two_releases, recorded_phone
 
 
 @pytest.fixture(scope="module")
 def export(tmp_path_factory):
-    path = tmp_path_factory.mktemp("export") / "tip.zip"
-    husky("synth", "-b", "pink", "--releases", "2", "--rate", "200", "--dialect", "phyphox", "-o", path)
-    return path
+    return export_of_two_releases(tmp_path_factory.mktemp("export"))
 
 
 def test_a_replayed_phone_gives_numbers_and_a_kept_log(export, tmp_path):

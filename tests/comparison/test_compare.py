@@ -103,21 +103,6 @@ def test_the_right_law_is_not_blamed_for_a_floor_that_few_samples_tell(pink):
     assert inside >= 26
 
 
-def test_missing_friction_shows_its_size_against_the_rate(pink):
-    """Averaged over the tilt, what is missing is the Coulomb step of a hand-computed 0.1 N*m."""
-    with_friction = replace(LIGHT, effects=(("coulomb", (0.1,)),))
-    result = compare(releases_of(with_friction, noise=np.radians(0.003)), pink, law=LIGHT)
-    profile = result.missing.over(result.missing.rate)
-    fast = np.abs(profile.at) > 0.5
-    assert fast.sum() >= 4
-    off = np.abs(profile.torque + 0.1 * np.sign(profile.at))[fast]
-    assert (off < 4 * profile.std[fast]).all()
-    assert np.median(off) < 0.02
-    missing = compare(releases_of(LIGHT), pink, law=LIGHT).missing
-    right = missing.over(missing.rate)
-    assert np.mean(np.abs(right.torque) < 3 * right.std) > 0.9
-
-
 def test_a_magnet_beside_the_rest_shows_where_it_is(pink):
     """It pulls to 5° within 1.3°; most samples are of the rest after the decay, which says nothing of it."""
     at, width, strength = np.radians(5), np.radians(1.3), 0.12

@@ -1,7 +1,7 @@
 """The shipped synthetic logs: made by their recipes, small, within the boards' range, with their truth."""
 
-import importlib.util
 import json
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +13,12 @@ from sysid.workspace import Workspace, shipped_data
 DECAYS = shipped_data() / "decays"
 
 
-def recipes():
-    spec = importlib.util.spec_from_file_location("make_decays", DECAYS / "make_decays.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+RECIPES = runpy.run_path(str(DECAYS / "make_decays.py"))
 
 
-@pytest.mark.parametrize("name", recipes().RECIPES)
+@pytest.mark.parametrize("name", RECIPES["RECIPES"])
 def test_shipped_log_is_what_its_recipe_makes(tmp_path: Path, name: str) -> None:
-    recipes().make(name, tmp_path)
+    RECIPES["make"](name, tmp_path)
     shipped, fresh = pd.read_csv(DECAYS / name), pd.read_csv(tmp_path / name)
     assert list(shipped.columns) == list(fresh.columns)
     # Another processor or library version may round the last digits differently.
@@ -37,7 +33,7 @@ def test_shipped_log_is_what_its_recipe_makes(tmp_path: Path, name: str) -> None
 
 def test_every_log_has_a_recipe_and_a_truth() -> None:
     logs = {path.name for path in DECAYS.glob("*.csv")}
-    assert logs == set(recipes().RECIPES)
+    assert logs == set(RECIPES["RECIPES"])
     assert {path.name for path in DECAYS.glob("*.truth.json")} == {f"{Path(n).stem}.truth.json" for n in logs}
     readme = (DECAYS / "README.md").read_text()
     assert "synthetic" in readme

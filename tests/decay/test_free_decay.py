@@ -36,28 +36,6 @@ def clean_release(omega, zeta, *, start=0.2, duration=1.0, sampling=500, noise=1
     return made.release(time, roll, noise, hold=hold)
 
 
-@pytest.mark.parametrize(
-    ("inertia", "period", "first", "second", "stiffness", "damping"),
-    [(7.15e-3, 0.107, 0.614, 0.0108, 34.850, 0.53999), (8.70e-3, 0.185, 0.583, 0.0081, 14.684, 0.40221)],
-)
-def test_appendix_h_to_the_last_printed_digit(inertia, period, first, second, stiffness, damping):
-    numbers = decay_from_peaks(
-        Quantity(period, 0, "s"),
-        Quantity(first, 0, "rad"),
-        Quantity(second, 0, "rad"),
-        Quantity(inertia, 0, "kg*m^2"),
-    )
-    assert round(numbers.stiffness.value, 3) == stiffness
-    assert round(numbers.damping.value, 5) == damping
-    delta = math.log(first / second)
-    assert numbers.log_decrement.value == pytest.approx(delta, rel=1e-14)
-    assert numbers.period.value == pytest.approx(period, rel=1e-14)
-    assert numbers.stiffness.value == pytest.approx(
-        inertia * ((2 * math.pi / period) ** 2 + (delta / period) ** 2)
-    )
-    assert numbers.damping.value == pytest.approx(2 * inertia * delta / period)
-
-
 @settings(max_examples=20, deadline=None)
 @given(omega=st.floats(1, 200), zeta=st.floats(0.005, 0.9), inertia=st.floats(1e-4, 10))
 def test_numbers_agree_with_each_other_and_carry_their_errors(omega, zeta, inertia):
@@ -198,15 +176,6 @@ def test_a_second_law_is_named(name):
     assert decay.status == "not linear"
     assert name in {one.name for one in decay.judgement.second_laws}
     assert "husky-sysid diagnose" in decay.report()
-
-
-def test_a_pendulum_is_no_spring():
-    law = lambda x, v: -(14**2) * math.sin(x) - 2 * 0.02 * 14 * v  # noqa: E731
-    decay = decay_of(Recipe(law=law, amplitudes=(1.6, -1.2), sampling=500, free=8.0, noise=0.02 * DEGREE))
-    assert (decay.linear, decay.trace.law) == (True, "pendulum")
-    assert decay.numbers.omega_n.value == pytest.approx(14, rel=2e-3)
-    assert decay.numbers.damping_ratio.value == pytest.approx(0.02, rel=0.02)
-    assert "sin φ" in decay.report()
 
 
 def test_one_swing_does_not_tell_damping_from_friction():
@@ -395,25 +364,6 @@ def test_a_servo_with_dry_friction_gets_no_tick(real_logs, gain):
 
     log = real_logs / "servo_passive_drop" / f"drop_kp{gain}.csv"
     assert not fit_decay(find_releases(read_roll(log)), INERTIA).linear
-
-
-def rubbed(torque):
-    """The pink board with dry friction of `torque` N*m."""
-    angle = torque / (INERTIA.value * 41.083**2)
-    return lambda x, v: -(41.083**2) * (x + angle * math.tanh(v / 1e-3)) - 2 * 0.5627 * 41.083 * v
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_dry_friction_that_a_level_for_each_release_takes_up_is_not_approved(seed):
-    """k comes out 60 to 90 % too stiff, in a residual of 1.1 times the noise: the rest levels tell."""
-    decay = decay_of(
-        Recipe(law=rubbed(0.15), amplitudes=(0.18, -0.16, 0.13), sampling=500, noise=0.1 * DEGREE, seed=seed)
-    )
-    assert decay.numbers.stiffness.value > 1.4 * INERTIA.value * 41.083**2
-    assert decay.trace.noise < 1.2 * decay.floor.std
-    assert not decay.linear
-    assert "come to rest at" in decay.warnings[0]
-    assert "husky-sysid diagnose" in decay.report()
 
 
 @pytest.mark.parametrize(("column", "signal"), [("position_mm", "roll"), ("velocity (m/s)", "rate")])

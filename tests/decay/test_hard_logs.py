@@ -56,7 +56,8 @@ def test_the_noise_of_a_wide_pendulum_stays_out_of_its_numbers(rate):
         else Recording.from_arrays(time, angle=angle + noise)
     )
     decay = fit_decay(log)
-    assert decay.trace.law == "pendulum"
+    assert (decay.linear, decay.trace.law) == (True, "pendulum")
+    assert "sin φ" in decay.report()
     assert decay.judgement.over_noise == pytest.approx(1, abs=0.1)
     for found, truth in ((decay.numbers.omega_n, omega), (decay.numbers.damping_ratio, zeta)):
         assert abs(found.value - truth) < 4 * found.std < 3e-3 * truth

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made import release
 
 from sysid.board import BoardEffect
 from sysid.comparison.compare import compare
@@ -13,13 +14,12 @@ from sysid.effects import weight
 from sysid.fitting.joint import fit_joint
 from sysid.fitting.record_update import updated_board
 from sysid.quantity import Quantity
-from sysid.roll import Release
 from sysid.synth.law import Modes, TrueLaw
 from sysid.synth.motion import Condition, simulate
 from sysid.workspace import Workspace
 
 NOISE, FRICTION = 3e-4, 0.006
-TIME = np.arange(0.0, 8.0, 8e-3)
+TIME = np.arange(0.0, 5.0, 8e-3)
 
 
 @pytest.fixture(scope="module")
@@ -33,12 +33,7 @@ def releases():
     for number, angle in enumerate((1.8, -1.2), start=1):
         start = Condition(np.array([angle, 0.0, 0.0, 0.0, 0.0]), Modes().regions(law, angle))
         samples, _ = simulate(law, start, 0.0, float(TIME[-1]), TIME)
-        made.append(
-            Release(
-                log="made", number=number, time=TIME, roll=samples[:, 0] + NOISE * rng.standard_normal(len(TIME)),
-                std=np.full(len(TIME), NOISE), origin="angle", rest=0.0, hold=1.0, end="log",
-            )
-        )  # fmt: skip
+        made.append(release(TIME, samples[:, 0], NOISE, rng=rng, number=number))
     return made
 
 

@@ -153,26 +153,28 @@ def test_sensitivities_are_those_of_the_motion(name):
         ]
 
 
+HELD = DrivenLog(
+    name="", time=np.arange(5.0), angle=np.arange(5.0), std=1.0, input=np.array([0.0, 1, 3, 3, 0]), kind="torque",
+    load=Load.constant(1.0, 5),
+)  # fmt: skip
+
+
 def test_a_held_input_is_late_by_exactly_the_delay():
-    log = DrivenLog(name="", time=np.arange(5.0), angle=np.arange(5.0), std=1.0, input=np.array([0.0, 1, 3, 3, 0]), kind="torque",
-                    load=Load.constant(1.0, 5))  # fmt: skip
     grid = np.arange(0.0, 5.0)
-    assert log.mean_input(grid, 0.0)[0].tolist() == [0, 1, 3, 3]
-    assert log.mean_input(grid, 0.25)[0].tolist() == [0, 0.75, 2.5, 3]
-    mean, ramp, *slopes = log.mean_input(grid, 0.25)
-    assert np.allclose((log.mean_input(grid, 0.26)[0] - mean) / 0.01, slopes[0])
-    assert np.allclose((log.mean_input(grid, 0.25001)[1] - ramp) / 1e-5, slopes[1], atol=1e-3)
+    assert HELD.mean_input(grid, 0.0)[0].tolist() == [0, 1, 3, 3]
+    assert HELD.mean_input(grid, 0.25)[0].tolist() == [0, 0.75, 2.5, 3]
+    mean, ramp, *slopes = HELD.mean_input(grid, 0.25)
+    assert np.allclose((HELD.mean_input(grid, 0.26)[0] - mean) / 0.01, slopes[0])
+    assert np.allclose((HELD.mean_input(grid, 0.25001)[1] - ramp) / 1e-5, slopes[1], atol=1e-3)
 
 
 def test_mean_and_ramp_move_a_joint_as_the_input_does():
-    log = DrivenLog(name="", time=np.arange(5.0), angle=np.arange(5.0), std=1.0, input=np.array([0.0, 1, 3, 3, 0]), kind="torque",
-                    load=Load.constant(1.0, 5))  # fmt: skip
-    mean, ramp = log.mean_input(np.arange(0.0, 5.0), 0.25)[:2]
+    mean, ramp = HELD.mean_input(np.arange(0.0, 5.0), 0.25)[:2]
     rate, way = np.cumsum(np.r_[0.0, mean]), [0.0]
     for before, m, r in zip(rate[:-1], mean, ramp, strict=True):
         way.append(way[-1] + before + m / 2 - r / 12)
     fine = np.arange(0.0, 4.0, 1e-4) + 5e-5
-    exact = np.cumsum(np.cumsum(log.input[np.floor(np.maximum(fine - 0.25, 0)).astype(int)])) * 1e-8
+    exact = np.cumsum(np.cumsum(HELD.input[np.floor(np.maximum(fine - 0.25, 0)).astype(int)])) * 1e-8
     assert np.allclose(way[1:], exact[9999::10000], atol=1e-3)
 
 

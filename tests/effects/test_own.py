@@ -33,7 +33,7 @@ def mine(tmp_path):
 
 
 def test_the_template_works_at_once(mine, tmp_path):
-    """It is found, fitted, recorded with its file, read back and written into MuJoCo."""
+    """It is found, fitted, recorded with its file, read back and written into MuJoCo; the record says which file it needs."""
     from sim.compensation.scene import bench_scene
     from sysid.joint import JointLaw, simulate
 
@@ -53,6 +53,10 @@ def test_the_template_works_at_once(mine, tmp_path):
     assert np.interp(time, *bench_scene(board, timestep=1e-4).swing(0.17, 0.0, 0.5)) == pytest.approx(
         truth, abs=2e-3
     )
+    sysid.effects._own.os.environ[_own.FILES] = ""
+    catalogue.cache_clear()
+    with pytest.raises(SysidError, match=r"--effect-file .*my_effect\.py"):
+        Workspace(tmp_path).load_board("pink")
 
 
 def test_a_state_of_a_sensor_starts_from_the_angle_itself(tmp_path):
@@ -67,14 +71,6 @@ def test_a_state_of_a_sensor_starts_from_the_angle_itself(tmp_path):
     law = JointLaw(inertia=8.7e-3, stiffness=14.7, damping=0.1, rest_angle=0.1)
     seen = simulate(law.with_effect(use_file(path), 0.01), np.linspace(0.0, 0.5, 100), 0.2).roll
     assert seen[0] == pytest.approx(0.2)
-
-
-def test_a_record_says_which_file_its_effect_needs(mine, tmp_path):
-    test_the_template_works_at_once(mine, tmp_path)
-    sysid.effects._own.os.environ[_own.FILES] = ""
-    catalogue.cache_clear()
-    with pytest.raises(SysidError, match=r"--effect-file .*my_effect\.py"):
-        Workspace(tmp_path).load_board("pink")
 
 
 @pytest.mark.parametrize(

@@ -34,8 +34,7 @@ def pendulum(stiffness: float, zero: float = 0.0) -> list[Release]:
     for number, angle in enumerate((1.2, -0.8), start=1):
         start = Condition(np.array([angle, 0.0, 0.0, 0.0, 0.0]), Modes().regions(law, angle))
         samples, _ = simulate(law, start, 0.0, float(TIME[-1]), TIME)
-        roll = samples[:, 0] + zero + NOISE * rng.standard_normal(len(TIME))
-        releases.append(release(TIME, roll, NOISE, number=number, rest=zero))
+        releases.append(release(TIME, samples[:, 0] + zero, NOISE, rng=rng, number=number, rest=zero))
     return releases
 
 

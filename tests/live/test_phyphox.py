@@ -8,8 +8,7 @@ from contextlib import contextmanager, suppress
 
 import numpy as np
 import pytest
-from command_line import husky
-from recorded_phone import recorded_phone
+from recorded_phone import export_of_two_releases, recorded_phone
 
 from sysid.errors import SysidError
 from sysid.live.phyphox import PATIENCE, Phone
@@ -18,9 +17,7 @@ from sysid.logs import read_roll
 
 @pytest.fixture(scope="module")
 def export(tmp_path_factory):
-    path = tmp_path_factory.mktemp("export") / "tip.zip"
-    husky("synth", "-b", "pink", "--releases", "2", "--rate", "200", "--dialect", "phyphox", "-o", path)
-    return path
+    return export_of_two_releases(tmp_path_factory.mktemp("export"))
 
 
 @contextmanager

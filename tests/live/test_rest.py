@@ -1,15 +1,12 @@
 """Numbers come within a second of the end of a release, by the phone's own clock: seconds of a busy machine say nothing."""
 
-from command_line import husky
-from recorded_phone import recorded_phone
+from recorded_phone import export_of_two_releases, recorded_phone
 
-from sysid.board import load_board
 from sysid.errors import SysidError
 from sysid.live.phyphox import Phone
 from sysid.live.rest import REST_TIMES, Rest
 from sysid.live.session import Session
 from sysid.recording import Recording
-from sysid.workspace import shipped_data
 
 EVERY = 0.2
 
@@ -32,12 +29,8 @@ def shown(export, folder, board, count):
     return times, reads
 
 
-def test_numbers_come_within_a_second_and_the_log_is_seldom_read(tmp_path):
-    husky(
-        "synth", "-b", "pink", "--releases", "2", "--rate", "200", "--dialect", "phyphox", "-o", tmp_path / "a.zip"
-    )  # fmt: skip
-    pink = load_board(shipped_data() / "boards" / "pink.toml")
-    times, reads = shown(tmp_path / "a.zip", tmp_path / "log", pink, 2)
+def test_numbers_come_within_a_second_and_the_log_is_seldom_read(tmp_path, pink):
+    times, reads = shown(export_of_two_releases(tmp_path), tmp_path / "log", pink, 2)
     ends = (2.06, 5.16)  # the deck is still then: releases at 1.7 and 4.8 s
     assert all(0 < seen - end < 1.0 for seen, end in zip(times, ends, strict=True))
     assert reads <= 5 * len(REST_TIMES)  # where it begins, is tilted, held, let go, tilted again

@@ -248,14 +248,11 @@ def test_what_is_not_needed_is_not_unpacked(tmp_path):
         read_roll(path)
 
 
-def test_files_that_are_none_say_so(tmp_path):
+def test_archives_without_a_table_say_so(tmp_path):
     archive(tmp_path / "b.zip", {"letter.doc": "hello"})
     (tmp_path / "empty").mkdir()
-    for name, content in (("a.zip", b"PK\x03\x04 nothing"), ("c.xlsx", b"PK\x03\x04 sheet"), ("d.csv.gz", b"\x1f\x8b\x08 zip"),
-                          ("e.db3", b"SQLite format 3\0")):  # fmt: skip
-        (tmp_path / name).write_bytes(content)
     for path in tmp_path.iterdir():
-        with pytest.raises(SysidError, match="no table" if path.name in ("b.zip", "empty") else "damaged"):
+        with pytest.raises(SysidError, match="no table"):
             read_roll(path)
 
 

@@ -318,7 +318,7 @@ def test_json_without_a_table_is_refused(tmp_path, content):
         ("gyro_integrated_x [deg]", "angle", "x", "deg"), ("gyroAngleX", "angle", "x", None),
         ("integrated gyro x (rad/s)", "rate", "x", "rad/s"), ("/imu.angular_velocity.x", "rate", "x", None),
         ("ax", "accel", "x", None), ("Acceleration z (m/s^2)", "accel", "z", "m/s^2"), ("qw", "quaternion", "w", None),
-        ("Time (s)", "time", "", "s"), ("timestamp_ns", "time", "", "ns"), ("roll_std_rad", "std", "x", "rad"),
+        ("Time (s)", "time", "", "s"), ("t_hours", "time", "", "h"), ("time (100 ns)", "time", "", "100 ns"), ("timestamp_ns", "time", "", "ns"), ("roll_std_rad", "std", "x", "rad"),
         ("heave_m", "other", "", None), ("gyro_x_rads", "rate", "x", "rad/s"), ("gyro_deg", "rate", "", "deg/s"),
         ("omega_degs", "rate", "", "deg/s"), ("gyro_rad[0]", "rate", "x", "rad/s"), ("q[0]", "quaternion", "w", None),
         ("q[3]", "quaternion", "z", None), ("imu.rpy[0]", "angle", "x", None), ("joint.position[1]", "angle", "", None),

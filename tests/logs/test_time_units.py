@@ -43,21 +43,6 @@ def test_bursts_do_not_change_the_unit(tmp_path, unit, size):
     assert read_roll(path).sampling_rate == pytest.approx(200, rel=0.01), unit
 
 
-@pytest.mark.parametrize(
-    ("name", "size"),
-    [
-        ("time (cs)", 1e-2),
-        ("time (h)", 3600.0),
-        ("time (100 ns)", 1e-7),
-        ("t_hours", 3600.0),
-        ("time_cs", 1e-2),
-    ],
-)
-def test_units_of_time_by_name(tmp_path, name, size):
-    path = write_csv(tmp_path / "log.csv", (name, "roll_rad"), TIME / size, swing(TIME), form="%.12g")
-    assert read_roll(path).sampling_rate == pytest.approx(200, rel=1e-3)
-
-
 def clock_times(begin, stamps, form):
     return [(begin + timedelta(seconds=float(t))).strftime(form)[:-3] for t in stamps]
 
@@ -90,10 +75,3 @@ def test_times_are_shown_and_taken_as_the_log_has_them(tmp_path):
     assert release.start == pytest.approx(14.84, abs=0.01)
     with pytest.raises(SysidError, match=r"from 13.84 s to 21.8"):
         find_releases(roll, start=0.0, stop=5.0)
-
-
-def test_times_since_the_epoch_count_from_the_first_sample(tmp_path):
-    path = write_csv(tmp_path / "log.csv", ("t_s", "roll_rad"), TIME + 1.7e9, swing(TIME), form="%.4f")
-    roll = read_roll(path)
-    assert roll.time[0] == 0
-    assert any("counted from the first sample" in note for note in roll.notes)

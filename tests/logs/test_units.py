@@ -4,11 +4,13 @@ from math import pi
 
 import numpy as np
 import pytest
+from rocking import write_csv
 
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.logs.table import names
 
+TIME = np.arange(0, 4, 0.01)
 STANDARD_GRAVITY = 9.80665
 """Third General Conference on Weights and Measures, 1901 [m/s²]."""
 
@@ -20,6 +22,7 @@ STANDARD_GRAVITY = 9.80665
         ("rad/s", 1.0), ("mrad/s", 0.001), ("deg/s", pi / 180), ("dps", pi / 180), ("mdeg/s", pi / 180 / 1000),
         ("mdps", pi / 180 / 1000), ("rpm", 2 * pi / 60), ("m/s^2", 1.0), ("m/s²", 1.0), ("g", STANDARD_GRAVITY),
         ("mg", STANDARD_GRAVITY / 1000), ("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9), ("min", 60.0),
+        ("h", 3600.0), ("cs", 1e-2), ("100 ns", 1e-7),
     ],
 )  # fmt: skip
 def test_size_of_a_unit(text, size):
@@ -30,10 +33,7 @@ def test_size_of_a_unit(text, size):
 
 
 def test_a_speed_is_no_position(tmp_path):
-    time = np.arange(0, 4, 0.01)
-    log = tmp_path / "slide.csv"
-    table = np.column_stack([time, 100 * np.cos(5 * time)])
-    np.savetxt(log, table, "%.6f", ",", header="time_s,v_mm_s", comments="")
+    log = write_csv(tmp_path / "slide.csv", ("time_s", "v_mm_s"), TIME, 100 * np.cos(5 * TIME))
     roll = read_roll(log, LogOptions(column="v_mm_s"))
     assert np.ptp(roll.roll) == pytest.approx(0.2 / 5, rel=0.01)
     with pytest.raises(SysidError, match="not a unit of a rotation rate"):
@@ -52,24 +52,18 @@ def test_a_speed_is_no_position(tmp_path):
 )
 def test_a_slide_is_found_without_naming_its_column(tmp_path, column, unit, size):
     """By the length in a name, or by the user's unit where one column only can have it; degrees and rad are no lengths."""
-    time = np.arange(0, 4, 0.01)
-    log = tmp_path / "slide.csv"
-    table = np.column_stack([time, 100 * np.cos(5 * time)])
-    np.savetxt(log, table, "%.6f", ",", header=f"time_s,{column}", comments="")
+    log = write_csv(tmp_path / "slide.csv", ("time_s", column), TIME, 100 * np.cos(5 * TIME))
     roll = read_roll(log, LogOptions(unit=unit))
     assert roll.origin == "position"
     assert np.ptp(roll.roll) == pytest.approx(200 * size, rel=1e-3)
 
 
 def test_a_length_beside_an_angle_is_not_taken(tmp_path):
-    time = np.arange(0, 4, 0.01)
-    log = tmp_path / "both.csv"
-    table = np.column_stack([time, 100 * np.cos(3 * time), 0.1 * np.cos(5 * time)])
-    np.savetxt(log, table, "%.6f", ",", header="time_s,x_mm,roll_rad", comments="")
+    columns = TIME, 100 * np.cos(3 * TIME), 0.1 * np.cos(5 * TIME)
+    log = write_csv(tmp_path / "both.csv", ("time_s", "x_mm", "roll_rad"), *columns)
     assert np.ptp(read_roll(log).roll) == pytest.approx(0.2, rel=1e-3)
-    np.savetxt(log, table, "%.6f", ",", header="time_s,x_mm,y_mm", comments="")
     with pytest.raises(SysidError, match=r"lie on no circle.*--pivot X Y"):
-        read_roll(log)
+        read_roll(write_csv(log, ("time_s", "x_mm", "y_mm"), *columns))
 
 
 def test_a_position_is_no_angle_of_a_board(tmp_path):
@@ -80,10 +74,8 @@ def test_a_position_is_no_angle_of_a_board(tmp_path):
     time = np.arange(0, 6, 0.005)
     moved = np.where(time < 1, 10.0, 10 * np.exp(-2 * (time - 1)) * np.cos(20 * (time - 1)))
     board, releases = Board.load("pink"), {}
-    for name in ("x_mm", "angle"):
-        log = tmp_path / f"{name}.csv"
-        scaled = np.column_stack([time, moved if name == "x_mm" else 0.01 * moved])
-        np.savetxt(log, scaled, "%.6f", ",", header=f"time_s,{name}", comments="")
+    for name, size in (("x_mm", 1.0), ("angle", 0.01)):
+        log = write_csv(tmp_path / f"{name}.csv", ("time_s", name), time, size * moved)
         releases[name] = Recording.read(log).releases
     with pytest.raises(SysidError, match="position of a slide, but the joint of board 'pink' turns"):
         amplitude_warnings(releases["x_mm"], board)
@@ -95,10 +87,8 @@ def test_a_position_is_no_angle_of_a_board(tmp_path):
 
 @pytest.mark.parametrize("name", ["encoder_ticks", "position [counts]", "enc_pulses"])
 def test_what_its_name_calls_counts_is_not_taken_for_degrees_however_small(tmp_path, name):
-    time = np.arange(0, 4, 0.01)
-    counts = np.round(17 + 60 * np.exp(-0.5 * time) * np.cos(7 * time))
-    log = tmp_path / "counts.csv"
-    np.savetxt(log, np.column_stack([time, counts]), "%g", ",", header=f"time_s,{name}", comments="")
+    counts = np.round(17 + 60 * np.exp(-0.5 * TIME) * np.cos(7 * TIME))
+    log = write_csv(tmp_path / "counts.csv", ("time_s", name), TIME, counts)
     with pytest.raises(SysidError, match=r"look like counts of an encoder.*--unit 0\.0015"):
         read_roll(log)
     assert np.ptp(read_roll(log, LogOptions(unit="0.01")).roll) == pytest.approx(0.01 * np.ptp(counts))

@@ -8,7 +8,6 @@ import training  # noqa: F401  skips without the training stack
 from policy_runtime.learning.curriculum import (
     EASIER,
     HARDER,
-    LONGEST,
     PATIENCE_ENDS,
     STRENGTH_ENDS,
     Level,
@@ -44,44 +43,6 @@ def test_patience_is_led_by_a_few_percent_and_strength_begins_where_it_ends():
 def test_entropy_falls_with_the_ends(ends, weight):
     for patience in (20.0, 100.0):
         assert Level(patience=patience, ends=ends).entropy(0.005, 0.001) == pytest.approx(weight)
-
-
-@pytest.fixture(scope="module")
-def led(tmp_path_factory):
-    """A run of two iterations of eight worlds, and what it is built of, once more, restored."""
-    from pathlib import Path
-
-    from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder
-    from policy_runtime.train import build, build_curriculum, join_processes, restore, train
-    from sim.skate.options import SkateOptions
-    from sysid.workspace import shipped_data
-
-    folder = RunFolder(Path(tmp_path_factory.mktemp("led")) / "run")
-    learn = LearnOptions(environments=8, steps=6, iterations=2, hidden=(32, 16))
-    config = RunConfig(task=SkateOptions(boards=2), learn=learn)
-    folder.begin(config, shipped_data() / "boards" / "pink.toml")
-    train(folder, device="cpu")
-    process = join_processes("cpu")
-    env, learner = build(folder, config, process)
-    _, level = restore(folder, config, env, learner, process)
-    yield folder, env.unwrapped, learner, build_curriculum(config, env, learner, level), level
-    env.close()
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
-def test_the_level_is_in_curves_and_checkpoint(led):
-    folder, env, _, curriculum, level = led
-    rows = folder.read_curves()
-    assert rows[0]["patience"] == LONGEST
-    assert rows[0]["entropy_weight"] == 0.005
-    expected = Level(patience=LONGEST)
-    for row in rows:
-        expected = expected.after(row["falls_per_minute"], own=20)
-    assert level == expected
-    curriculum.set(Level(patience=50.0, strength=0.2, ends=30.0))
-    assert float(env.termination_manager.get_term_cfg("wrong_stance").params["patience"]) == 50.0
-    assert env.event_manager.get_term_cfg("worlds").func.strength == 0.2
 
 
 @pytest.mark.filterwarnings("ignore")

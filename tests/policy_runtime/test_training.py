@@ -337,18 +337,29 @@ def copied(folder, tmp_path, name):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-def test_a_run_goes_on_bit_for_bit(trained, tmp_path):
+def test_a_run_goes_on_bit_for_bit_at_its_level_of_difficulty(trained, tmp_path):
     import torch
 
-    from policy_runtime.train import build, join_processes, restore, train
+    from policy_runtime.learning.curriculum import LONGEST, Level
+    from policy_runtime.train import build, build_curriculum, join_processes, restore, train
 
     process, config = join_processes("cpu"), trained.read_config()
     kept = torch.load(trained.checkpoint(2), weights_only=True)
     env, learner = build(trained, config, process)
-    done, _ = restore(trained, config, env, learner, process)
+    done, level = restore(trained, config, env, learner, process)
     assert (done.iterations, done.samples) == (2, 2 * 8 * 6) == (kept["iteration"], kept["samples"])
     learned = learner.save()
     torch.testing.assert_close(learned, {key: kept[key] for key in learned}, rtol=0, atol=0)
+    rows = trained.read_curves()
+    assert (rows[0]["patience"], rows[0]["entropy_weight"]) == (LONGEST, 0.005)
+    expected = Level(patience=LONGEST)
+    for row in rows:
+        expected = expected.after(row["falls_per_minute"], own=20)
+    assert level == expected
+    build_curriculum(config, env, learner, level).set(Level(patience=50.0, strength=0.2, ends=30.0))
+    worlds = env.unwrapped
+    assert float(worlds.termination_manager.get_term_cfg("wrong_stance").params["patience"]) == 50.0
+    assert worlds.event_manager.get_term_cfg("worlds").func.strength == 0.2
     env.close()
     ends = []  # of two runs that go on from it
     for name in ("first", "second"):

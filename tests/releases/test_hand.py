@@ -78,12 +78,6 @@ def test_between_two_hands_a_linear_decay_is_linear_to_the_noise(push):
     assert fit.damping_ratio == pytest.approx(0.04, rel=0.02)
 
 
-def test_a_decay_and_its_mirror_are_cut_alike():
-    roll, _ = handled(LAWS["drag"], push=0.06, swings=5.2)
-    one, other = find_releases(roll), find_releases(replace(roll, roll=-roll.roll))
-    assert [(r.start, r.time[-1], r.end) for r in one] == [(r.start, r.time[-1], r.end) for r in other]
-
-
 def test_what_swings_after_a_hand_is_a_decay_of_its_own():
     """A hand stops the deck at a turn and lets it go from there: its turning points are those of one decay."""
     caught, again = 0.6 + 4 * PERIOD, 2.2

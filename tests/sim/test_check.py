@@ -1,7 +1,7 @@
 """The gate passes what decays as measured, and says why where it does not."""
 
-import importlib.util
 import json
+import runpy
 from dataclasses import replace
 from pathlib import Path
 
@@ -103,10 +103,8 @@ def test_effects_of_the_record_are_not_blamed_on_the_scene(board: Board):
 
 
 def test_the_lying_scene_is_made_by_its_script():
-    path = LYING.with_name("make_lying_scene.py")
-    module = importlib.util.module_from_spec(spec := importlib.util.spec_from_file_location("lying", path))
-    spec.loader.exec_module(module)
-    assert module.lying_scene(load_board(shipped_data() / "boards" / "pink.toml")) == LYING.read_text()
+    script = runpy.run_path(str(LYING.with_name("make_lying_scene.py")))
+    assert script["lying_scene"](load_board(shipped_data() / "boards" / "pink.toml")) == LYING.read_text()
 
 
 def test_a_scene_that_lies_is_found_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
@@ -118,10 +116,6 @@ def test_a_scene_that_lies_is_found_out(tmp_path: Path, capsys: pytest.CaptureFi
         "does not swing", "servos +45", "stop the deck at ±0.0577", "weighs 7.58 kg", "deck by itself"
     ):  # fmt: skip
         assert words in str(error.value)
-    shown = (LYING.parents[1] / "lying_scene.md").read_text(encoding="utf-8")
-    assert " ".join(str(error.value).split()) in " ".join(shown.split()), (
-        "the documentation quotes the verdict"
-    )
     out = json.loads((tmp_path / "out.json").read_text())
     assert out["passed"] is False
     assert out["nrmse"] > 0.2

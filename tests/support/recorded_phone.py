@@ -11,11 +11,19 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
+from command_line import husky
 
 BUFFERS = {
     "Gyroscope.csv": ("gyr_time", "gyrX", "gyrY", "gyrZ"),
     "Accelerometer.csv": ("acc_time", "accX", "accY", "accZ"),
 }
+
+
+def export_of_two_releases(folder):
+    """Return the path of an export of phyphox."""
+    path = folder / "tip.zip"
+    husky("synth", "-b", "pink", "--releases", "2", "--rate", "200", "--dialect", "phyphox", "-o", path)
+    return path
 
 
 class RecordedPhone:

@@ -35,7 +35,7 @@ def knee(folder) -> tuple[Setup, Board]:
     )
 
 
-def test_only_the_joint_changes_and_the_rest_stays_to_the_byte(tmp_path):
+def test_only_the_joint_changes_and_the_copy_compiles_to_what_was_fitted(tmp_path):
     setup, board = knee(tmp_path)
     made = patch(setup, board)
     main, part = made.save(tmp_path / "mended.xml")
@@ -52,11 +52,6 @@ def test_only_the_joint_changes_and_the_rest_stays_to_the_byte(tmp_path):
     )
     assert f"-{old}\n+{new}\n" in made.diff
     assert (tmp_path / "parts" / "link.xml").read_text() == robots.LINK
-
-
-def test_the_copy_compiles_to_what_was_fitted(tmp_path):
-    setup, board = knee(tmp_path)
-    patch(setup, board).save(tmp_path / "mended.xml")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "mended.xml"))
     assert model.dof_armature.tolist() == [0.003, 0.0]
     assert model.dof_damping.tolist() == [0.034, 0.02]

@@ -1,6 +1,6 @@
 """Clips of mounting and dismounting: what they are made from, and that a robot could do them on a board."""
 
-import importlib.util
+import runpy
 
 import numpy as np
 import pytest
@@ -54,11 +54,9 @@ def test_robot_can_do_it(facts, name):
 
 
 def test_files_are_what_the_script_makes(model):
-    path = transition_folder().parent / "make_transitions.py"
-    spec = importlib.util.spec_from_file_location("make_transitions", path)
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    assert {style.name for style in script.STYLES} == set(CLIPS)
-    for style in (script.STYLES[0], script.STYLES[-1]):
-        made, stored = script.make(style), CLIPS[style.name]
+    script = runpy.run_path(str(transition_folder().parent / "make_transitions.py"))
+    styles = script["STYLES"]
+    assert {style.name for style in styles} == set(CLIPS)
+    for style in (styles[0], styles[-1]):
+        made, stored = script["make"](style), CLIPS[style.name]
         np.testing.assert_allclose(made.joints, stored.joints, atol=2e-3)
