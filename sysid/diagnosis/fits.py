@@ -233,8 +233,10 @@ class Fits:
         return every, replace(near, parameters=known)
 
     def of(self, effects: Sequence[str]) -> Candidate:
-        """Return the best fit of the families of some effects, or that of the record's law if they cannot be fitted."""
+        """Return the fit of some effects, else the best one of their families, or that of the record's law if they cannot be fitted."""
         names = fittable(effects)
+        if names in self.made:
+            return self.made[names]
         want = {effect(name).family for name in names}
 
         def same() -> list[Candidate]:
