@@ -127,9 +127,8 @@ def without_drift(fit: JointFit) -> list[Array]:
         walk = (DRIFT * scales.amplitude / noise) ** 2 * swings
         spread = (walk + np.sqrt(walk**2 + 4 * walk)) / 2
         table = np.column_stack([*line, np.ones(len(record.time))])
-        white = np.asarray(lfilter([1.0, -1.0], [1.0, -1 / (1 + spread)], table, axis=0)) / np.sqrt(
-            1 + spread
-        )
+        innovations = np.asarray(lfilter([1.0, -1.0], [1.0, -1 / (1 + spread)], table, axis=0))
+        white = innovations / np.sqrt(1 + spread)
         own = np.linalg.qr(white[:, 1 + free :])[0]
         rows.append(white[:, : 1 + free] - own @ (own.T @ white[:, : 1 + free]))
     every = np.concatenate(rows)
@@ -163,12 +162,9 @@ class Yardstick:
             residuals: Of the best rival, each shape (s,) [rad or rad/s].
         """
         fit = base.fit
-        swing = swing_of(fit)
-        slow = [
-            uniform_filter1d(r, swing, mode="nearest") for r in residuals
-        ]  # a drift, not an error of the law
-        length = correlation_length([r - s for r, s in zip(residuals, slow, strict=True)])
-        swing = max(swing / length, 1.0)
+        size = swing_of(fit)  # the mean over a swing is a drift, not an error of the law
+        length = correlation_length([r - uniform_filter1d(r, size, mode="nearest") for r in residuals])
+        swing = max(size / length, 1.0)
         if error > fit.noise.highest:
             return cls(error, swing, swing)
         off = TENTH**2 * max(base.judged**2 - error**2, 0.0)
@@ -312,20 +308,17 @@ class Fits:
         tops = self._ranked(starts)[:width]
         for size in range(2, depth + 1):
             layer: dict[tuple[str, ...], Near] = {}
-            for top in (top for top in tops if len(top) < size and self.tried[top]):
-                others = sorted(laws.keys() - {effect(name).family for name in top})
-                layer |= {fittable((*top, *laws[f])): self._beside(top, alone[laws[f]]) for f in others}
+            for top in (top for top in tops if len(top) < size):
+                if trial := self.tried[top]:
+                    known = trial.end.parameters
+                    for f in sorted(laws.keys() - {effect(name).family for name in top}):
+                        parameters = {**alone[laws[f]].parameters, **known}
+                        layer[fittable((*top, *laws[f]))] = replace(trial.end, parameters=parameters)
             starts |= layer
             tops = self._ranked(starts)[:width]
             if not tops or tops[0] not in layer:  # one law more only costs
                 break
         return starts
-
-    def _beside(self, names: tuple[str, ...], one: Near) -> Near:
-        """Return where the trial of a set ended, with the parameters of one law more."""
-        trial = self.tried[names]
-        assert trial is not None
-        return replace(trial.end, parameters={**one.parameters, **trial.end.parameters})
 
     def _ranked(self, sets: Mapping[tuple[str, ...], Near]) -> list[tuple[str, ...]]:
         """Try sets, each once, and return those with a bounded motion, the likeliest first."""
@@ -351,8 +344,8 @@ class Fits:
     def rivals(self, found: Posterior) -> list[Candidate]:
         """Return the candidates with their scores, the likeliest first.
 
-        Exact and sure equations rule out other families. A part of their set still competes. A fit also sees the first moments of a
-        release, in which a hand may act and a sensor's filter lags.
+        Exact and sure equations rule out other families. A part of their set still competes. A fit also sees the first moments, in which
+        a sensor's filter lags.
         """
         rivals = list(self.made.values())
         if is_decided(found):

@@ -61,8 +61,8 @@ def named_functions(x: Array, v: Array) -> Array:
     return np.column_stack([x, v, np.ones_like(x), x * x, x**3, v * np.abs(v), v**3, np.tanh(v / 0.02)])
 
 
-OPENINGS = (4, 8, 16)
-"""How long a hand may take to let go, in sixteenths of a period: a quarter, a half, all of it."""
+HATS = 16
+"""Hat functions of a hand's torque in a period."""
 
 
 def hand(motion: Motion) -> Array:
@@ -70,9 +70,9 @@ def hand(motion: Motion) -> Array:
 
     A hand is as strong as the spring at the release.
     """
-    after = np.arange(motion.reading.shape[1]) / motion.nodes_a_period * OPENINGS[-1]
+    after = np.arange(motion.reading.shape[1]) / motion.nodes_a_period * HATS
     rows = np.eye(len(motion.length))[:, :, None] * motion.envelope[:, :1]
-    hats = [row * np.maximum(1 - np.abs(after - i), 0.0) for i in range(OPENINGS[-1]) for row in rows]
+    hats = [row * np.maximum(1 - np.abs(after - i), 0.0) for i in range(HATS) for row in rows]
     return np.column_stack([hat[motion.inside] for hat in hats])
 
 

@@ -28,7 +28,7 @@ from sysid.diagnosis.evidence import (
 )
 from sysid.diagnosis.laws import SHOWS, Laws, Shape, Term
 from sysid.diagnosis.motion import CLEAR, QUIET, Motion
-from sysid.diagnosis.nuisances import BEND, BENDS, OPENINGS, bends, hand, nameless, sensor
+from sysid.diagnosis.nuisances import BEND, BENDS, HATS, bends, hand, nameless, sensor
 from sysid.diagnosis.smoother import Smoothed, Smoother
 from sysid.effects._base import Effect, TorqueEffect
 from sysid.roll import Array
@@ -331,12 +331,12 @@ class Pass:
     def run(self, *, bend: bool) -> Posterior:
         """Return the posterior; `bend` lets laws be off by a share of themselves.
 
-        A hand that lets go slowly or pushes is one more cause, with the prior of a seldom one. It acts or not, whatever the laws. The
-        shortest one that explains the log is taken.
+        A hand that lets go slowly or pushes is one more cause, with the prior of a seldom one. It acts or not, whatever the laws: for a
+        quarter, half or whole of a period. The shortest one that explains the log is taken.
         """
         grams = self._grams()
         cells, prior = self._cells(grams, search, 0.0), log_odds("hand")
-        for shorter, self.held in pairwise((0, *OPENINGS)):
+        for shorter, self.held in pairwise((0, HATS // 4, HATS // 2, HATS)):
             longer = self._cells(grams, search, 0.0)
             if _likeliest(longer) + prior < _likeliest(cells):
                 self.held = shorter
@@ -432,7 +432,7 @@ class Pass:
         g = self.g @ c[named : named + self.g.shape[1]]
         free = self.motion.free.copy()
         if self.held:
-            free[:, 0] = self.motion.nodes_a_period * self.held // OPENINGS[-1]
+            free[:, 0] = self.motion.nodes_a_period * self.held // HATS
         return Posterior(
             motion=replace(self.motion, free=free), damping=self.state.damping + float(c[1]), loss=self.state.damping, sets=sets, singles=singles,
             inclusion=inclusion, share=self.share, nameless=float(np.sqrt(np.mean((g - known @ (known.T @ g)) ** 2)) / self.linear),

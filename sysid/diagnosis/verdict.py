@@ -54,8 +54,8 @@ def decide(found: Posterior, best: Candidate, base: Candidate) -> Verdict:
 
     An effect is named if it matters and its absence has a probability below 5 %. An error that does not matter needs no effect, unless a
     law explains it to the noise. A log is 'unexplained' if the best set leaves an error that matters, more than laws that are off by a
-    tenth would leave. In addition, g must matter, or most of a large error be left. Equations
-    that explain the log to its noise without a law or g leave the sensor's errors only.
+    tenth would leave. In addition, g must matter, or most of a large error be left. Equations that explain the log to its noise without
+    a law or g leave the sensor's errors only.
 
     Args:
         found: The posterior.
@@ -74,8 +74,8 @@ def decide(found: Posterior, best: Candidate, base: Candidate) -> Verdict:
     incomplete = not best.reaches_noise and left > max(TENTH * base.beyond, smallest)
     status: Status = "missing" if named else "none-missing"
     mostly = left > max(MOSTLY * base.beyond, LARGE * base.fit.measured_rms)
-    of_sensor = found.exact and not named and found.nameless <= SMALL  # a lens, a filter, a hand
-    if incomplete and not of_sensor and (mostly or not found.nameless <= SMALL):
+    nameless = not found.nameless <= SMALL  # nan by the slow flow, which has no g
+    if incomplete and (nameless or (mostly and (named or not found.exact))):
         status = "unexplained"
     same = [s for s in found.sets if immaterial or _named(s, found.sizes) - doubtful == set(named)]
     alike = (
